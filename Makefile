@@ -1,0 +1,47 @@
+# The two that matter: `make demo` shows ELYS, `make test` proves it. Both set everything up the first time.
+
+PY := .venv/bin/python
+READY := .venv/.ready
+
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test check format bench soak golden pictures clean
+
+help:  ## this list
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
+
+$(READY): pyproject.toml setup.sh
+	@./setup.sh
+
+setup: $(READY)  ## make .venv with ELYS and what it needs
+
+demo: $(READY)  ## show ELYS: an editor where there is a screen, else files
+	@$(PY) -m elys demo
+
+test: $(READY)  ## all tests
+	@$(PY) -m pytest
+
+check: $(READY)  ## style, types, imports and the fast tests
+	@$(PY) -m ruff check elys tests
+	@$(PY) -m ruff format --check elys tests
+	@$(PY) -m mypy
+	@.venv/bin/lint-imports
+	@$(PY) -m pytest tests/unit -m "not gl and not process"
+
+format: $(READY)  ## put the code into its form
+	@$(PY) -m ruff check --fix elys tests
+	@$(PY) -m ruff format elys tests
+
+bench: $(READY)  ## measure: tick times, latency, starts (README's table)
+	@$(PY) -m tests.benchmarks
+
+soak: $(READY)  ## long campaigns: kills and fuzz
+	@$(PY) -m pytest tests/process --soak
+
+golden: $(READY)  ## draw the golden pictures anew (look at them before committing)
+	@$(PY) -m pytest tests/golden --draw-golden
+
+pictures: $(READY)  ## draw the pictures of the docs anew
+	@$(PY) -m tests.pictures
+
+clean:  ## take away what was made here
+	rm -rf .venv build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis demo.mcap demo.png demo.mp4

@@ -1,0 +1,298 @@
+"""The command line: one verb a function, no logic; what verbs do stands in `elys.verbs`, imported only when called."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Optional
+
+import typer
+
+from elys.common.errors import ElysError
+
+app = typer.Typer(
+    name="elys",
+    help="ELYS: a game engine of processes on a message bus; every session can be recorded and replayed.",
+    epilog="Start with: elys demo   ·   elys run SCENE   ·   elys doctor",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+topic_app = typer.Typer(help="Look at what is said on the bus.", no_args_is_help=True)
+node_app = typer.Typer(help="Single nodes, as launch files start them.", no_args_is_help=True)
+app.add_typer(topic_app, name="topic")
+app.add_typer(node_app, name="node", hidden=True)
+
+Scene = Annotated[str, typer.Argument(help="a NAME.scene.json, .gltf or .glb; or the name of a sample (elys samples)")]
+Recording = Annotated[Path, typer.Argument(help="a recording (.mcap)")]
+Connect = Annotated[
+    Optional[str],  # noqa: UP045  typer reads the annotation
+    typer.Option(help="endpoint of the session, tcp/HOST:PORT; default: the one running on this machine"),
+]
+Listen = Annotated[
+    Optional[str],  # noqa: UP045
+    typer.Option(help="endpoint to listen at, tcp/HOST:PORT; default: loopback, the first free port from 7447"),
+]
+Json = Annotated[bool, typer.Option("--json", help="print facts as JSON")]
+Frames = Annotated[int, typer.Option(help="end after so many frames (0: never)", hidden=True)]
+
+
+@app.command()
+def run(
+    scene: Scene,
+    headless: Annotated[bool, typer.Option("--headless", help="no window, no GL, no display library")] = False,
+    steps: Annotated[int, typer.Option(help="end after so many ticks (0: run on)", min=0)] = 0,
+    record: Annotated[Optional[Path], typer.Option(help="record the session to this .mcap")] = None,  # noqa: UP045
+    realtime: Annotated[bool, typer.Option("--realtime", help="headless: keep to real time even with --steps")] = False,
+    paused: Annotated[bool, typer.Option("--paused", help="start paused")] = False,
+    listen: Listen = None,
+    name: Annotated[str, typer.Option(help="name of the session; default: the scene's")] = "",
+    json: Json = False,
+) -> None:
+    """Simulate a scene, with an editor attached; or --headless, for a server or a script."""
+    from elys.verbs import run as verb
+
+    verb.run(
+        scene,
+        headless=headless,
+        step_limit=steps,
+        record=record,
+        realtime=realtime,
+        paused=paused,
+        listen=listen,
+        name=name,
+        json=json,
+    )
+
+
+@app.command()
+def view(connect: Connect = None, frames: Frames = 0) -> None:
+    """Watch a running session or a replay in a window."""
+    from elys.verbs import attach
+
+    attach.view(connect, frame_limit=frames)
+
+
+@app.command()
+def edit(connect: Connect = None) -> None:
+    """Attach an editor to a running session or a replay."""
+    from elys.verbs import attach
+
+    attach.edit(connect)
+
+
+@app.command()
+def play(
+    recording: Recording,
+    listen: Listen = None,
+    paused: Annotated[bool, typer.Option("--paused", help="start paused")] = False,
+    rate: Annotated[float, typer.Option(help="simulated seconds per second", min=0.01, max=100.0)] = 1.0,
+    loop: Annotated[bool, typer.Option("--loop", help="start again at the end")] = False,
+    editor: Annotated[bool, typer.Option("--edit", help="open the editor on it as well")] = False,
+) -> None:
+    """Serve a recording as if it were running: attach with `elys view` or `elys edit`."""
+    from elys.verbs import replay
+
+    replay.play(recording, listen=listen, paused=paused, rate=rate, loop=loop, editor=editor)
+
+
+@app.command()
+def record(
+    output: Annotated[Path, typer.Option("--output", "-o", help="the .mcap to write")],
+    connect: Connect = None,
+    seconds: Annotated[float, typer.Option(help="stop after so many seconds (0: at Ctrl-C or the session's end)")] = 0.0,
+) -> None:
+    """Record a running session from outside."""
+    from elys.verbs import replay
+
+    replay.record(output, connect=connect, seconds=seconds)
+
+
+@app.command()
+def render(
+    source: Annotated[str, typer.Argument(help="a scene or a recording (.mcap)")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="out.png or out.mp4")],
+    size: Annotated[str, typer.Option(help="WIDTHxHEIGHT in pixels")] = "1280x720",
+    time: Annotated[float, typer.Option(help="simulation time of a picture, start of a video [s]", min=0.0)] = 0.0,
+    duration: Annotated[float, typer.Option(help="length of a video [s]; 0: a recording's, or 5 s of a scene")] = 0.0,
+    fps: Annotated[float, typer.Option(help="pictures a second of a video", min=1.0, max=240.0)] = 30.0,
+) -> None:
+    """Draw a scene or a recording offscreen, to a picture or a video."""
+    from elys.verbs import render as verb
+
+    verb.render(source, output, size=size, time=time, duration=duration, fps=fps)
+
+
+@app.command()
+def info(recording: Recording, json: Json = False) -> None:
+    """Tell what a recording holds."""
+    from elys.verbs import replay
+
+    replay.info(recording, json=json)
+
+
+@app.command()
+def export(
+    recording: Recording,
+    output: Annotated[Path, typer.Argument(help="out.npz: time, name, position, rotation, velocities as arrays")],
+) -> None:
+    """Write a recording's motion as numpy arrays."""
+    from elys.verbs import replay
+
+    replay.export(recording, output)
+
+
+@app.command()
+def doctor(json: Json = False) -> None:
+    """Check what ELYS needs of this machine, and say how to mend it."""
+    from elys.verbs import doctor as verb
+
+    raise typer.Exit(verb.doctor(json=json))
+
+
+@app.command()
+def launch(
+    file: Annotated[Path, typer.Argument(help="a launch file (launch/*.toml)")],
+    values: Annotated[Optional[list[str]], typer.Argument(help="its parameters, NAME=VALUE")] = None,  # noqa: UP045
+) -> None:
+    """Start the processes that a launch file describes."""
+    from elys.verbs import run as verb
+
+    verb.launch(file, values or [])
+
+
+@app.command()
+def schema(component: Annotated[str, typer.Argument(help="one component; default: the scene file")] = "") -> None:
+    """Print the JSON Schema of the scene file (or of one component), for editors that check while you type."""
+    from elys.verbs import facts
+
+    facts.schema(component)
+
+
+@app.command()
+def samples(
+    name: Annotated[str, typer.Argument(help="write this one; default: list them")] = "",
+    output: Annotated[Optional[Path], typer.Option("--output", "-o", help="where to; default: NAME.scene.json")] = None,  # noqa: UP045
+    json: Json = False,
+) -> None:
+    """List the scenes ELYS comes with, or write one as a file to start from."""
+    from elys.verbs import facts
+
+    facts.samples(name, output, json=json)
+
+
+@app.command()
+def sessions(json: Json = False) -> None:
+    """List the sessions that run on this machine."""
+    from elys.verbs import facts
+
+    facts.sessions(json=json)
+
+
+@app.command()
+def demo(
+    directory: Annotated[Path, typer.Option(help="where demo.mcap, demo.png and demo.mp4 go")] = Path(),
+    headless: Annotated[bool, typer.Option("--headless", help="write files even where there is a screen")] = False,
+) -> None:
+    """Show ELYS: the editor on a running simulation, or without a screen a recording, a picture and a video."""
+    from elys.verbs import demo as verb
+
+    verb.demo(directory, headless=headless)
+
+
+@topic_app.command("list")
+def topic_list(json: Json = False) -> None:
+    """List the topics, their messages and how they are delivered."""
+    from elys.verbs import topic
+
+    topic.list_topics(json=json)
+
+
+@topic_app.command("echo")
+def topic_echo(
+    topic: Annotated[str, typer.Argument(help="name of a topic (elys topic list)")],
+    connect: Connect = None,
+    count: Annotated[int, typer.Option("--count", "-n", help="end after so many messages (0: never)", min=0)] = 0,
+) -> None:
+    """Print the messages of a topic as they come."""
+    from elys.verbs import topic as verb
+
+    verb.echo(topic, connect, count=count)
+
+
+@topic_app.command("hz")
+def topic_hz(
+    topic: Annotated[str, typer.Argument(help="name of a topic; default: all")] = "",
+    connect: Connect = None,
+    seconds: Annotated[float, typer.Option(help="how long to measure [s]", min=0.1)] = 2.0,
+    json: Json = False,
+) -> None:
+    """Measure how often and how much a topic is published."""
+    from elys.verbs import topic as verb
+
+    verb.hz(topic, connect, seconds=seconds, json=json)
+
+
+@node_app.command("simulation")
+def node_simulation(
+    scene: Scene,
+    listen: Listen = None,
+    steps: Annotated[int, typer.Option(min=0)] = 0,
+    record: Annotated[Optional[Path], typer.Option()] = None,  # noqa: UP045
+    fast: Annotated[bool, typer.Option("--fast", help="as fast as it can instead of in real time")] = False,
+    paused: Annotated[bool, typer.Option("--paused")] = False,
+    name: Annotated[str, typer.Option()] = "",
+) -> None:
+    """The simulation."""
+    from elys.verbs import nodes
+
+    nodes.simulation(scene, listen=listen, step_limit=steps, record=record, realtime=not fast, paused=paused, name=name)
+
+
+@node_app.command("render")
+def node_render(connect: Connect = None) -> None:
+    """A render node that draws views for others."""
+    from elys.verbs import nodes
+
+    nodes.render(connect)
+
+
+@node_app.command("editor")
+def node_editor(connect: Connect = None, frames: Frames = 0) -> None:
+    """The editor's window."""
+    from elys.verbs import nodes
+
+    nodes.editor(connect, frame_limit=frames)
+
+
+@node_app.command("player")
+def node_player(
+    recording: Recording,
+    listen: Listen = None,
+    paused: Annotated[bool, typer.Option("--paused")] = False,
+    rate: Annotated[float, typer.Option(min=0.01, max=100.0)] = 1.0,
+    loop: Annotated[bool, typer.Option("--loop")] = False,
+) -> None:
+    """A player that serves a recording."""
+    from elys.verbs import nodes
+
+    nodes.player(recording, listen=listen, paused=paused, rate=rate, loop=loop)
+
+
+def main() -> None:
+    """The `elys` command: errors of ELYS become one line and exit status 1."""
+    try:
+        app()
+    except ElysError as error:
+        print(f"elys: {error}", file=sys.stderr)
+        sys.exit(1)
+    except KeyboardInterrupt:
+        sys.exit(130)
+    except BrokenPipeError:  # `elys topic echo | head`: the reader has had enough
+        sys.stderr.close()
+        sys.exit(0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""How processes talk: typed topics over zenoh, inside one process, or on disk."""

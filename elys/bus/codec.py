@@ -1,0 +1,90 @@
+"""Messages to bytes and back: here a payload becomes a typed message or is refused with a reason.
+
+Every payload starts with 8 bytes: b"ELYS", the protocol version (u16, little-endian), the encoding (u8) and a zero.
+"""
+
+from __future__ import annotations
+
+import struct
+from functools import cache
+from typing import Any, Final, TypeVar
+
+import msgspec
+
+from elys.bus.messages.state_frame import StateFrame, pack_frame, unpack_frame
+from elys.bus.topics import PROTOCOL_VERSION, Encoding
+from elys.common.errors import MessageError, ProtocolError
+
+M = TypeVar("M")
+
+MAGIC: Final = b"ELYS"
+PREFIX: Final = struct.Struct("<4sHBB")
+_ENCODING_CODES: Final = {Encoding.JSON: 1, Encoding.MSGPACK: 2, Encoding.STATE: 3, Encoding.RAW: 4}
+_PREFIXES: Final = {
+    encoding: PREFIX.pack(MAGIC, PROTOCOL_VERSION, code, 0) for encoding, code in _ENCODING_CODES.items()
+}
+_json = msgspec.json.Encoder()
+_msgpack = msgspec.msgpack.Encoder()
+
+
+def encode(message: Any, encoding: Encoding) -> bytes:
+    """A message as it travels: prefix and body."""
+    return _PREFIXES[encoding] + encode_body(message, encoding)
+
+
+def encode_body(message: Any, encoding: Encoding) -> bytes:
+    """A message without the prefix, as recordings keep it."""
+    match encoding:
+        case Encoding.JSON:
+            return _json.encode(message)
+        case Encoding.MSGPACK:
+            return _msgpack.encode(message)
+        case Encoding.STATE:
+            assert isinstance(message, StateFrame)
+            return pack_frame(message)
+        case Encoding.RAW:
+            return bytes(message)
+
+
+def decode(payload: bytes, message: type[M], encoding: Encoding) -> M:
+    """The message in a payload.
+
+    Raises:
+        ProtocolError: it was sent by another version of the protocol.
+        MessageError: it is not such a message; the sentence says where it departs.
+    """
+    check_prefix(payload, encoding)
+    return decode_body(payload, message, encoding, offset=PREFIX.size)
+
+
+def decode_body(body: bytes, message: type[M], encoding: Encoding, *, offset: int = 0) -> M:
+    """The message in a body that starts at `offset`; raises MessageError."""
+    if encoding is Encoding.STATE:
+        return unpack_frame(body, offset=offset)  # type: ignore[return-value]
+    view = memoryview(body)[offset:]
+    if encoding is Encoding.RAW:
+        return bytes(view)  # type: ignore[return-value]
+    try:
+        return _decoder(message, encoding).decode(view)  # type: ignore[no-any-return]
+    except (msgspec.DecodeError, msgspec.ValidationError, RecursionError, UnicodeDecodeError) as error:
+        raise MessageError(f"not a {message.__name__}: {error}") from error
+
+
+def check_prefix(payload: bytes, encoding: Encoding) -> None:
+    """Raises MessageError or ProtocolError unless the payload starts as one of ELYS in this encoding does."""
+    if len(payload) < PREFIX.size:
+        raise MessageError(f"a message has at least {PREFIX.size} bytes, this one {len(payload)}")
+    magic, version, code, _ = PREFIX.unpack_from(payload)
+    if magic != MAGIC:
+        raise MessageError(f"not a message of ELYS: it starts with {magic!r}")
+    if version != PROTOCOL_VERSION:
+        raise ProtocolError(f"sent in protocol version {version}, this side speaks {PROTOCOL_VERSION}")
+    if code != _ENCODING_CODES[encoding]:
+        raise MessageError(f"encoded as {code}, expected {_ENCODING_CODES[encoding]} ({encoding.value})")
+
+
+@cache
+def _decoder(message: type[Any], encoding: Encoding) -> Any:
+    if encoding is Encoding.JSON:
+        return msgspec.json.Decoder(message)
+    return msgspec.msgpack.Decoder(message)

@@ -1,0 +1,152 @@
+"""Commands: everything a person or a program may ask of a running session. Each is answered: accepted, or why not."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+
+from elys.common.scene import EntityRecord, SceneSettings
+
+
+class SetComponent(msgspec.Struct, frozen=True, kw_only=True, tag="set_component"):
+    """Changes fields of a component the entity has; fields not named stay."""
+
+    entity: int
+    component: str
+    values: dict[str, Any]
+
+
+class AddComponent(msgspec.Struct, frozen=True, kw_only=True, tag="add_component"):
+    """Gives an entity a component it has not."""
+
+    entity: int
+    component: str
+    values: dict[str, Any] = {}
+
+
+class RemoveComponent(msgspec.Struct, frozen=True, kw_only=True, tag="remove_component"):
+    """Takes a component away."""
+
+    entity: int
+    component: str
+
+
+class Spawn(msgspec.Struct, frozen=True, kw_only=True, tag="spawn"):
+    """Makes entities from records (parents first); those without a parent among them go under `parent`, at `index` if it is >= 0.
+
+    The reply carries the new ids in the records' order.
+    """
+
+    records: tuple[EntityRecord, ...]
+    parent: int = 0
+    index: int = -1
+
+
+class Despawn(msgspec.Struct, frozen=True, kw_only=True, tag="despawn"):
+    """Ends an entity and all below it."""
+
+    entity: int
+
+
+class Rename(msgspec.Struct, frozen=True, kw_only=True, tag="rename"):
+    """Gives an entity another name."""
+
+    entity: int
+    name: str
+
+
+class Reparent(msgspec.Struct, frozen=True, kw_only=True, tag="reparent"):
+    """Moves an entity under `parent` (0: to the roots), at `index` among its children (-1: last)."""
+
+    entity: int
+    parent: int
+    index: int = -1
+    keep_world_pose: bool = True
+
+
+class SetEnabled(msgspec.Struct, frozen=True, kw_only=True, tag="set_enabled"):
+    """Switches an entity, and with it all below it."""
+
+    entity: int
+    enabled: bool
+
+
+class SetSettings(msgspec.Struct, frozen=True, kw_only=True, tag="set_settings"):
+    """Changes the scene's settings (gravity, substeps, background, ...)."""
+
+    settings: SceneSettings
+
+
+class SetPlaying(msgspec.Struct, frozen=True, kw_only=True, tag="set_playing"):
+    """Play or pause."""
+
+    playing: bool
+
+
+class StepTicks(msgspec.Struct, frozen=True, kw_only=True, tag="step_ticks"):
+    """While paused: go on by `count` ticks (a replay also takes negative counts)."""
+
+    count: int = 1
+
+
+class Seek(msgspec.Struct, frozen=True, kw_only=True, tag="seek"):
+    """Replay only: go to a simulation time [s]."""
+
+    time: float
+
+
+class SetRate(msgspec.Struct, frozen=True, kw_only=True, tag="set_rate"):
+    """How many seconds of simulation pass in one second."""
+
+    rate: float
+
+
+class SetLoop(msgspec.Struct, frozen=True, kw_only=True, tag="set_loop"):
+    """Replay only: start again at the end."""
+
+    loop: bool
+
+
+Command = (
+    SetComponent
+    | AddComponent
+    | RemoveComponent
+    | Spawn
+    | Despawn
+    | Rename
+    | Reparent
+    | SetEnabled
+    | SetSettings
+    | SetPlaying
+    | StepTicks
+    | Seek
+    | SetRate
+    | SetLoop
+)
+
+
+class CommandRequest(msgspec.Struct, frozen=True, kw_only=True):
+    """A command and who asks for it (a node's id)."""
+
+    origin: str
+    command: Command
+
+
+class CommandReply(msgspec.Struct, frozen=True, kw_only=True):
+    """What became of a command: the tick at whose start it was applied, or why it was refused."""
+
+    accepted: bool
+    tick: int
+    reason: str = ""
+    entities: tuple[int, ...] = ()
+
+
+class CommandRecord(msgspec.Struct, frozen=True, kw_only=True):
+    """A command with its answer, for recordings and for who looks over the shoulder."""
+
+    tick: int
+    origin: str
+    command: Command
+    accepted: bool
+    reason: str = ""

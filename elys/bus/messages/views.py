@@ -1,0 +1,77 @@
+"""Views: pictures that a render node draws for somebody else."""
+
+from __future__ import annotations
+
+import msgspec
+
+from elys.common.components import Quat, Vec3
+
+
+class ViewCamera(msgspec.Struct, frozen=True, kw_only=True):
+    """A point of view: looks along its local -z, y up."""
+
+    position: Vec3
+    rotation: Quat
+    field_of_view: float = 0.9  # [rad] vertical
+    near: float = 0.05  # [m]
+    far: float = 500.0  # [m]
+
+
+class SharedRing(msgspec.Struct, frozen=True, kw_only=True):
+    """Where pictures may be put without sending them: a memory file of the asking process, reachable on the same machine.
+
+    A render node opens /proc/{process}/fd/{descriptor} if `machine` is its own boot id; where it cannot it sends JPEG.
+    """
+
+    machine: str
+    process: int
+    descriptor: int
+    slot_count: int
+    slot_size: int  # [bytes]
+
+
+class ViewRequest(msgspec.Struct, frozen=True, kw_only=True):
+    """Draw this, please: sent whenever camera, size or selection change or the last picture has arrived; newest wins."""
+
+    view: str
+    sequence: int
+    camera: ViewCamera
+    width: int
+    height: int
+    selection: tuple[int, ...] = ()
+    grid: bool = True
+    ring: SharedRing | None = None
+    newer_than_tick: int = -1  # the picture may wait until there is a later tick than this (or the scene changed)
+
+
+class ViewFrame(msgspec.Struct, frozen=True, kw_only=True):
+    """A picture, stamped with what it shows: draw overlays with THIS camera. In ring slot `slot`, or as JPEG."""
+
+    view: str
+    sequence: int
+    tick: int
+    state_published_at: int  # [ns] wall clock of the state it shows, for the latency
+    camera: ViewCamera
+    width: int
+    height: int
+    slot: int = -1
+    jpeg: bytes = b""
+    render_time: float = 0.0  # [ms]
+
+
+class PickRequest(msgspec.Struct, frozen=True, kw_only=True):
+    """What is seen at pixel x, y (from the top left) of a view of this camera and size?"""
+
+    camera: ViewCamera
+    width: int
+    height: int
+    x: int
+    y: int
+
+
+class PickReply(msgspec.Struct, frozen=True, kw_only=True):
+    """The entity seen there (0: none) and the point in world space that was hit."""
+
+    entity: int
+    position: Vec3 = (0.0, 0.0, 0.0)
+    tick: int = -1

@@ -1,0 +1,221 @@
+"""The one list of what is said on the bus: every key with its message and how it is delivered.
+
+A key is `elys/{session}/{name}` or, for keyed topics, `elys/{session}/{name}/{key}`. No other module spells one.
+"""
+
+from __future__ import annotations
+
+import enum
+import re
+from dataclasses import dataclass
+from typing import Any, Final, Generic, TypeVar
+
+from elys.bus.messages import commands, scene, session, state_frame, views
+from elys.common.errors import BusError
+
+M = TypeVar("M")
+Q = TypeVar("Q")
+R = TypeVar("R")
+
+PROTOCOL_VERSION: Final = 1
+ROOT: Final = "elys"
+
+
+class Delivery(enum.Enum):
+    """What may be lost for whom."""
+
+    LATEST = "latest"  # newest wins: a slow reader loses older ones and delays nobody
+    SEQUENCED = "sequenced"  # reliable and in order
+
+
+class Encoding(enum.Enum):
+    """How a message becomes bytes, after the protocol prefix."""
+
+    JSON = "json"  # readable in every tool, exact for floats
+    MSGPACK = "msgpack"  # where pictures travel along
+    STATE = "state"  # the packed state frame
+    RAW = "raw"  # bytes as they are
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Topic(Generic[M]):
+    """Something published."""
+
+    name: str
+    message: type[M]
+    text: str
+    delivery: Delivery
+    encoding: Encoding = Encoding.JSON
+    keyed: bool = False
+    recorded: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Query(Generic[Q, R]):
+    """Something asked and answered."""
+
+    name: str
+    request: type[Q]
+    reply: type[R]
+    text: str
+    request_encoding: Encoding = Encoding.JSON
+    reply_encoding: Encoding = Encoding.JSON
+    keyed: bool = False
+
+
+STATE: Final = Topic(
+    name="state",
+    message=state_frame.StateFrame,
+    text="poses and velocities of all bodies, each tick",
+    delivery=Delivery.LATEST,
+    encoding=Encoding.STATE,
+)
+DELTA: Final = Topic(
+    name="delta",
+    message=scene.SceneDelta,
+    text="what changed in the scene, numbered",
+    delivery=Delivery.SEQUENCED,
+)
+STATUS: Final = Topic(
+    name="status",
+    message=session.SessionStatus,
+    text="playing, time, speed; at changes and 4 times a second",
+    delivery=Delivery.LATEST,
+)
+EVENTS: Final = Topic(
+    name="events",
+    message=session.EventBatch,
+    text="what happened in a tick",
+    delivery=Delivery.SEQUENCED,
+)
+COMMANDS: Final = Topic(
+    name="commands",
+    message=commands.CommandRecord,
+    text="commands as they were applied or refused",
+    delivery=Delivery.SEQUENCED,
+)
+LOG: Final = Topic(
+    name="log",
+    message=session.LogLine,
+    text="lines of every node for the console",
+    delivery=Delivery.SEQUENCED,
+)
+PROFILE: Final = Topic(
+    name="profile",
+    message=session.TickProfile,
+    text="what a tick cost, by stage",
+    delivery=Delivery.LATEST,
+)
+VIEW_REQUEST: Final = Topic(
+    name="view/request",
+    message=views.ViewRequest,
+    text="asks the render node named by the key for a picture",
+    delivery=Delivery.LATEST,
+    keyed=True,
+    recorded=False,
+)
+VIEW_FRAME: Final = Topic(
+    name="view/frame",
+    message=views.ViewFrame,
+    text="a picture for the view named by the key",
+    delivery=Delivery.LATEST,
+    encoding=Encoding.MSGPACK,
+    keyed=True,
+    recorded=False,
+)
+
+HELLO: Final = Query(
+    name="hello",
+    request=session.Hello,
+    reply=session.Welcome,
+    text="the handshake of versions",
+)
+SNAPSHOT: Final = Query(
+    name="snapshot",
+    request=scene.SnapshotRequest,
+    reply=scene.Snapshot,
+    text="the whole scene as it is",
+)
+COMMAND: Final = Query(
+    name="command",
+    request=commands.CommandRequest,
+    reply=commands.CommandReply,
+    text="asks for a change; answered with accepted or why not",
+)
+PICK: Final = Query(
+    name="pick",
+    request=views.PickRequest,
+    reply=views.PickReply,
+    text="asks the render node named by the key what is seen at a pixel",
+    keyed=True,
+)
+ASSET: Final = Query(
+    name="asset",
+    request=bytes,
+    reply=bytes,
+    text="the bytes whose content hash is the key",
+    request_encoding=Encoding.RAW,
+    reply_encoding=Encoding.RAW,
+    keyed=True,
+)
+
+TOPICS: Final[tuple[Topic[Any], ...]] = (
+    STATE,
+    DELTA,
+    STATUS,
+    EVENTS,
+    COMMANDS,
+    LOG,
+    PROFILE,
+    VIEW_REQUEST,
+    VIEW_FRAME,
+)
+QUERIES: Final[tuple[Query[Any, Any], ...]] = (HELLO, SNAPSHOT, COMMAND, PICK, ASSET)
+
+_CHUNK = re.compile(r"[A-Za-z0-9_.-]+\Z")
+
+
+def key_of(session_name: str, topic: Topic[Any] | Query[Any, Any], key: str = "") -> str:
+    """The key a message travels on. Keyed topics take "*" for every key."""
+    _require_chunk("a session's name", session_name)
+    if not topic.keyed:
+        return f"{ROOT}/{session_name}/{topic.name}"
+    if key != "*":
+        _require_chunk(f"the key of {topic.name}", key)
+    return f"{ROOT}/{session_name}/{topic.name}/{key}"
+
+
+def node_key(session_name: str, kind: str, node: str) -> str:
+    """The liveliness token of a node; "*" as kind and node names all."""
+    return f"{ROOT}/{session_name}/node/{kind}/{node}"
+
+
+def all_keys(session_name: str) -> str:
+    """Everything said in a session."""
+    return f"{ROOT}/{session_name}/**"
+
+
+def topic_of(key: str) -> tuple[Topic[Any], str] | None:
+    """The topic a key belongs to and the key's last part for keyed topics; None for what is no topic."""
+    parts = key.split("/", 2)
+    if len(parts) != 3 or parts[0] != ROOT:
+        return None
+    for topic in TOPICS:
+        if not topic.keyed and parts[2] == topic.name:
+            return topic, ""
+        if topic.keyed and parts[2].startswith(topic.name + "/"):
+            return topic, parts[2][len(topic.name) + 1 :]
+    return None
+
+
+def topic_named(name: str) -> Topic[Any]:
+    """The topic of that name; BusError naming those there are."""
+    for topic in TOPICS:
+        if topic.name == name:
+            return topic
+    raise BusError(f"there is no topic '{name}'; there are {', '.join(topic.name for topic in TOPICS)}")
+
+
+def _require_chunk(what: str, text: str) -> None:
+    if not _CHUNK.match(text):
+        raise BusError(f"{what} may hold letters, digits, '.', '_' and '-', not {text!r}")

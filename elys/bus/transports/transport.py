@@ -1,0 +1,57 @@
+"""The face that every transport shows to a session: bytes by key, callbacks on ANY thread."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+from elys.bus.topics import Delivery
+
+Closer = Callable[[], None]
+
+
+class IncomingQuery(Protocol):
+    """A question that waits for exactly one `reply` or `refuse`; both may be called on any thread, later."""
+
+    key: str
+    payload: bytes
+
+    def reply(self, payload: bytes) -> None:
+        """Answers."""
+
+    def refuse(self, reason: str) -> None:
+        """Says why there is no answer."""
+
+
+class Answer(Protocol):
+    """Hears what became of a request, exactly once: `payload` is None when it failed and `reason` says why."""
+
+    def __call__(self, payload: bytes | None, reason: str) -> None: ...
+
+
+class Transport(Protocol):
+    """Carries payloads. Key expressions may hold `*` for one part and a final `**` for any rest."""
+
+    def publish(self, key: str, payload: bytes, delivery: Delivery) -> None:
+        """Sends to all who subscribe; never waits for a reader."""
+
+    def subscribe(self, key_expression: str, on_sample: Callable[[str, bytes], None]) -> Closer:
+        """Calls `on_sample(key, payload)` for what others and this side publish."""
+
+    def serve(self, key_expression: str, on_query: Callable[[IncomingQuery], None]) -> Closer:
+        """Answers requests to these keys."""
+
+    def request(self, key_expression: str, payload: bytes, timeout: float, answer: Answer) -> None:
+        """Asks; the first answer within `timeout` seconds counts."""
+
+    def announce(self, key: str) -> Closer:
+        """Shows others that this key's owner is alive, until closed or dead."""
+
+    def watch(self, key_expression: str, on_change: Callable[[str, bool], None]) -> Closer:
+        """Calls `on_change(key, alive)` for those alive now and at every change."""
+
+    def watch_link(self, on_change: Callable[[bool], None]) -> Closer:
+        """Calls `on_change(connected)` when the connection to the host goes or comes."""
+
+    def close(self) -> None:
+        """Ends everything this transport holds. A second call does nothing."""

@@ -1,0 +1,308 @@
+"""The transport between processes and machines: zenoh over TCP, through a router that the session's host carries.
+
+    host  = zenoh "router", listens on tcp/127.0.0.1:7447        viewers, editors, recorders = zenoh "client"s of it
+
+All nodes of a session reach one another through the host, so nobody needs a broker, multicast or discovery, and when the
+host is gone every client notices at once (its TCP connection closes) and knocks again every 100 ms until there is a new one;
+zenoh then declares its subscriptions, queryables and tokens anew by itself.
+
+Delivery. Nothing that a viewer can subscribe to is ever sent with BLOCK: a stopped viewer would stop the simulation. Both
+deliveries are reliable on the wire and dropped only for a reader whose transmission queue is full; they use queues of their
+own, so that state frames never push a delta out. 16 batches of 64 KiB in each let a healthy reader fall a whole megabyte
+behind, and a message longer than that waits up to 1 ms for each further batch; once a reader is known to be congested,
+zenoh drops without waiting.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, Final
+
+import zenoh
+from zenoh.handlers import Callback
+
+from elys.bus.topics import Delivery
+from elys.bus.transports.transport import Answer, Closer, IncomingQuery
+from elys.common.errors import BusError, ConnectionLost
+
+DEFAULT_PORT: Final = 7447
+DEFAULT_ENDPOINT: Final = f"tcp/127.0.0.1:{DEFAULT_PORT}"
+MAX_MESSAGE_SIZE: Final = 64 << 20  # [bytes] one message; what is longer is dropped by zenoh before it fills the memory
+
+_LEASE: Final = 2000  # [ms] without a sign of life until a connection (a cut cable, a stopped machine) counts as dead
+_EXPRESS_SIZE: Final = 4096  # [bytes] below it a LATEST message does not wait to be batched with others
+_ANSWERING_THREADS: Final = 4
+_REFUSAL: Final = "elys/refusal"  # encoding that tells our refusals from zenoh's own errors (a timeout)
+_PRIORITIES: Final = {Delivery.LATEST: zenoh.Priority.DATA, Delivery.SEQUENCED: zenoh.Priority.DATA_HIGH}
+_log = logging.getLogger(__name__)
+
+
+class ZenohTransport:
+    """One node's zenoh session; implements `Transport`. Make it with `listen`, `listen_on_free_port` or `connect`."""
+
+    def __init__(self, session: zenoh.Session, *, endpoint: str, hosts: bool) -> None:
+        self.endpoint = endpoint
+        self._session = session
+        self._hosts = hosts
+        # Replies wait for the asker's queue. On threads of their own they may: the loop must not.
+        self._answering = ThreadPoolExecutor(_ANSWERING_THREADS, thread_name_prefix="elys-answers")
+        self._lock = threading.Lock()
+        self._closers: set[Closer] = set()
+        self._closed = False
+
+    @classmethod
+    def listen(cls, endpoint: str = DEFAULT_ENDPOINT) -> ZenohTransport:
+        """Opens the host's side.
+
+        Raises:
+            BusError: the endpoint is in use or is none.
+        """
+        config = _config("router")
+        _insert(config, "listen/endpoints", [endpoint])
+        try:
+            session = zenoh.open(config)
+        except zenoh.ZError as error:
+            if "in use" in str(error):
+                raise BusError(
+                    f"{endpoint} is in use, perhaps by another session: stop that one, or choose another port"
+                ) from error
+            raise BusError(f"cannot listen on '{endpoint}' ({_cause(error)}): give tcp/ADDRESS:PORT") from error
+        return cls(session, endpoint=endpoint, hosts=True)
+
+    @classmethod
+    def listen_on_free_port(cls, *, address: str = "127.0.0.1", first_port: int = DEFAULT_PORT) -> ZenohTransport:
+        """Opens the host's side on the first free port from `first_port` on; BusError if 100 are in use."""
+        for port in range(first_port, first_port + 100):
+            try:
+                return cls.listen(f"tcp/{address}:{port}")
+            except BusError as error:
+                if "in use" not in str(error):
+                    raise
+        raise BusError(f"the ports {first_port} to {port} of {address} are all in use: name another port")
+
+    @classmethod
+    def connect(cls, endpoints: str | Sequence[str] = DEFAULT_ENDPOINT, *, timeout: float = 5.0) -> ZenohTransport:
+        """Opens the side of everybody else; blocks until connected, at most `timeout` seconds.
+
+        Raises:
+            ConnectionLost: nobody listens there.
+            BusError: an endpoint is none.
+        """
+        names = [endpoints] if isinstance(endpoints, str) else list(endpoints)
+        config = _config("client")
+        _insert(config, "connect/endpoints", names)
+        _insert(config, "connect/timeout_ms", max(1, int(timeout * 1000)))
+        _insert(config, "connect/exit_on_failure", True)
+        try:
+            session = zenoh.open(config)
+        except zenoh.ZError as error:
+            if "Unable to connect" in str(error):
+                raise ConnectionLost(
+                    f"nobody answers at {' or '.join(names)} within {timeout:g} s: is the session running? "
+                    "Start one with `elys run SCENE`"
+                ) from error
+            raise BusError(f"cannot connect to {' or '.join(names)} ({_cause(error)})") from error
+        return cls(session, endpoint=names[0], hosts=False)
+
+    # --- publishing and subscribing --------------------------------------------------------------------------------
+
+    def publish(self, key: str, payload: bytes, delivery: Delivery) -> None:
+        """Sends to all who subscribe; a reader whose queue is full misses it."""
+        with self._closed_said():
+            self._session.put(
+                key,
+                payload,
+                congestion_control=zenoh.CongestionControl.DROP,
+                priority=_PRIORITIES[delivery],
+                express=delivery is Delivery.LATEST and len(payload) <= _EXPRESS_SIZE,
+            )
+
+    def subscribe(self, key_expression: str, on_sample: Callable[[str, bytes], None]) -> Closer:
+        """Calls `on_sample(key, payload)` on zenoh's receiving thread: it must only hand over."""
+
+        def arrived(sample: zenoh.Sample) -> None:
+            on_sample(str(sample.key_expr), sample.payload.to_bytes())
+
+        with self._closed_said():
+            return self._keep(self._session.declare_subscriber(key_expression, Callback(arrived, indirect=False)))
+
+    # --- asking and answering --------------------------------------------------------------------------------------
+
+    def serve(self, key_expression: str, on_query: Callable[[IncomingQuery], None]) -> Closer:
+        """Calls `on_query` on zenoh's receiving thread: it must only hand over."""
+        answer_key = "" if "*" in key_expression else key_expression
+
+        def arrived(query: zenoh.Query) -> None:
+            on_query(ZenohQuery(query, answer_key or str(query.key_expr), self._answering))
+
+        with self._closed_said():
+            return self._keep(self._session.declare_queryable(key_expression, Callback(arrived, indirect=False)))
+
+    def request(self, key_expression: str, payload: bytes, timeout: float, answer: Answer) -> None:
+        """Asks; the first answer within `timeout` seconds counts."""
+        settled = threading.Lock()  # taken by the first answer and never given back
+
+        def arrived(reply: zenoh.Reply) -> None:
+            if (sample := reply.ok) is not None:
+                if settled.acquire(blocking=False):
+                    answer(sample.payload.to_bytes(), "")
+            elif (error := reply.err) is not None and str(error.encoding) == _REFUSAL:
+                if settled.acquire(blocking=False):
+                    answer(None, error.payload.to_bytes().decode(errors="replace"))
+
+        def ended() -> None:
+            if settled.acquire(blocking=False):
+                answer(None, "")
+
+        with self._closed_said():
+            self._session.get(
+                key_expression,
+                Callback(arrived, ended, indirect=False),
+                payload=payload,
+                timeout=timeout,
+                target=zenoh.QueryTarget.ALL,
+                consolidation=zenoh.ConsolidationMode.NONE,
+                congestion_control=zenoh.CongestionControl.BLOCK,
+            )
+
+    # --- who is there ----------------------------------------------------------------------------------------------
+
+    def announce(self, key: str) -> Closer:
+        """Shows others that this key's owner is alive, until closed or dead."""
+        with self._closed_said():
+            return self._keep(self._session.liveliness().declare_token(key))
+
+    def watch(self, key_expression: str, on_change: Callable[[str, bool], None]) -> Closer:
+        """Calls `on_change(key, alive)` for those alive now and at every change."""
+
+        def changed(sample: zenoh.Sample) -> None:
+            on_change(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
+        with self._closed_said():
+            handler = Callback(changed, indirect=False)
+            return self._keep(self._session.liveliness().declare_subscriber(key_expression, handler, history=True))
+
+    def watch_link(self, on_change: Callable[[bool], None]) -> Closer:
+        """Calls `on_change(connected)` now and when the host goes or comes; for the host itself there is nothing to tell."""
+        if self._hosts:
+            return _nothing
+
+        def changed(event: zenoh.TransportEvent) -> None:
+            on_change(event.kind == zenoh.SampleKind.PUT)
+
+        with self._closed_said():
+            handler = Callback(changed, indirect=False)
+            closer = self._keep(self._session.info.declare_transport_events_listener(handler, history=True))
+            if not self._session.info.routers_zid():
+                on_change(False)
+            return closer
+
+    def close(self) -> None:
+        """Leaves and frees everything. A second call does nothing."""
+        with self._lock:
+            if self._closed:
+                return
+            self._closed = True
+            self._closers.clear()
+        self._answering.shutdown(wait=False, cancel_futures=True)
+        self._session.close()
+
+    # --- inside ----------------------------------------------------------------------------------------------------
+
+    def _keep(self, declared: Any) -> Closer:
+        """The closer of something declared; what is open at the end goes with the zenoh session."""
+
+        def close() -> None:
+            with self._lock:
+                if close not in self._closers:
+                    return
+                self._closers.discard(close)
+            with contextlib.suppress(zenoh.ZError):  # the zenoh session closed meanwhile and took it along
+                declared.undeclare()
+
+        with self._lock:
+            self._closers.add(close)
+        return close
+
+    @contextlib.contextmanager
+    def _closed_said(self) -> Any:
+        try:
+            yield
+        except zenoh.ZError as error:
+            if self._closed:
+                raise BusError("this transport is closed: open another one") from error
+            raise BusError(f"zenoh refused ({_cause(error)})") from error
+
+
+class ZenohQuery:
+    """A question as the one who serves it sees it."""
+
+    def __init__(self, query: zenoh.Query, answer_key: str, answering: ThreadPoolExecutor) -> None:
+        self.key = str(query.key_expr)
+        self.payload = b"" if query.payload is None else query.payload.to_bytes()
+        self._query = query
+        self._answer_key = answer_key
+        self._answering = answering
+
+    def reply(self, payload: bytes) -> None:
+        """Answers, on a thread that may wait for the asker."""
+        self._send(lambda: self._query.reply(self._answer_key, payload))
+
+    def refuse(self, reason: str) -> None:
+        """Says why there is no answer."""
+        self._send(lambda: self._query.reply_err(reason.encode(), encoding=_REFUSAL))
+
+    def _send(self, send: Callable[[], None]) -> None:
+        def work() -> None:
+            try:
+                send()
+            except zenoh.ZError as error:
+                _log.debug("an answer on %s found nobody: %s", self.key, _cause(error))
+            finally:
+                # Dropping the query is what ends it for the asker; do it here, not when the garbage is collected.
+                with contextlib.suppress(AttributeError):
+                    del self._query
+
+        with contextlib.suppress(RuntimeError):  # the transport is closing: nobody is left to answer
+            self._answering.submit(work)
+
+
+def _config(mode: str) -> zenoh.Config:
+    """Settings common to both sides, each for a reason given in the module's text or beside it."""
+    config = zenoh.Config()
+    for key, value in {
+        "mode": mode,
+        "listen/endpoints": [],
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "scouting/delay": 0,  # half a second of waiting for peers that nobody looks for
+        "connect/retry": {"period_init_ms": 100, "period_max_ms": 100, "period_increase_factor": 1},
+        # Killed processes would leave segments behind in /dev/shm, and state frames gain little.
+        "transport/shared_memory/enabled": False,
+        "transport/link/rx/max_message_size": MAX_MESSAGE_SIZE,
+        "transport/link/tx/lease": _LEASE,
+        "transport/link/tx/queue/size/data": 16,
+        "transport/link/tx/queue/size/data_high": 16,
+        "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 1000,  # [us]
+        "transport/link/tx/queue/congestion_control/block/wait_before_close": 1_000_000,  # [us] for answers
+    }.items():
+        _insert(config, key, value)
+    return config
+
+
+def _insert(config: zenoh.Config, key: str, value: Any) -> None:
+    config.insert_json5(key, json.dumps(value))
+
+
+def _cause(error: zenoh.ZError) -> str:
+    """What zenoh says, without the places in its sources."""
+    return str(error).split(" at /")[0].strip()
+
+
+def _nothing() -> None:
+    """Nothing is held."""

@@ -1,0 +1,138 @@
+"""The components ELYS comes with. SI units, y up, right-handed; a camera and a sun look along their local -z."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from elys.common.components.declaration import Component, Kind, Quat, Vec3, about, component
+
+
+@component
+class Transform(Component):
+    """Where an entity stands, relative to its parent."""
+
+    position: Annotated[Vec3, about("Place relative to the parent.", unit="m", step=0.05, dtype="f8")] = (0.0, 0.0, 0.0)
+    rotation: Annotated[Quat, about("Turn relative to the parent, as a unit quaternion x y z w.", step=0.01)] = (
+        0.0,
+        0.0,
+        0.0,
+        1.0,
+    )
+    scale: Annotated[Vec3, about("Stretch along the local axes.", step=0.05)] = (1.0, 1.0, 1.0)
+
+
+@component
+class RigidBody(Component):
+    """Lets physics move the entity (dynamic), or lets it push others (kinematic, static)."""
+
+    motion: Annotated[
+        Literal["dynamic", "kinematic", "static"],
+        about("Moved by forces, moved only by its velocity, or never moved."),
+    ] = "dynamic"
+    mass: Annotated[float, about("Mass of the whole body.", unit="kg", minimum=1e-6, maximum=1e9, step=0.1)] = 1.0
+    linear_velocity: Annotated[Vec3, about("Velocity of the centre of mass.", unit="m/s")] = (0.0, 0.0, 0.0)
+    angular_velocity: Annotated[Vec3, about("Turning speed about the world axes.", unit="rad/s")] = (0.0, 0.0, 0.0)
+    linear_damping: Annotated[float, about("Share of the velocity lost.", unit="1/s", minimum=0.0, step=0.01)] = 0.0
+    angular_damping: Annotated[float, about("Share of the spin lost.", unit="1/s", minimum=0.0, step=0.01)] = 0.0
+    gravity_scale: Annotated[float, about("How much of the scene's gravity acts on it.")] = 1.0
+
+
+@component
+class Collider(Component):
+    """The shape with which an entity collides; without a RigidBody on it or above it, an immovable obstacle."""
+
+    shape: Annotated[Literal["box", "sphere"], about("Form of the collider.")] = "box"
+    size: Annotated[Vec3, about("Full edge lengths of a box, before scale.", unit="m", minimum=1e-4, step=0.05)] = (
+        1.0,
+        1.0,
+        1.0,
+    )
+    radius: Annotated[float, about("Radius of a sphere, before scale.", unit="m", minimum=1e-4, step=0.05)] = 0.5
+    offset: Annotated[Vec3, about("Centre of the shape in the entity's space.", unit="m", step=0.05)] = (0.0, 0.0, 0.0)
+    friction: Annotated[
+        float, about("Coulomb coefficient; a pair takes the geometric mean.", minimum=0.0, step=0.01)
+    ] = 0.5
+    restitution: Annotated[
+        float, about("Bounce; a pair takes the smaller one.", minimum=0.0, maximum=1.0, step=0.01)
+    ] = 0.0
+
+
+@component
+class MeshRenderer(Component):
+    """Draws a mesh at the entity's place."""
+
+    mesh: Annotated[str, about("box, sphere, cylinder, plane, or a mesh asset.", kind=Kind.ASSET)] = "box"
+    visible: Annotated[bool, about("Drawn at all.")] = True
+    cast_shadows: Annotated[bool, about("Stops the sun's light.")] = True
+
+
+@component
+class Material(Component):
+    """How the entity's mesh looks: glTF metallic-roughness."""
+
+    base_color: Annotated[Vec3, about("Colour, linear.", minimum=0.0, maximum=1.0, step=0.01, kind=Kind.COLOR)] = (
+        0.8,
+        0.8,
+        0.8,
+    )
+    opacity: Annotated[float, about("Coverage: 1 is solid.", minimum=0.0, maximum=1.0, step=0.01)] = 1.0
+    metallic: Annotated[float, about("0 dielectric, 1 metal.", minimum=0.0, maximum=1.0, step=0.01)] = 0.0
+    roughness: Annotated[float, about("0 mirror, 1 chalk.", minimum=0.0, maximum=1.0, step=0.01)] = 0.6
+    emissive: Annotated[Vec3, about("Light it gives off by itself, linear.", minimum=0.0, kind=Kind.COLOR)] = (
+        0.0,
+        0.0,
+        0.0,
+    )
+    base_color_texture: Annotated[str, about("Image times base_color, sRGB.", kind=Kind.ASSET)] = ""
+    metallic_roughness_texture: Annotated[
+        str, about("Image: green times roughness, blue times metallic.", kind=Kind.ASSET)
+    ] = ""
+    normal_texture: Annotated[str, about("Tangent-space normal map.", kind=Kind.ASSET)] = ""
+    occlusion_texture: Annotated[str, about("Image whose red channel darkens ambient light.", kind=Kind.ASSET)] = ""
+    emissive_texture: Annotated[str, about("Image times emissive, sRGB.", kind=Kind.ASSET)] = ""
+    alpha_mode: Annotated[Literal["opaque", "mask", "blend"], about("What opacity means.")] = "opaque"
+    alpha_cutoff: Annotated[float, about("Opacity below which mask drops a pixel.", minimum=0.0, maximum=1.0)] = 0.5
+    double_sided: Annotated[bool, about("Drawn from behind as well.")] = False
+
+
+@component
+class Light(Component):
+    """A lamp, as in KHR_lights_punctual."""
+
+    kind: Annotated[Literal["directional", "point", "spot"], about("Sun, bulb or torch.")] = "directional"
+    color: Annotated[Vec3, about("Colour, linear.", minimum=0.0, maximum=1.0, step=0.01, kind=Kind.COLOR)] = (
+        1.0,
+        1.0,
+        1.0,
+    )
+    intensity: Annotated[float, about("Illuminance of a sun [lx], candela of others.", unit="lx | cd", minimum=0.0)] = (
+        3.0
+    )
+    range: Annotated[float, about("Where a bulb's light ends; 0 for never.", unit="m", minimum=0.0)] = 0.0
+    inner_cone_angle: Annotated[
+        float, about("Full light inside.", unit="rad", minimum=0.0, maximum=1.5708, step=0.01)
+    ] = 0.0
+    outer_cone_angle: Annotated[
+        float, about("No light outside.", unit="rad", minimum=0.0, maximum=1.5708, step=0.01)
+    ] = 0.7853982
+    cast_shadows: Annotated[bool, about("Throws shadows.")] = True
+
+
+@component
+class Camera(Component):
+    """A point of view."""
+
+    field_of_view: Annotated[
+        float, about("Vertical opening angle.", unit="rad", minimum=0.02, maximum=3.0, step=0.01)
+    ] = 0.9
+    near: Annotated[float, about("Nearest distance seen.", unit="m", minimum=1e-4, step=0.01)] = 0.05
+    far: Annotated[float, about("Farthest distance seen.", unit="m", minimum=1e-3, step=1.0)] = 500.0
+    priority: Annotated[int, about("The enabled camera with the highest one is the scene's view.")] = 0
+
+
+@component
+class Script(Component):
+    """The behaviour of an entity (placeholder: carried, saved and shown, not yet run)."""
+
+    source: Annotated[str, about("Python file and class, as path.py:Class.", kind=Kind.ASSET)] = ""
+    enabled: Annotated[bool, about("Whether the behaviour runs.")] = True

@@ -1,0 +1,103 @@
+"""Checking values against declarations: what comes from a file, a message or a widget becomes a Component or is refused."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from elys.common.components.declaration import Component, ComponentDeclaration, FieldDeclaration, Kind, declaration_of
+from elys.common.errors import ComponentError
+
+
+def component_from(name: str, values: Mapping[str, Any], *, base: Component | None = None) -> Component:
+    """The component `name` with `values` over `base` (over the defaults when there is none).
+
+    Raises:
+        ComponentError: the component or a field does not exist, or a value is of the wrong kind or out of range; the
+            message names component and field and says what was expected.
+    """
+    declaration = declaration_of(name)
+    checked = {field: check_value(declaration, declaration.field(field), value) for field, value in values.items()}
+    current = {} if base is None else {f.name: getattr(base, f.name) for f in declaration.fields}
+    return declaration.struct(**{**current, **checked})
+
+
+def values_of(component: Component, *, only_changed: bool = False) -> dict[str, Any]:
+    """The fields of a component as plain JSON-able values; with `only_changed` those that differ from their defaults."""
+    declaration = declaration_of(component)
+    values = {field.name: getattr(component, field.name) for field in declaration.fields}
+    if only_changed:
+        values = {f.name: values[f.name] for f in declaration.fields if values[f.name] != f.default}
+    return values
+
+
+def check_value(declaration: ComponentDeclaration, field: FieldDeclaration, value: Any) -> Any:
+    """`value` in the field's own type (lists become tuples, ints become floats), or ComponentError."""
+    where = f"{declaration.name}.{field.name}"
+    match field.kind:
+        case Kind.FLOAT:
+            return _in_range(where, field, _number(where, value))
+        case Kind.INT:
+            if isinstance(value, bool) or not isinstance(value, int):
+                raise ComponentError(f"{where} must be a whole number, not {value!r}")
+            if not -(2**31) <= value < 2**31:
+                raise ComponentError(f"{where} must fit 32 bits, not {value}")
+            return int(_in_range(where, field, value))
+        case Kind.BOOL:
+            if not isinstance(value, bool):
+                raise ComponentError(f"{where} must be true or false, not {value!r}")
+            return value
+        case Kind.CHOICE:
+            if value not in field.choices:
+                raise ComponentError(f"{where} must be one of {', '.join(field.choices)}, not {value!r}")
+            return value
+        case Kind.TEXT | Kind.ASSET:
+            if not isinstance(value, str):
+                raise ComponentError(f"{where} must be a text, not {value!r}")
+            return value
+        case Kind.ENTITY:
+            if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 2**32:
+                raise ComponentError(f"{where} must be an entity id (0 for none), not {value!r}")
+            return value
+        case Kind.QUAT:
+            return _unit(where, _numbers(where, field, value))
+        case Kind.VEC3 | Kind.COLOR:
+            return tuple(_in_range(where, field, element) for element in _numbers(where, field, value))
+
+
+def _number(where: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ComponentError(f"{where} must be a number, not {value!r}")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise ComponentError(f"{where} must be a finite number, not {value!r}")
+    return number
+
+
+def _numbers(where: str, field: FieldDeclaration, value: Any) -> tuple[float, ...]:
+    if not isinstance(value, list | tuple) or len(value) != field.width:
+        raise ComponentError(f"{where} must be {field.width} numbers, not {value!r}")
+    return tuple(_number(where, element) for element in value)
+
+
+def _in_range(where: str, field: FieldDeclaration, value: float) -> float:
+    unit = f" {field.unit}" if field.unit else ""
+    if field.minimum is not None and value < field.minimum:
+        raise ComponentError(f"{where} must be at least {field.minimum:g}{unit}, not {value:g}")
+    if field.maximum is not None and value > field.maximum:
+        raise ComponentError(f"{where} must be at most {field.maximum:g}{unit}, not {value:g}")
+    return value
+
+
+def _unit(where: str, value: tuple[float, ...]) -> tuple[float, ...]:
+    length = math.sqrt(sum(element * element for element in value))
+    if length < 1e-6:
+        raise ComponentError(f"{where} must be a rotation (x, y, z, w) of length 1, not {value!r}")
+    # What is a unit quaternion to rounding stays as it is, so that files and recordings round-trip exactly.
+    if abs(length - 1.0) <= 1e-6:
+        return value
+    return tuple(element / length for element in value)

@@ -1,0 +1,45 @@
+"""schema, samples, sessions: verbs that print facts and start nothing."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from elys.verbs.output import print_json, print_table
+
+
+def schema(component: str) -> None:
+    """Prints the JSON Schema of the scene file, or of one component."""
+    from elys.common.components.schema import component_schema, scene_schema
+
+    print_json(component_schema(component) if component else scene_schema())
+
+
+def samples(name: str, output: Path | None, *, json: bool) -> None:
+    """Lists the samples, or writes one as a scene file."""
+    from elys.samples.registry import SAMPLES, write_sample
+
+    if name:
+        path = output or Path(f"{name}.scene.json")
+        write_sample(name, path)
+        print(f"{path}\nTry: elys run {path}")
+    elif json:
+        print_json([{"name": sample.name, "title": sample.title} for sample in SAMPLES])
+    else:
+        print_table(("sample", "what it is"), ((sample.name, sample.title) for sample in SAMPLES))
+        print("\nTry: elys run NAME, or elys samples NAME to write it as a file.")
+
+
+def sessions(*, json: bool) -> None:
+    """Lists the sessions of this machine."""
+    from elys.bus.discovery import find_sessions
+
+    found = find_sessions()
+    if json:
+        print_json(found)
+    elif not found:
+        print("No session is running on this machine. Start one: elys run SCENE")
+    else:
+        now = time.time()
+        rows = [(s.name, s.kind, s.endpoint, s.scene, f"{now - s.started:.0f} s", s.pid) for s in found]
+        print_table(("session", "kind", "endpoint", "scene", "age", "process"), rows)
