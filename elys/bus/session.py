@@ -11,15 +11,14 @@ import asyncio
 import contextlib
 import logging
 import secrets
-import threading
 import time
-from collections import deque
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Coroutine
 from dataclasses import dataclass
 from typing import Any, Final, TypeVar
 
 import elys
 from elys.bus import codec, topics
+from elys.bus.mailbox import Mailbox
 from elys.bus.messages.session import Hello, Welcome
 from elys.bus.topics import PROTOCOL_VERSION, Delivery, Encoding, Query, Topic
 from elys.bus.transports.transport import Closer, IncomingQuery, Transport
@@ -30,7 +29,6 @@ Q = TypeVar("Q")
 R = TypeVar("R")
 
 HOST_KINDS: Final = ("simulation", "replay")
-MAILBOX_LIMIT: Final = 10_000  # messages a node may lag behind before the oldest are given up
 _log = logging.getLogger(__name__)
 
 
@@ -137,10 +135,10 @@ class Session:
         return self.subscribe_payloads(topic, deliver, key=key)
 
     def subscribe_payloads(
-        self, topic: Topic[Any], callback: Callable[[str, bytes], None], *, key: str = "*"
+        self, topic: Topic[Any], callback: Callable[[str, bytes], None], *, key: str = "*", every: bool = False
     ) -> Closer:
-        """Calls `callback(full key, payload)` on the loop with undecoded payloads, in the topic's delivery."""
-        mailbox = _Mailbox(self._loop, callback, topic.delivery)
+        """Calls `callback(full key, payload)` on the loop with undecoded payloads; with `every` none of a LATEST topic is skipped."""
+        mailbox = Mailbox(self._loop, callback, newest_only=topic.delivery is Delivery.LATEST and not every)
         expression = topics.key_of(self.name, topic, key)
         return self._keep(self.transport.subscribe(expression, mailbox.put))
 
@@ -150,7 +148,7 @@ class Session:
         """Answers requests: `handler(request, key)` returns the reply or raises an ElysError, whose sentence is the refusal."""
 
         def arrived(incoming: IncomingQuery) -> None:
-            self._start(self._answer(query, handler, incoming))
+            self.start(self._answer(query, handler, incoming))
 
         expression = topics.key_of(self.name, query, key)
         return self._keep(self.transport.serve(expression, self._from_thread(arrived)))
@@ -184,6 +182,13 @@ class Session:
         """Calls back on the session's loop; may be called on any thread. RuntimeError once the loop has ended."""
         self._loop.call_soon_threadsafe(callback, *arguments)
 
+    def start(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
+        """Runs `work` beside everything else, at the longest until the session closes; a failure is said by the loop."""
+        task: asyncio.Task[None] = self._loop.create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._ended)
+        return task
+
     # --- inside ----------------------------------------------------------------------------------------------------
 
     def _keep(self, closer: Closer) -> Closer:
@@ -203,11 +208,10 @@ class Session:
 
         return hand_over
 
-    def _start(self, work: Any) -> asyncio.Task[None]:
-        task: asyncio.Task[None] = self._loop.create_task(work)
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
-        return task
+    def _ended(self, task: asyncio.Task[None]) -> None:
+        self._tasks.discard(task)
+        if not task.cancelled() and (error := task.exception()) is not None:
+            self._loop.call_exception_handler({"message": "a task of the session failed", "exception": error})
 
     async def _answer(
         self, query: Query[Q, R], handler: Callable[[Q, str], Awaitable[R]], incoming: IncomingQuery
@@ -223,6 +227,9 @@ class Session:
         except ElysError as error:
             incoming.refuse(str(error))
             return
+        except Exception as error:  # a fault of this node's: it hears of it, and the asker is not left waiting
+            incoming.refuse(f"the answer to {query.name} failed in {self.node.id}: {error!r}")
+            raise
         incoming.reply(codec.encode(reply, query.reply_encoding))
 
     async def _ask(self, key: str, payload: bytes, timeout: float) -> bytes:
@@ -324,12 +331,12 @@ class Session:
             for listener in self._link_listeners:
                 listener(False)
         elif alive and not self.connected and self._rejoining is None:
-            self._rejoining = self._start(self._rejoin())
+            self._rejoining = self.start(self._rejoin())
 
     async def _rejoin(self) -> None:
         try:
-            welcome = await self._shake_hands(30.0)
-        except BusError as error:
+            welcome = await self._greet_again()
+        except ProtocolError as error:
             _log.error("cannot rejoin the session: %s", error)
             return
         finally:
@@ -339,38 +346,9 @@ class Session:
         for listener in self._link_listeners:
             listener(True)
 
-
-class _Mailbox:
-    """Takes payloads from any thread to the loop: all of them in order, or only the newest of each key."""
-
-    def __init__(
-        self, loop: asyncio.AbstractEventLoop, callback: Callable[[str, bytes], None], delivery: Delivery
-    ) -> None:
-        self._loop = loop
-        self._callback = callback
-        self._latest = delivery is Delivery.LATEST
-        self._newest: dict[str, bytes] = {}
-        self._queue: deque[tuple[str, bytes]] = deque(maxlen=MAILBOX_LIMIT)
-        self._lock = threading.Lock()
-        self._woken = False
-
-    def put(self, key: str, payload: bytes) -> None:
-        with self._lock:
-            if self._latest:
-                self._newest[key] = payload
-            else:
-                self._queue.append((key, payload))
-            if self._woken:
-                return
-            self._woken = True
-        with contextlib.suppress(RuntimeError):  # the loop has ended
-            self._loop.call_soon_threadsafe(self._drain)
-
-    def _drain(self) -> None:
-        with self._lock:
-            waiting = list(self._newest.items()) if self._latest else list(self._queue)
-            self._newest.clear()
-            self._queue.clear()
-            self._woken = False
-        for key, payload in waiting:
-            self._callback(key, payload)
+    async def _greet_again(self) -> Welcome:
+        while True:
+            try:
+                return await self._shake_hands(30.0)
+            except (ConnectionLost, RequestError) as error:
+                _log.warning("the host of session %s is not back yet: %s", self.name, error)

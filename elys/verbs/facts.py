@@ -24,9 +24,9 @@ def samples(name: str, output: Path | None, *, json: bool) -> None:
         write_sample(name, path)
         print(f"{path}\nTry: elys run {path}")
     elif json:
-        print_json([{"name": sample.name, "title": sample.title} for sample in SAMPLES])
+        print_json([{"name": sample.name, "title": sample.title} for sample in SAMPLES.values()])
     else:
-        print_table(("sample", "what it is"), ((sample.name, sample.title) for sample in SAMPLES))
+        print_table(("sample", "what it is"), ((sample.name, sample.title) for sample in SAMPLES.values()))
         print("\nTry: elys run NAME, or elys samples NAME to write it as a file.")
 
 

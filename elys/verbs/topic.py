@@ -68,9 +68,7 @@ def hz(name: str, connect: str | None, *, seconds: float, json: bool) -> None:
         if json:
             print_json(rates)
         else:
-            rows = [
-                (r.topic, f"{r.rate:.1f}", size_text(r.mean_size), size_text(r.bandwidth) + "/s") for r in rates
-            ]
+            rows = [(r.topic, f"{r.rate:.1f}", size_text(r.mean_size), size_text(r.bandwidth) + "/s") for r in rates]
             print_table(("topic", "messages/s", "mean size", "bandwidth"), rows)
 
     asyncio.run(work())

@@ -10,7 +10,7 @@ Delivery. Nothing that a viewer can subscribe to is ever sent with BLOCK: a stop
 deliveries are reliable on the wire and dropped only for a reader whose transmission queue is full; they use queues of their
 own, so that state frames never push a delta out. 16 batches of 64 KiB in each let a healthy reader fall a whole megabyte
 behind, and a message longer than that waits up to 1 ms for each further batch; once a reader is known to be congested,
-zenoh drops without waiting.
+zenoh drops without waiting. No message is express: each would fill a batch of its own, and a burst of small ones the queue.
 """
 
 from __future__ import annotations
@@ -35,7 +35,6 @@ DEFAULT_ENDPOINT: Final = f"tcp/127.0.0.1:{DEFAULT_PORT}"
 MAX_MESSAGE_SIZE: Final = 64 << 20  # [bytes] one message; what is longer is dropped by zenoh before it fills the memory
 
 _LEASE: Final = 2000  # [ms] without a sign of life until a connection (a cut cable, a stopped machine) counts as dead
-_EXPRESS_SIZE: Final = 4096  # [bytes] below it a LATEST message does not wait to be batched with others
 _ANSWERING_THREADS: Final = 4
 _REFUSAL: Final = "elys/refusal"  # encoding that tells our refusals from zenoh's own errors (a timeout)
 _PRIORITIES: Final = {Delivery.LATEST: zenoh.Priority.DATA, Delivery.SEQUENCED: zenoh.Priority.DATA_HIGH}
@@ -63,8 +62,8 @@ class ZenohTransport:
             BusError: the endpoint is in use or is none.
         """
         config = _config("router")
-        _insert(config, "listen/endpoints", [endpoint])
         try:
+            _insert(config, "listen/endpoints", [endpoint])
             session = zenoh.open(config)
         except zenoh.ZError as error:
             if "in use" in str(error):
@@ -95,10 +94,10 @@ class ZenohTransport:
         """
         names = [endpoints] if isinstance(endpoints, str) else list(endpoints)
         config = _config("client")
-        _insert(config, "connect/endpoints", names)
         _insert(config, "connect/timeout_ms", max(1, int(timeout * 1000)))
         _insert(config, "connect/exit_on_failure", True)
         try:
+            _insert(config, "connect/endpoints", names)
             session = zenoh.open(config)
         except zenoh.ZError as error:
             if "Unable to connect" in str(error):
@@ -106,7 +105,9 @@ class ZenohTransport:
                     f"nobody answers at {' or '.join(names)} within {timeout:g} s: is the session running? "
                     "Start one with `elys run SCENE`"
                 ) from error
-            raise BusError(f"cannot connect to {' or '.join(names)} ({_cause(error)})") from error
+            raise BusError(
+                f"cannot connect to '{' or '.join(names)}' ({_cause(error)}): give tcp/ADDRESS:PORT"
+            ) from error
         return cls(session, endpoint=names[0], hosts=False)
 
     # --- publishing and subscribing --------------------------------------------------------------------------------
@@ -119,7 +120,6 @@ class ZenohTransport:
                 payload,
                 congestion_control=zenoh.CongestionControl.DROP,
                 priority=_PRIORITIES[delivery],
-                express=delivery is Delivery.LATEST and len(payload) <= _EXPRESS_SIZE,
             )
 
     def subscribe(self, key_expression: str, on_sample: Callable[[str, bytes], None]) -> Closer:

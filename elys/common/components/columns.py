@@ -31,6 +31,9 @@ _VECTORS: Final = (Kind.VEC3, Kind.QUAT, Kind.COLOR)
 _FLOATS: Final = (Kind.FLOAT, *_VECTORS)
 _NUMBER_TYPES: Final = frozenset({float, int})
 _UNIT_TOLERANCE: Final = 1e-6  # as check_value's: what is of length 1 to rounding stays as it is
+_STORED_UNIT_TOLERANCE: Final = (
+    1e-3  # rotations that a simulation stored have drifted a little, and must not be refused
+)
 
 
 class StringTable:
@@ -129,7 +132,7 @@ def pack_array(
         fits = np.issubdtype(array.dtype, np.integer) and bool(np.all((array >= 0) & (array < limits[field.kind])))
         expected = f"rows from 0 to {limits[field.kind] - 1}"
     else:
-        fits = _takes(field, np.asarray(array, np.float64) if field.kind in _FLOATS else array)
+        fits = _takes(field, array, unit_tolerance=_STORED_UNIT_TOLERANCE)
         expected = "finite numbers in its range" + (" of length 1" if field.kind is Kind.QUAT else "")
     if not fits:
         raise ComponentError(f"{where} must be an array of {expected}")
@@ -138,14 +141,14 @@ def pack_array(
 
 def unpack_values(field: FieldDeclaration, column: Column, strings: StringTable) -> list[Any]:
     """The values of all rows of a column."""
-    if field.kind in _FLOATS:
-        column = shortest_decimals(column) if field.dtype == "f4" else column
-        return list(map(tuple, column.tolist())) if field.width > 1 else column.tolist()
+    if field.kind in _FLOATS and field.dtype == "f4":
+        column = shortest_decimals(column)
+    plain: list[Any] = column.tolist()
     if field.kind is Kind.CHOICE:
-        return [field.choices[row] for row in column.tolist()]
+        return [field.choices[row] for row in plain]
     if field.kind in _TEXTS:
-        return [strings.lookup(row) for row in column.tolist()]
-    return column.tolist()
+        return [strings.lookup(row) for row in plain]
+    return list(map(tuple, plain)) if field.width > 1 else plain
 
 
 def columns_from(
@@ -193,21 +196,23 @@ def _packed_numbers(field: FieldDeclaration, numbers: Sequence[float]) -> Column
     except OverflowError:
         return None
     array = array.reshape(-1, field.width) if field.width > 1 else array
-    return array.astype(field.dtype) if _takes(field, array) else None
+    return array.astype(field.dtype) if _takes(field, array, unit_tolerance=_UNIT_TOLERANCE) else None
 
 
-def _takes(field: FieldDeclaration, array: NDArray[Any]) -> bool:
+def _takes(field: FieldDeclaration, array: NDArray[Any], *, unit_tolerance: float) -> bool:
     """Whether all numbers are finite, in the field's range and, in a rotation, of length 1."""
     if not array.size:
         return True
-    lowest, highest = array.min(), array.max()
+    lowest, highest = float(array.min()), float(array.max())
     if not (np.isfinite(lowest) and np.isfinite(highest)):
         return False
     if field.dtype == "f4" and max(-lowest, highest) > FLOAT32_MAX:
         return False
-    if (field.minimum is not None and lowest < field.minimum) or (field.maximum is not None and highest > field.maximum):
+    if (field.minimum is not None and lowest < field.minimum) or (
+        field.maximum is not None and highest > field.maximum
+    ):
         return False
     if field.kind is not Kind.QUAT:
         return True
     lengths = np.sqrt(np.einsum("...i,...i->...", array, array))
-    return bool(np.all(np.abs(lengths - 1.0) <= _UNIT_TOLERANCE))
+    return bool(np.all(np.abs(lengths - 1.0) <= unit_tolerance))

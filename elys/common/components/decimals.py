@@ -59,4 +59,4 @@ def _rounded(values: NDArray[np.float64], digit_count: int) -> NDArray[np.float6
     scale = _POWERS_OF_TEN[np.abs(places)]
     is_fraction = places >= 0
     digits = np.rint(np.where(is_fraction, values * scale, values / scale))
-    return np.where(is_fraction, digits / scale, digits * scale)
+    return np.asarray(np.where(is_fraction, digits / scale, digits * scale))

@@ -1,0 +1,115 @@
+"""Assets over the bus: the host answers with the bytes a content hash names; who lacks them asks once and keeps them.
+
+On the bus the key of an asset is the digits of its reference. What arrives is checked against them before anyone sees it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+from pathlib import Path
+from typing import Final
+
+import platformdirs
+
+from elys.bus import topics
+from elys.bus.mirror import SceneMirror
+from elys.bus.session import Session
+from elys.bus.transports.transport import Closer
+from elys.bus.transports.zenoh import MAX_MESSAGE_SIZE
+from elys.common.assets.store import PREFIX, AssetKind, AssetStore, is_reference, reference_of
+from elys.common.components import Component, Kind, declaration_of
+from elys.common.errors import AssetError, MessageError
+
+ASSET_TIMEOUT: Final = 30.0  # [s] a large mesh over a slow line
+CACHE_SIZE: Final = 4 << 30  # [bytes] above which the files used longest ago are thrown away
+_log = logging.getLogger(__name__)
+
+
+def serve_assets(session: Session, store: AssetStore) -> Closer:
+    """Answers every ASSET request from `store`; what is not in it is refused with a sentence."""
+
+    async def answer(request: bytes, key: str) -> bytes:
+        data = store.get(PREFIX + key)
+        if len(data) > MAX_MESSAGE_SIZE - 4096:
+            raise AssetError(f"asset {PREFIX}{key} has {len(data) >> 20} MiB, more than one message may carry")
+        return data
+
+    return session.serve(topics.ASSET, answer)
+
+
+def cache_directory() -> Path:
+    """Where assets of other machines are kept: $ELYS_CACHE_DIR/assets, or in the user's cache directory."""
+    chosen = os.environ.get("ELYS_CACHE_DIR")
+    return (Path(chosen) if chosen else Path(platformdirs.user_cache_dir("elys"))) / "assets"
+
+
+def open_asset_cache(*, max_size: int = CACHE_SIZE) -> AssetStore:
+    """A store over the cache directory, first brought below `max_size` bytes. Raises AssetError if it cannot be made."""
+    folder = cache_directory()
+    store = AssetStore(folder)
+    files = sorted(((path.stat(), path) for path in folder.iterdir() if path.is_file()), key=lambda one: one[0].st_mtime)
+    size = sum(stat.st_size for stat, _ in files)
+    for stat, path in files:
+        if size <= max_size:
+            break
+        path.unlink(missing_ok=True)
+        size -= stat.st_size
+    return store
+
+
+class AssetClient:
+    """Gets assets that this node lacks from the session's host, each once."""
+
+    def __init__(self, session: Session, store: AssetStore) -> None:
+        self._session = session
+        self._store = store
+        self._under_way: dict[str, asyncio.Task[bytes]] = {}
+
+    async def fetch(self, reference: str, *, kind: AssetKind = "mesh") -> bytes:
+        """The content named `reference`, from the store or else from the host.
+
+        Raises:
+            RequestError: the host has no such asset. MessageError: what came is not what the reference names.
+            ConnectionLost: the host does not answer. AssetError: this is no reference, or the cache cannot be written.
+        """
+        if not is_reference(reference):
+            raise AssetError(f"{reference!r} names no asset: a reference is {PREFIX} and 32 hex digits")
+        task = self._under_way.get(reference)
+        if task is None:
+            task = asyncio.create_task(self._get(reference, kind))
+            self._under_way[reference] = task
+            task.add_done_callback(lambda _: self._under_way.pop(reference, None))
+        # One asker who gives up must not take the answer from the others.
+        return await asyncio.shield(task)
+
+    async def _get(self, reference: str, kind: AssetKind) -> bytes:
+        if self._store.has(reference):
+            try:
+                return await asyncio.to_thread(self._store.get, reference)
+            except AssetError as error:
+                _log.warning("%s; asking the host for it", error)
+        data = await self._session.request(
+            topics.ASSET, b"", key=reference.removeprefix(PREFIX), timeout=ASSET_TIMEOUT
+        )
+        if reference_of(data) != reference:
+            raise MessageError(f"the host answered {reference} with other content ({reference_of(data)})")
+        await asyncio.to_thread(self._store.put, data, kind=kind)
+        return data
+
+
+def referenced_assets(mirror: SceneMirror) -> dict[str, AssetKind]:
+    """Every asset that the scene's components name, with what it is."""
+    found: dict[str, AssetKind] = {}
+    for entity in mirror.entities.values():
+        for component in entity.components.values():
+            found.update(assets_of(component))
+    return found
+
+
+def assets_of(component: Component) -> dict[str, AssetKind]:
+    """The assets one component names."""
+    fields = [field for field in declaration_of(component).fields if field.kind is Kind.ASSET]
+    values = [(field.name, getattr(component, field.name)) for field in fields]
+    return {value: "mesh" if name == "mesh" else "image" for name, value in values if is_reference(value)}

@@ -1,0 +1,150 @@
+"""Sessions on this machine: each host writes a small file into a directory of the user's, and takes it away at the end.
+
+    $ELYS_RUNTIME_DIR or the user's runtime directory / sessions / {process}-{port or name}.json
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import re
+import time
+from pathlib import Path
+from typing import Final
+
+import msgspec
+import platformdirs
+
+from elys.bus.session import Session
+from elys.bus.transports.transport import Closer
+from elys.bus.transports.zenoh import DEFAULT_PORT, ZenohTransport
+from elys.common.assets.store import replace_file
+from elys.common.errors import BusError, ConnectionLost
+
+_NO_SESSION: Final = (
+    "no session is running on this machine: start one with `elys run SCENE`, or name one with --connect tcp/HOST:PORT"
+)
+_ANY_ADDRESS: Final = re.compile(r"^tcp/(0\.0\.0\.0|\[::\]):")
+_log = logging.getLogger(__name__)
+
+
+class SessionRecord(msgspec.Struct, frozen=True, kw_only=True):
+    """What is known of a session without joining it."""
+
+    name: str
+    endpoint: str
+    pid: int
+    kind: str  # simulation or replay
+    scene: str
+    started: float  # [s] since 1970
+    process_started: str = ""  # tells the process from a later one of the same number
+
+
+def runtime_directory() -> Path:
+    """Where the sessions of this user on this machine are written down."""
+    chosen = os.environ.get("ELYS_RUNTIME_DIR")
+    return Path(chosen) if chosen else Path(platformdirs.user_runtime_dir("elys"))
+
+
+def advertise(*, name: str, endpoint: str, kind: str, scene: str) -> Closer:
+    """Lets others on this machine find the session this process hosts, until closed or dead; BusError if it cannot be written."""
+    record = SessionRecord(
+        name=name,
+        endpoint=_ANY_ADDRESS.sub("tcp/127.0.0.1:", endpoint),
+        pid=os.getpid(),
+        kind=kind,
+        scene=scene,
+        started=time.time(),
+        process_started=_start_of(os.getpid()),
+    )
+    folder = runtime_directory() / "sessions"
+    path = folder / f"{record.pid}-{re.sub(r'[^A-Za-z0-9]+', '_', record.endpoint)}.json"
+    try:
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        replace_file(path, msgspec.json.encode(record), durable=False)
+    except OSError as error:
+        raise BusError(
+            f"the session cannot be written down in {folder} ({error.strerror}): set ELYS_RUNTIME_DIR to a directory of yours"
+        ) from error
+    return lambda: path.unlink(missing_ok=True)
+
+
+def find_sessions() -> list[SessionRecord]:
+    """The sessions that run on this machine, newest first. Files of dead processes are swept away."""
+    folder = runtime_directory() / "sessions"
+    found = []
+    for path in sorted(folder.glob("*.json")):
+        try:
+            record = msgspec.json.decode(path.read_bytes(), type=SessionRecord)
+        except FileNotFoundError:
+            continue  # its host has just ended
+        except (OSError, msgspec.DecodeError, UnicodeDecodeError) as error:
+            _log.warning("%s is no description of a session: %s", path, error)
+            continue
+        if _is_alive(record):
+            found.append(record)
+        else:
+            path.unlink(missing_ok=True)
+    return sorted(found, key=lambda record: -record.started)
+
+
+def choose_endpoint(connect: str | None = None) -> str:
+    """Where to connect: what the user named, else the newest session on this machine.
+
+    Raises:
+        ConnectionLost: nothing was named and no session runs here.
+    """
+    if connect:
+        return complete_endpoint(connect)
+    sessions = find_sessions()
+    if not sessions:
+        raise ConnectionLost(_NO_SESSION)
+    if len(sessions) > 1:
+        others = ", ".join(f"{record.name} at {record.endpoint}" for record in sessions[1:])
+        _log.info("joining the newest session, %s at %s; there are also %s", sessions[0].name, sessions[0].endpoint, others)
+    return sessions[0].endpoint
+
+
+def complete_endpoint(text: str) -> str:
+    """`HOST`, `HOST:PORT` or a whole endpoint as a whole endpoint."""
+    protocol, _, address = text.rpartition("/")
+    if not re.search(r":\d+$", address):
+        address = f"{address}:{DEFAULT_PORT}"
+    return f"{protocol or 'tcp'}/{address}"
+
+
+async def join_session(connect: str | None = None, *, kind: str, timeout: float = 5.0) -> Session:
+    """A session with the host that `connect` names, or with the newest one on this machine.
+
+    Raises:
+        ConnectionLost: there is none, or nobody answers within `timeout` seconds.
+        ProtocolError: the host speaks another version of the protocol.
+    """
+    endpoint = choose_endpoint(connect)
+    transport = await asyncio.to_thread(ZenohTransport.connect, endpoint, timeout=timeout)
+    try:
+        return await Session.join(transport, kind=kind, timeout=timeout)
+    except BaseException:
+        await asyncio.to_thread(transport.close)
+        raise
+
+
+def _is_alive(record: SessionRecord) -> bool:
+    try:
+        os.kill(record.pid, 0)
+    except ProcessLookupError:
+        return False
+    except (PermissionError, OverflowError):
+        return True
+    now = _start_of(record.pid)
+    return not (now and record.process_started and now != record.process_started)
+
+
+def _start_of(pid: int) -> str:
+    """When a process started, in the kernel's ticks since boot; "" where that cannot be known."""
+    try:
+        text = Path(f"/proc/{pid}/stat").read_text()
+    except OSError:
+        return ""
+    return text.rpartition(")")[2].split()[19]

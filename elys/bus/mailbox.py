@@ -1,0 +1,63 @@
+"""From a transport's thread to the node's loop."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import threading
+from collections import deque
+from collections.abc import Callable
+from typing import Final
+
+MAILBOX_LIMIT: Final = 100_000  # messages a node may lag behind before the oldest are given up
+MAILBOX_SIZE: Final = 256 << 20  # [bytes] likewise
+
+
+class Mailbox:
+    """Takes payloads from any thread to the loop: all of them in order, or only the newest of each key."""
+
+    def __init__(
+        self, loop: asyncio.AbstractEventLoop, callback: Callable[[str, bytes], None], *, newest_only: bool
+    ) -> None:
+        self._loop = loop
+        self._callback = callback
+        self._newest_only = newest_only
+        self._newest: dict[str, bytes] = {}
+        self._queue: deque[tuple[str, bytes]] = deque()
+        self._size = 0
+        self._lock = threading.Lock()
+        self._woken = False
+        self.lost = 0  # messages given up because the loop did not come round
+
+    def put(self, key: str, payload: bytes) -> None:
+        """Hands over; called on any thread."""
+        with self._lock:
+            if self._newest_only:
+                self._newest[key] = payload
+            else:
+                self._append(key, payload)
+            if self._woken:
+                return
+            self._woken = True
+        with contextlib.suppress(RuntimeError):  # the loop has ended: nobody is left to hear it
+            self._loop.call_soon_threadsafe(self._drain)
+
+    def _append(self, key: str, payload: bytes) -> None:
+        self._queue.append((key, payload))
+        self._size += len(payload)
+        while len(self._queue) > MAILBOX_LIMIT or (self._size > MAILBOX_SIZE and len(self._queue) > 1):
+            self._size -= len(self._queue.popleft()[1])
+            self.lost += 1
+
+    def _drain(self) -> None:
+        with self._lock:
+            waiting = list(self._newest.items()) if self._newest_only else list(self._queue)
+            self._newest.clear()
+            self._queue.clear()
+            self._size = 0
+            self._woken = False
+        for key, payload in waiting:
+            try:
+                self._callback(key, payload)
+            except Exception as error:  # one message's fault must not cost the others their delivery
+                self._loop.call_exception_handler({"message": f"the reader of {key} failed", "exception": error})

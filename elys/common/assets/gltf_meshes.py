@@ -1,0 +1,109 @@
+"""A primitive of a glTF mesh as a Mesh: indexed triangles with normals."""
+
+from __future__ import annotations
+
+import logging
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elys.common.assets.gltf_accessors import Buffers
+from elys.common.assets.gltf_schema import Primitive
+from elys.common.assets.mesh import FloatArray, IndexArray, Mesh
+from elys.common.errors import AssetError
+
+logger = logging.getLogger(__name__)
+
+TRIANGLES: Final = 4
+TRIANGLE_STRIP: Final = 5
+TRIANGLE_FAN: Final = 6
+_WIDTHS: Final = {"POSITION": (3,), "NORMAL": (3,), "TEXCOORD_0": (2,), "TANGENT": (4,), "COLOR_0": (3, 4)}
+
+
+def read_primitive(buffers: Buffers, primitive: Primitive, where: str) -> Mesh | None:
+    """The triangles of a primitive; None of one that has points or lines. Raises AssetError."""
+    if primitive.mode < TRIANGLES:
+        logger.warning("%s consists of points or lines, which are not drawn", where)
+        return None
+    if "POSITION" not in primitive.attributes:
+        raise AssetError(f"{where} has no POSITION")
+    attributes = _read_attributes(buffers, primitive, where)
+    vertex_count = len(attributes["POSITION"])
+    indices = _triangles(_read_indices(buffers, primitive, vertex_count, where), primitive.mode)
+    if primitive.targets:
+        logger.warning("%s has morph targets, which stay at rest", where)
+    if "NORMAL" not in attributes:
+        attributes, indices = _with_flat_normals(attributes, indices)
+    colors = attributes.get("COLOR_0")
+    if colors is not None and colors.shape[1] == 3:
+        colors = np.concatenate((colors, np.ones((len(colors), 1), dtype=np.float32)), axis=1)
+    return Mesh(
+        positions=attributes["POSITION"],
+        normals=_unit(attributes["NORMAL"]),
+        uvs=attributes.get("TEXCOORD_0", np.zeros((len(attributes["POSITION"]), 2), dtype=np.float32)),
+        indices=indices,
+        tangents=attributes.get("TANGENT"),
+        colors=colors,
+    )
+
+
+def _read_attributes(buffers: Buffers, primitive: Primitive, where: str) -> dict[str, FloatArray]:
+    attributes: dict[str, FloatArray] = {}
+    for name, widths in _WIDTHS.items():
+        index = primitive.attributes.get(name)
+        if index is None:
+            continue
+        place = f"{where}.attributes.{name}"
+        values = buffers.floats(index, place)
+        if values.ndim != 2 or values.shape[1] not in widths:
+            raise AssetError(f"{place} must be vectors of {' or '.join(map(str, widths))} numbers")
+        if attributes and len(values) != len(attributes["POSITION"]):
+            raise AssetError(f"{place} has {len(values)} elements for {len(attributes['POSITION'])} vertices")
+        attributes[name] = values
+    return attributes
+
+
+def _read_indices(buffers: Buffers, primitive: Primitive, vertex_count: int, where: str) -> IndexArray:
+    if primitive.indices is None:
+        return np.arange(vertex_count, dtype=np.uint32)
+    place = f"{where}.indices"
+    indices = buffers.array(primitive.indices, place)
+    if indices.ndim != 1 or indices.dtype.kind != "u":
+        raise AssetError(f"{place} must be unsigned whole numbers")
+    if int(indices.max()) >= vertex_count:
+        raise AssetError(f"{place} names vertex {int(indices.max())}, there are {vertex_count}")
+    return indices.astype(np.uint32)
+
+
+def _triangles(indices: IndexArray, mode: int) -> IndexArray:
+    """Indices (I,), three a triangle, of a list, strip or fan of triangles; what is left over is dropped."""
+    if mode == TRIANGLES:
+        return indices[: len(indices) // 3 * 3]
+    count = max(len(indices) - 2, 0)
+    step = np.arange(count)
+    if mode == TRIANGLE_STRIP:
+        odd = step % 2
+        corners: NDArray[np.intp] = np.stack((step, step + 1 + odd, step + 2 - odd), axis=-1)
+    else:
+        corners = np.stack((step + 1, step + 2, np.zeros_like(step)), axis=-1)
+    return indices[corners.ravel()]
+
+
+def _with_flat_normals(
+    attributes: dict[str, FloatArray], indices: IndexArray
+) -> tuple[dict[str, FloatArray], IndexArray]:
+    """Every triangle gets vertices of its own and its face's normal: glTF 2.0, 3.7.2.1, asks for it where normals are missing."""
+    unshared = {name: values[indices] for name, values in attributes.items() if name != "TANGENT"}
+    corners = unshared["POSITION"].astype(np.float64).reshape(-1, 3, 3)
+    faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    unshared["NORMAL"] = np.repeat(_unit(faces), 3, axis=0).astype(np.float32)
+    return unshared, np.arange(len(indices), dtype=np.uint32)
+
+
+def _unit(vectors: NDArray[np.floating]) -> FloatArray:
+    """At length 1; what has no length points up."""
+    wide = vectors.astype(np.float64)
+    length = np.linalg.norm(wide, axis=-1, keepdims=True)
+    up = np.array((0.0, 1.0, 0.0))
+    return np.where(length > 1e-30, wide / np.where(length > 1e-30, length, 1.0), up).astype(np.float32)

@@ -1,0 +1,124 @@
+"""A mesh as arrays, and as the bytes by which it is stored, hashed and sent.
+
+    bytes     0  magic "ELYM", u16 version, u16 zero
+              8  u32 length of the header, a JSON object with the counts and the attributes that follow
+             12  header, padded with spaces to a multiple of 4 bytes
+                 attributes as float32, one after the other in the order below, then the indices as uint32
+
+All little-endian.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from typing import Any, Final
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from elys.common.errors import AssetError
+from elys.common.math.aabb import bounds_of_points
+
+FloatArray = NDArray[np.float32]
+IndexArray = NDArray[np.uint32]
+
+_PROLOGUE: Final = struct.Struct("<4sHHI")
+_MAGIC: Final = b"ELYM"
+_VERSION: Final = 1
+_MAX_HEADER: Final = 4096
+# Name and floats a vertex; the first two are always there.
+_ATTRIBUTES: Final = {"positions": 3, "normals": 3, "uvs": 2, "tangents": 4, "colors": 4}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Mesh:
+    """Triangles, counter-clockwise seen from outside, in metres.
+
+    V vertices, I indices (three a triangle). Tangents hold a sign in w: bitangent = w * cross(normal, tangent).
+    Colours are linear with opacity. uv (0, 0) is the image's upper left corner, as in glTF.
+    """
+
+    positions: FloatArray  # (V, 3)
+    normals: FloatArray  # (V, 3)
+    uvs: FloatArray  # (V, 2)
+    indices: IndexArray  # (I,)
+    tangents: FloatArray | None = None  # (V, 4)
+    colors: FloatArray | None = None  # (V, 4)
+
+    @property
+    def vertex_count(self) -> int:
+        return len(self.positions)
+
+    @property
+    def triangle_count(self) -> int:
+        return len(self.indices) // 3
+
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper corner (3,) of the box around the vertices; of a mesh without vertices (+inf, -inf)."""
+        return bounds_of_points(self.positions)
+
+
+class _Header(msgspec.Struct, forbid_unknown_fields=True):
+    vertex_count: int
+    index_count: int
+    attributes: list[str]
+
+
+def encode_mesh(mesh: Mesh) -> bytes:
+    """The bytes of a mesh: the same arrays always give the same bytes."""
+    arrays = {name: getattr(mesh, name) for name in _ATTRIBUTES if getattr(mesh, name) is not None}
+    header = msgspec.json.encode(_Header(mesh.vertex_count, len(mesh.indices), list(arrays)))
+    header += b" " * (-len(header) % 4)
+    parts = [_PROLOGUE.pack(_MAGIC, _VERSION, 0, len(header)), header]
+    parts += [np.ascontiguousarray(array, dtype="<f4").tobytes() for array in arrays.values()]
+    parts.append(np.ascontiguousarray(mesh.indices, dtype="<u4").tobytes())
+    return b"".join(parts)
+
+
+def decode_mesh(data: bytes) -> Mesh:
+    """The mesh in its bytes, as read-only views of them; raises AssetError for anything that is not a whole and sound mesh."""
+    header, offset = _decode_header(data)
+    arrays: dict[str, Any] = {"uvs": np.zeros((header.vertex_count, 2), dtype=np.float32)}
+    for name in header.attributes:
+        width = _ATTRIBUTES[name]
+        array = np.frombuffer(data, dtype="<f4", count=header.vertex_count * width, offset=offset)
+        if not np.isfinite(array).all():
+            raise AssetError(f"a mesh has {name} that are not finite numbers")
+        arrays[name] = array.reshape(-1, width)
+        offset += array.nbytes
+    indices = np.frombuffer(data, dtype="<u4", count=header.index_count, offset=offset)
+    if len(indices) and int(indices.max()) >= header.vertex_count:
+        raise AssetError(f"a mesh names vertex {int(indices.max())}, it has {header.vertex_count}")
+    return Mesh(indices=indices, **arrays)
+
+
+def _decode_header(data: bytes) -> tuple[_Header, int]:
+    if len(data) < _PROLOGUE.size:
+        raise AssetError(f"not a mesh: {len(data)} bytes are too few")
+    magic, version, zero, header_size = _PROLOGUE.unpack_from(data)
+    if magic != _MAGIC:
+        raise AssetError(f"not a mesh: it starts with {magic!r}")
+    if version != _VERSION or zero != 0:
+        raise AssetError(f"a mesh of format {version}, this ELYS reads {_VERSION}")
+    if header_size > _MAX_HEADER or header_size % 4 or _PROLOGUE.size + header_size > len(data):
+        raise AssetError("a mesh whose header does not fit")
+    offset = _PROLOGUE.size + header_size
+    try:
+        header = msgspec.json.decode(data[_PROLOGUE.size : offset], type=_Header)
+    except (msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
+        raise AssetError(f"a mesh whose header is wrong: {error}") from error
+    in_order = [name for name in _ATTRIBUTES if name in header.attributes]
+    if header.attributes != in_order or not {"positions", "normals"} <= set(in_order):
+        raise AssetError(
+            f"a mesh with attributes {header.attributes}; known are {', '.join(_ATTRIBUTES)}, in this order"
+        )
+    if header.vertex_count < 0 or header.index_count < 0 or header.index_count % 3:
+        raise AssetError(f"a mesh of {header.vertex_count} vertices and {header.index_count} indices")
+    width = sum(_ATTRIBUTES[name] for name in in_order)
+    expected = offset + 4 * (header.vertex_count * width + header.index_count)
+    if expected != len(data):
+        raise AssetError(f"a mesh has {len(data)} bytes where its header says {expected}")
+    return header, offset

@@ -1,0 +1,209 @@
+"""From records back to a SceneDocument: what `expand` put in place becomes a prefab with overrides again."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from elys.common.assets.store import AssetStore, is_reference
+from elys.common.components import FieldDeclaration, component_from, declaration_of, declarations
+from elys.common.errors import AssetError, SceneError
+from elys.common.scene_document import (
+    ComponentChanges,
+    ComponentValues,
+    EntityNode,
+    EntityRecord,
+    SceneDocument,
+    SceneSettings,
+)
+from elys.common.scene_expansion import expand
+from elys.common.scene_reading import MAX_DEPTH
+
+logger = logging.getLogger(__name__)
+
+
+def collapse(
+    records: Sequence[EntityRecord],
+    *,
+    name: str,
+    settings: SceneSettings,
+    directory: str | Path,
+    assets: AssetStore,
+    prefab_directory: str | Path | None = None,
+) -> SceneDocument:
+    """The document of a scene that is to be written into `directory`.
+
+    An instance of a prefab is written as one again, with what changed as overrides, as long as it has all of the prefab's
+    entities and new ones only below its root; else its entities are written out. Prefab names in the records are relative to
+    `prefab_directory` (default: `directory`). Content references become the files they came from.
+
+    Raises:
+        SceneError: the records are no tree, or nested deeper than a file may be.
+        ComponentError: a value is not what its component takes.
+    """
+    directory = Path(directory).absolute()
+    children: list[list[int]] = [[] for _ in records]
+    roots: list[int] = []
+    for row, record in enumerate(records):
+        if record.parent >= row:
+            raise SceneError(f"'{record.name}' stands before its parent")
+        (children[record.parent] if record.parent >= 0 else roots).append(row)
+    job = _Collapse(
+        records=records,
+        children=children,
+        directory=directory,
+        prefab_directory=Path(prefab_directory).absolute() if prefab_directory else directory,
+        assets=assets,
+        baselines={},
+    )
+    return SceneDocument(name=name, settings=settings, entities=[_node(job, row, 1) for row in roots])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Collapse:
+    """What the steps share."""
+
+    records: Sequence[EntityRecord]
+    children: list[list[int]]
+    directory: Path
+    prefab_directory: Path
+    assets: AssetStore
+    baselines: dict[str, list[EntityRecord] | None]
+
+
+def _node(job: _Collapse, row: int, depth: int) -> EntityNode:
+    record = job.records[row]
+    if depth > MAX_DEPTH:
+        raise SceneError(f"'{record.name}' is nested more than {MAX_DEPTH} deep, which a scene file cannot hold")
+    if record.prefab:
+        instance = _instance(job, row, depth)
+        if instance is not None:
+            return instance
+    return EntityNode(
+        name=record.name,
+        enabled=record.enabled,
+        components={name: _named(job, values) for name, values in _differences({}, record.components).items()},
+        children=[_node(job, child, depth + 1) for child in job.children[row]],
+    )
+
+
+def _instance(job: _Collapse, row: int, depth: int) -> EntityNode | None:
+    """The entity as an instance of its prefab, or None if it has become something else."""
+    record = job.records[row]
+    baseline = _baseline(job, record.prefab)
+    if baseline is None:
+        return None
+    original, present = _paths(baseline, _children_of(baseline), 0), _paths(job.records, job.children, row)
+    if original is None or present is None or not original.keys() <= present.keys():
+        return None
+    kept = {present[path] for path in original}
+    added = [r for path, r in present.items() if path not in original and job.records[r].parent in kept]
+    if any(job.records[r].parent != row for r in added):
+        return None
+    overrides: dict[str, ComponentChanges] = {}
+    for path, place in original.items():
+        was, now = baseline[place], job.records[present[path]]
+        if path and was.enabled != now.enabled:
+            return None
+        changes = _differences(was.components, now.components)
+        if path and changes:
+            overrides[path] = {name: _named(job, values) for name, values in changes.items()}
+    if not baseline[0].enabled and record.enabled:
+        return None
+    changes = _differences(baseline[0].components, record.components)
+    return EntityNode(
+        name="" if record.name == baseline[0].name else record.name,
+        enabled=record.enabled or not baseline[0].enabled,
+        prefab=_relative(job.prefab_directory / record.prefab, job.directory),
+        components={name: _named(job, values) for name, values in changes.items()},
+        overrides=overrides,
+        children=[_node(job, child, depth + 1) for child in added],
+    )
+
+
+def _baseline(job: _Collapse, prefab: str) -> list[EntityRecord] | None:
+    """The prefab as its file has it, or None if that is gone."""
+    if prefab not in job.baselines:
+        document = SceneDocument(entities=[EntityNode(prefab=prefab)])
+        try:
+            job.baselines[prefab] = expand(document, directory=job.prefab_directory, assets=job.assets)
+        except (SceneError, AssetError) as error:
+            logger.warning("the prefab %s cannot be read any more, its entities are written out: %s", prefab, error)
+            job.baselines[prefab] = None
+    return job.baselines[prefab]
+
+
+def _children_of(records: Sequence[EntityRecord]) -> list[list[int]]:
+    children: list[list[int]] = [[] for _ in records]
+    for row, record in enumerate(records):
+        if record.parent >= 0:
+            children[record.parent].append(row)
+    return children
+
+
+def _paths(records: Sequence[EntityRecord], children: list[list[int]], root: int) -> dict[str, int] | None:
+    """Row by path of names below `root` (itself at ""), in order; None if two have the same path."""
+    paths = {"": root}
+    waiting = [(child, "") for child in reversed(children[root])]
+    while waiting:
+        row, above = waiting.pop()
+        path = f"{above}/{records[row].name}" if above else records[row].name
+        if path in paths:
+            return None
+        paths[path] = row
+        waiting.extend((child, path) for child in reversed(children[row]))
+    return paths
+
+
+def _differences(was: ComponentValues, now: ComponentValues) -> ComponentChanges:
+    """What must be laid over `was` to get `now`."""
+    changes: ComponentChanges = {}
+    for name in declarations():
+        if name in now:
+            old, new = _full_values(name, was.get(name, {})), _full_values(name, now[name])
+            changed = {field: value for field, value in new.items() if value != old[field]}
+            if changed or name not in was:
+                changes[name] = changed
+        elif name in was:
+            changes[name] = None
+    for name in now:
+        declaration_of(name)  # an unknown component must not get lost without a word
+    return changes
+
+
+def _full_values(name: str, values: dict[str, Any]) -> dict[str, Any]:
+    component = component_from(name, values)
+    return {field.name: _tidy(field, getattr(component, field.name)) for field in declaration_of(name).fields}
+
+
+def _tidy(field: FieldDeclaration, value: Any) -> Any:
+    """A value as it is best written: what is stored in 32 bits with the fewest digits that give the same 32 bits."""
+    if isinstance(value, tuple):
+        return [_tidy(field, element) for element in value]
+    if isinstance(value, float) and field.dtype == "f4":
+        return float(str(np.float32(value)))
+    return value
+
+
+def _named(job: _Collapse, values: dict[str, Any] | None) -> dict[str, Any] | None:
+    """The values with content references turned into the files they came from."""
+    if values is None:
+        return None
+    return {key: _source(job, value) if isinstance(value, str) else value for key, value in values.items()}
+
+
+def _source(job: _Collapse, value: str) -> str:
+    if not is_reference(value):
+        return value
+    path, hash_sign, fragment = job.assets.source(value).partition("#")
+    return _relative(Path(path), job.directory) + hash_sign + fragment if path else value
+
+
+def _relative(path: Path, directory: Path) -> str:
+    return Path(os.path.relpath(os.path.normpath(path), directory)).as_posix()

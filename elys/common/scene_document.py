@@ -1,0 +1,79 @@
+"""What a scene is before it lives: the document as it stands in a file, and the flat records it is made of.
+
+A SceneDocument nests (children stand inside their parents, prefabs are named), so that its file reads and diffs well. Expanded,
+it is a list of EntityRecords, parents first, in which every reference is resolved: what the simulation loads and what a
+Spawn command carries.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Final
+
+import msgspec
+from msgspec import Meta
+
+SCENE_VERSION: Final = 1
+
+# Both bounds are given wherever one is needed: they are what refuses NaN on the bus.
+Acceleration = Annotated[float, Meta(ge=-1e6, le=1e6)]
+Radiance = Annotated[float, Meta(ge=0.0, le=1e6)]
+
+ComponentValues = dict[str, dict[str, Any]]  # component name -> field name -> plain JSON value
+ComponentChanges = dict[str, dict[str, Any] | None]  # the same over a prefab's; null takes the component away
+
+
+class SceneSettings(msgspec.Struct, frozen=True, kw_only=True):
+    """What holds for the whole scene."""
+
+    gravity: Annotated[
+        tuple[Acceleration, Acceleration, Acceleration],
+        Meta(description="Acceleration of everything that falls.", extra={"unit": "m/s2"}),
+    ] = (0.0, -9.81, 0.0)
+    tick_rate: Annotated[
+        int, Meta(ge=1, le=10_000, description="Ticks in a second of simulation.", extra={"unit": "Hz"})
+    ] = 60
+    substeps: Annotated[int, Meta(ge=1, le=64, description="Steps of the contact solver in a tick.")] = 4
+    background: Annotated[
+        tuple[Radiance, Radiance, Radiance], Meta(description="Colour behind everything, linear.")
+    ] = (0.3, 0.42, 0.6)
+    ambient: Annotated[
+        tuple[Radiance, Radiance, Radiance],
+        Meta(description="Light that reaches every surface from everywhere, linear radiance."),
+    ] = (0.25, 0.27, 0.3)
+
+
+class EntityNode(msgspec.Struct, kw_only=True):
+    """An entity in a scene file, with its children.
+
+    With `prefab` (another scene file or a glTF model, relative to this file) the prefab's root takes this place: `components`
+    are laid over the root's and `overrides` over those of its descendants, by path of names ("Arm/Hand").
+    """
+
+    name: str = ""
+    enabled: bool = True
+    prefab: str = ""
+    components: ComponentChanges = {}
+    overrides: dict[str, ComponentChanges] = {}
+    children: list[EntityNode] = []
+
+
+class SceneDocument(msgspec.Struct, kw_only=True):
+    """A scene file's content. A prefab is a document with exactly one root entity."""
+
+    name: str = ""
+    settings: SceneSettings = SceneSettings()
+    entities: list[EntityNode] = []
+
+
+class EntityRecord(msgspec.Struct, frozen=True, kw_only=True):
+    """One entity of an expanded scene.
+
+    `parent` is the index of the parent within the same list (-1: a root); parents stand before their children.
+    `components` need to hold only what differs from the defaults. `prefab` names where an instance's root came from.
+    """
+
+    name: str
+    parent: int = -1
+    enabled: bool = True
+    components: ComponentValues = {}
+    prefab: str = ""

@@ -1,0 +1,248 @@
+"""From a SceneDocument to records: prefabs put in place, overrides laid over them, files turned into content references."""
+
+from __future__ import annotations
+
+import difflib
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final, NoReturn
+
+from elys.common.assets.gltf import MODEL_SUFFIXES, ImportedModel, import_model
+from elys.common.assets.images import IMAGE_SUFFIXES, read_image
+from elys.common.assets.primitives import PRIMITIVES, is_primitive
+from elys.common.assets.store import AssetStore, is_reference
+from elys.common.components import Kind, declaration_of
+from elys.common.errors import AssetError, SceneError
+from elys.common.scene_document import ComponentChanges, ComponentValues, EntityNode, EntityRecord, SceneDocument
+from elys.common.scene_reading import read_scene
+
+MAX_EXPANDED: Final = 1_000_000  # a few prefabs inside one another could ask for any number of entities
+
+
+def expand(document: SceneDocument, *, directory: str | Path, assets: AssetStore) -> list[EntityRecord]:
+    """The entities of a document, parents first; what it names by file is read relative to `directory`, into `assets`.
+
+    Raises:
+        SceneError: a prefab or asset is missing or wrong, prefabs contain themselves, an override names nobody; the sentence
+            starts with the place in the document.
+    """
+    job = _Expansion(directory=Path(directory).absolute(), assets=assets)
+    for index, node in enumerate(document.entities):
+        _append_entity(job, node, -1, _Place(job.directory, f"entities[{index}]", ()))
+    return [
+        EntityRecord(name=d.name, parent=d.parent, enabled=d.enabled, components=d.components, prefab=d.prefab)
+        for d in job.drafts
+    ]
+
+
+@dataclass(slots=True, kw_only=True)
+class _Draft:
+    """A record in the making."""
+
+    name: str
+    parent: int
+    enabled: bool
+    components: ComponentValues
+    prefab: str = ""
+
+
+@dataclass(slots=True, kw_only=True)
+class _Expansion:
+    """What the steps of one expansion share; every file is read once."""
+
+    directory: Path
+    assets: AssetStore
+    drafts: list[_Draft] = field(default_factory=list)
+    documents: dict[Path, SceneDocument] = field(default_factory=dict)
+    models: dict[Path, ImportedModel] = field(default_factory=dict)
+    references: dict[Path, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """Where in the files we are: the directory that references are relative to, words for errors, the prefabs we are in."""
+
+    directory: Path
+    words: str
+    inside: tuple[Path, ...]
+
+    def at(self, words: str) -> _Place:
+        return _Place(self.directory, f"{self.words}.{words}", self.inside)
+
+
+def _append_entity(job: _Expansion, node: EntityNode, parent: int, place: _Place) -> None:
+    """Appends the drafts of an entity and all below it."""
+    row = len(job.drafts)
+    if row >= MAX_EXPANDED:
+        _fail(place, f"more than {MAX_EXPANDED} entities; a prefab is instanced too often")
+    components = _resolved(job, node.components, place.at("components"))
+    if node.prefab:
+        _append_prefab(job, node.prefab, parent, place)
+        root = job.drafts[row]
+        root.name = node.name or root.name
+        root.enabled = root.enabled and node.enabled
+        root.prefab = _relative(place.directory / node.prefab, job.directory)
+        _lay_over(root, components)
+        _apply_overrides(job, row, node, place)
+    else:
+        draft = _Draft(name=node.name or "Entity", parent=parent, enabled=node.enabled, components={})
+        _lay_over(draft, components)
+        job.drafts.append(draft)
+    for index, child in enumerate(node.children):
+        _append_entity(job, child, row, place.at(f"children[{index}]"))
+
+
+def _append_prefab(job: _Expansion, prefab: str, parent: int, place: _Place) -> None:
+    here = place.at("prefab")
+    path = _path(place.directory, prefab, here)
+    if path.suffix.lower() in MODEL_SUFFIXES:
+        _append_model(job, _model(job, path, here), parent)
+    elif path.suffix.lower() == ".json":
+        if path in place.inside:
+            chain = " -> ".join(p.name for p in (*place.inside[place.inside.index(path) :], path))
+            _fail(here, f"prefabs contain themselves: {chain}")
+        document = _prefab_document(job, path, here)
+        _append_entity(job, document.entities[0], parent, _Place(path.parent, here.words, (*place.inside, path)))
+    else:
+        _fail(here, f"{prefab} is no prefab; prefabs are .prefab.json, .scene.json, .gltf or .glb files")
+
+
+def _append_model(job: _Expansion, model: ImportedModel, parent: int) -> None:
+    start = len(job.drafts)
+    for record in model.records:
+        job.drafts.append(
+            _Draft(
+                name=record.name,
+                parent=parent if record.parent < 0 else start + record.parent,
+                enabled=record.enabled,
+                components={name: dict(values) for name, values in record.components.items()},
+            )
+        )
+
+
+def _prefab_document(job: _Expansion, path: Path, place: _Place) -> SceneDocument:
+    if path not in job.documents:
+        try:
+            job.documents[path] = read_scene(path)
+        except SceneError as error:
+            _fail(place, str(error), error)
+    document = job.documents[path]
+    if len(document.entities) != 1:
+        _fail(place, f"{path.name} has {len(document.entities)} root entities; a prefab has exactly one")
+    return document
+
+
+def _model(job: _Expansion, path: Path, place: _Place) -> ImportedModel:
+    if path not in job.models:
+        try:
+            job.models[path] = import_model(path, job.assets)
+        except AssetError as error:
+            _fail(place, str(error), error)
+    return job.models[path]
+
+
+def _lay_over(draft: _Draft, changes: ComponentChanges) -> None:
+    for name, values in changes.items():
+        if values is None:
+            draft.components.pop(name, None)
+        else:
+            draft.components[name] = {**draft.components.get(name, {}), **values}
+
+
+def _apply_overrides(job: _Expansion, root: int, node: EntityNode, place: _Place) -> None:
+    if not node.overrides:
+        return
+    rows_by_path: dict[str, list[int]] = {}
+    paths: dict[int, str] = {root: ""}
+    for row in range(root + 1, len(job.drafts)):
+        above = paths[job.drafts[row].parent]
+        paths[row] = f"{above}/{job.drafts[row].name}" if above else job.drafts[row].name
+        rows_by_path.setdefault(paths[row], []).append(row)
+    for path, changes in node.overrides.items():
+        here = place.at(f'overrides["{path}"]')
+        rows = rows_by_path.get(path, [])
+        if not rows:
+            close = difflib.get_close_matches(path, list(rows_by_path), n=1, cutoff=0.5)
+            remedy = f"; did you mean '{close[0]}'?" if close else ""
+            _fail(here, f"the prefab has nobody at this path{remedy}")
+        if len(rows) > 1:
+            _fail(here, f"the prefab has {len(rows)} entities at this path; give siblings different names")
+        _lay_over(job.drafts[rows[0]], _resolved(job, changes, here))
+
+
+def _resolved(job: _Expansion, changes: ComponentChanges, place: _Place) -> ComponentChanges:
+    """The same values, with content references where they name files."""
+    resolved: ComponentChanges = {}
+    for name, values in changes.items():
+        if values is None:
+            resolved[name] = None
+            continue
+        fields = {f.name for f in declaration_of(name).fields if f.kind is Kind.ASSET}
+        resolved[name] = {
+            key: _asset(job, value, key, place.at(f"{name}.{key}")) if key in fields and value else value
+            for key, value in values.items()
+        }
+    return resolved
+
+
+def _asset(job: _Expansion, value: str, field_name: str, place: _Place) -> str:
+    """The content reference for what an ASSET field says."""
+    if is_primitive(value) or value.partition(":")[0].endswith(".py"):
+        return value
+    reference = value if is_reference(value) else _file_asset(job, value, place)
+    if not job.assets.has(reference):
+        _fail(place, f"there is no asset {value}; name the file it comes from")
+    expected = "mesh" if field_name == "mesh" else "image" if field_name.endswith("_texture") else None
+    kind = job.assets.kind(reference)
+    if expected and kind and kind != expected:
+        _fail(place, f"{value} is a {kind}, expected a {expected}")
+    return reference
+
+
+def _file_asset(job: _Expansion, value: str, place: _Place) -> str:
+    name, _, fragment = value.partition("#")
+    suffix = Path(name).suffix.lower()
+    if suffix in MODEL_SUFFIXES:
+        model = _model(job, _path(place.directory, name, place), place)
+        return _part_of_model(model, Path(name).name, fragment, place)
+    if suffix in IMAGE_SUFFIXES:
+        path = _path(place.directory, name, place)
+        if path not in job.references:
+            try:
+                job.references[path] = read_image(path, job.assets)
+            except AssetError as error:
+                _fail(place, str(error), error)
+        return job.references[path]
+    close = difflib.get_close_matches(value.lower(), list(PRIMITIVES), n=1, cutoff=0.6)
+    remedy = f"did you mean '{close[0]}'?" if close else f"built in are {', '.join(PRIMITIVES)}"
+    return _fail(place, f"{value!r} is no mesh that is built in, no model and no image; {remedy}")
+
+
+def _part_of_model(model: ImportedModel, name: str, fragment: str, place: _Place) -> str:
+    parts = {f"{mesh}/{primitive}": reference for (mesh, primitive), reference in model.meshes.items()}
+    if not fragment and len(parts) == 1:
+        return next(iter(parts.values()))
+    parts |= {f"image/{index}": reference for index, reference in model.images.items()}
+    if fragment not in parts:
+        some = ", ".join(f"{name}#{part}" for part in list(parts)[:4])
+        _fail(
+            place,
+            f"{name} has no part '{fragment}'; it has {some or 'nothing to draw'}{', ...' if len(parts) > 4 else ''}",
+        )
+    return parts[fragment]
+
+
+def _path(directory: Path, name: str, place: _Place) -> Path:
+    if "\0" in name:
+        _fail(place, f"{name!r} is not a path")
+    # normpath, not resolve: a prefab reached by a link is looked for beside the link.
+    return Path(os.path.normpath(directory / name))
+
+
+def _relative(path: Path, directory: Path) -> str:
+    return Path(os.path.relpath(os.path.normpath(path), directory)).as_posix()
+
+
+def _fail(place: _Place, problem: str, cause: Exception | None = None) -> NoReturn:
+    raise SceneError(f"{place.words}: {problem}") from cause

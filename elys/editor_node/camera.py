@@ -1,0 +1,124 @@
+"""The viewport's camera: turns about a target, pans, zooms to the cursor and flies."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elys.bus.messages.views import ViewCamera
+from elys.common.math import matrix, quaternion
+
+ORBIT_SPEED: Final = 0.006  # [rad/pixel]
+LOOK_SPEED: Final = 0.004  # [rad/pixel]
+ZOOM_STEP: Final = 0.88  # distance left after one notch of the wheel
+PITCH_LIMIT: Final = math.radians(89.0)
+MIN_DISTANCE: Final = 0.02  # [m]
+MAX_DISTANCE: Final = 20_000.0  # [m]
+
+Vector = NDArray[np.float64]
+
+
+class OrbitCamera:
+    """A point of view at `distance` from a `target`, turned by yaw about the world's y and pitch about its own x."""
+
+    def __init__(self) -> None:
+        self.target: Vector = np.array((0.0, 0.75, 0.0))  # [m]
+        self.distance = 12.0  # [m]
+        self.yaw = math.radians(35.0)
+        self.pitch = math.radians(-24.0)
+        self.field_of_view = 0.9  # [rad] vertical
+        self.fly_speed = 6.0  # [m/s]
+
+    @property
+    def rotation(self) -> Vector:
+        """world_from_view as a quaternion x y z w."""
+        turn = quaternion.from_axis_angle((0.0, 1.0, 0.0), self.yaw)
+        return quaternion.multiply(turn, quaternion.from_axis_angle((1.0, 0.0, 0.0), self.pitch))
+
+    @property
+    def position(self) -> Vector:
+        """Where it stands [m]."""
+        return self.target + self.backward * self.distance
+
+    @property
+    def backward(self) -> Vector:
+        """Away from what it looks at."""
+        return quaternion.rotate(self.rotation, (0.0, 0.0, 1.0))
+
+    @property
+    def view(self) -> ViewCamera:
+        """As it is sent to a render node. The clip planes go with the distance, so that depth stays fine up close."""
+        position, rotation = self.position, self.rotation
+        return ViewCamera(
+            position=(float(position[0]), float(position[1]), float(position[2])),
+            rotation=(float(rotation[0]), float(rotation[1]), float(rotation[2]), float(rotation[3])),
+            field_of_view=self.field_of_view,
+            near=min(0.1, max(0.005, self.distance * 0.01)),
+            far=max(1000.0, self.distance * 20.0),
+        )
+
+    def orbit(self, x: float, y: float) -> None:
+        """Turns about the target by a drag of x, y pixels."""
+        self.yaw = _wrapped(self.yaw - x * ORBIT_SPEED)
+        self.pitch = _clamped_pitch(self.pitch - y * ORBIT_SPEED)
+
+    def look(self, x: float, y: float) -> None:
+        """Turns about itself by a drag of x, y pixels."""
+        position = self.position
+        self.yaw = _wrapped(self.yaw - x * LOOK_SPEED)
+        self.pitch = _clamped_pitch(self.pitch - y * LOOK_SPEED)
+        self.target = position - self.backward * self.distance
+
+    def pan(self, x: float, y: float, height: int) -> None:
+        """Shifts by a drag of x, y pixels in a picture `height` pixels high: what lies at the target keeps under the pointer."""
+        scale = 2.0 * self.distance * math.tan(self.field_of_view / 2.0) / max(height, 1)
+        self.target = self.target + quaternion.rotate(self.rotation, (-x * scale, y * scale, 0.0))
+
+    def zoom(self, notches: float, toward: tuple[float, float], aspect: float) -> None:
+        """Comes closer by `notches` of the wheel; what lies under `toward` (-1 to 1, y up) at the target's depth stays there."""
+        before = self.distance
+        self.distance = min(max(before * ZOOM_STEP**notches, MIN_DISTANCE), MAX_DISTANCE)
+        reach = math.tan(self.field_of_view / 2.0) * (before - self.distance)
+        offset = (toward[0] * aspect * reach, toward[1] * reach, 0.0)
+        self.target = self.target + quaternion.rotate(self.rotation, offset)
+
+    def fly(self, right: float, up: float, forward: float, elapsed: float, *, fast: bool = False) -> None:
+        """Moves along its own axes; each is -1, 0 or 1."""
+        step = np.array((right, up, -forward))
+        length = float(np.linalg.norm(step))
+        if length > 0.0:
+            speed = self.fly_speed * (4.0 if fast else 1.0) * elapsed
+            self.target = self.target + quaternion.rotate(self.rotation, step / length * speed)
+
+    def frame(self, center: Vector, radius: float) -> None:
+        """Looks at a ball from where it fills most of the picture."""
+        self.target = np.asarray(center, dtype=np.float64)
+        self.distance = min(max(1.4 * radius / math.sin(self.field_of_view / 2.0), MIN_DISTANCE), MAX_DISTANCE)
+
+
+def view_from_world(camera: ViewCamera) -> Vector:
+    """(4, 4), row by row."""
+    world_from_view = matrix.compose_affine(np.array(camera.position), np.array(camera.rotation), np.ones(3))
+    return matrix.affine_to_mat4(matrix.inverse_affine(world_from_view))
+
+
+def clip_from_view(camera: ViewCamera, aspect: float) -> Vector:
+    """(4, 4), row by row."""
+    return matrix.perspective(camera.field_of_view, aspect, camera.near, camera.far)
+
+
+def project(camera: ViewCamera, aspect: float, point: Vector) -> tuple[float, float] | None:
+    """Where a point in the world is seen, x and y from -1 to 1 (y up); None behind the camera."""
+    clip = clip_from_view(camera, aspect) @ view_from_world(camera) @ np.append(point, 1.0)
+    return (float(clip[0] / clip[3]), float(clip[1] / clip[3])) if clip[3] > 1e-9 else None
+
+
+def _wrapped(angle: float) -> float:
+    return math.remainder(angle, math.tau)
+
+
+def _clamped_pitch(pitch: float) -> float:
+    return min(max(pitch, -PITCH_LIMIT), PITCH_LIMIT)

@@ -1,0 +1,98 @@
+"""The editor's own share of OpenGL: the window's context, the texture of the viewport and reading the window back.
+
+Everything else on the screen is drawn by Dear ImGui's backend, the scene by a render node.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from elys.common.errors import DisplayError
+
+
+class WindowContext:
+    """OpenGL 3.3 in the window whose context is current on this thread."""
+
+    def __init__(self) -> None:
+        try:
+            self._context = moderngl.create_context(require=330)
+        except Exception as error:  # moderngl raises plain Exception
+            raise DisplayError(
+                f"the window has no OpenGL 3.3 ({error}): update the graphics driver, or install Mesa's software one "
+                "(Debian, Ubuntu: apt install libegl1 libgl1-mesa-dri)"
+            ) from error
+
+    @property
+    def renderer(self) -> str:
+        """What draws, in the driver's words."""
+        return str(self._context.info["GL_RENDERER"])
+
+    def clear(self, width: int, height: int, color: tuple[float, float, float]) -> None:
+        """Starts a frame of the window; ImGui's backend binds no framebuffer of its own."""
+        self._context.screen.use()
+        self._context.viewport = (0, 0, width, height)
+        self._context.screen.clear(*color, 1.0)
+
+    def read_window(self, width: int, height: int) -> NDArray[np.uint8]:
+        """What the window shows, [height, width, 4] RGBA from the top row down."""
+        data = self._context.screen.read(viewport=(0, 0, width, height), components=4, alignment=1)
+        return np.frombuffer(data, np.uint8).reshape(height, width, 4)[::-1]
+
+    def picture(self) -> ViewportPicture:
+        """A texture to show pictures of the scene with."""
+        return ViewportPicture(self._context)
+
+    def release(self) -> None:
+        """Gives the context back."""
+        self._context.release()
+
+
+class ViewportPicture:
+    """The newest picture of a view. Rows stand as GL reads them: the bottom one first."""
+
+    def __init__(self, context: Any) -> None:
+        self._context = context
+        self._texture: Any = None
+        self._outgrown: list[Any] = []  # of older sizes, perhaps still in a draw list that is not drawn yet
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height [pixels]; (0, 0) before the first upload."""
+        return self._texture.size if self._texture is not None else (0, 0)
+
+    @property
+    def name(self) -> int:
+        """GL's name of the texture, for ImGui."""
+        return self._texture.glo if self._texture is not None else 0
+
+    def upload(self, pixels: bytes | memoryview | NDArray[np.uint8], width: int, height: int) -> None:
+        """Shows `width * height` RGBA pixels from now on, straight from any buffer."""
+        for texture in self._outgrown:
+            texture.release()
+        self._outgrown.clear()
+        if self.size != (width, height):
+            if self._texture is not None:
+                self._outgrown.append(self._texture)
+            self._texture = self._context.texture((width, height), 4)
+            self._texture.swizzle = "RGB1"  # what a renderer leaves in alpha must not let the window shine through
+        self._texture.write(pixels, alignment=1)
+
+    def release(self) -> None:
+        """Frees the textures."""
+        for texture in (*self._outgrown, self._texture):
+            if texture is not None:
+                texture.release()
+        self._outgrown.clear()
+        self._texture = None
+
+
+def save_picture(pixels: NDArray[np.uint8], path: str | Path) -> None:
+    """Writes [height, width, 4] RGBA pixels as an opaque picture; the file's ending names the format."""
+    from PIL import Image
+
+    Image.fromarray(np.ascontiguousarray(pixels[..., :3])).save(path)

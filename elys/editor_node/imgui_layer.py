@@ -1,0 +1,147 @@
+"""The layer of widgets: Dear ImGui on top of the stack, drawing what it is given and consuming what its widgets want."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from imgui_bundle import imgui, imguizmo
+
+from elys.editor_node.events import (
+    CharacterTyped,
+    CursorEntered,
+    Event,
+    Key,
+    KeyPressed,
+    KeyReleased,
+    MouseMoved,
+    MousePressed,
+    MouseReleased,
+    MouseScrolled,
+    WindowFocused,
+)
+from elys.editor_node.gpu import WindowContext
+from elys.editor_node.theme import BACKGROUND, apply_theme, load_fonts
+from elys.editor_node.window import Window
+
+_GLSL_VERSION: Final = "#version 330"
+
+
+class ImGuiLayer:
+    """Feeds ImGui every event it is offered and builds its frame with `draw`.
+
+    `reserves` says of an event whether a panel takes it raw from a layer below (the viewport does), so that it is not consumed.
+    """
+
+    def __init__(
+        self,
+        window: Window,
+        context: WindowContext,
+        *,
+        draw: Callable[[float], None],
+        reserves: Callable[[Event], bool],
+        layout_file: Path | None,
+    ) -> None:
+        self._window = window
+        self._context = context
+        self._draw = draw
+        self._reserves = reserves
+        self._held: set[int] = set()  # modifier keys that are down
+        self._imgui = imgui.create_context()
+        io = imgui.get_io()
+        io.config_flags |= imgui.ConfigFlags_.docking_enable.value
+        io.config_windows_move_from_title_bar_only = True
+        io.config_input_trickle_event_queue = True
+        if layout_file is not None:
+            layout_file.parent.mkdir(parents=True, exist_ok=True)
+        io.set_ini_filename(str(layout_file) if layout_file is not None else "")
+        self.fonts = load_fonts()
+        apply_theme(window.content_scale)
+        # Callbacks stay ours: events reach ImGui through the stack, like every other layer.
+        imgui.backends.glfw_init_for_opengl(window.address, False)
+        imgui.backends.opengl3_init(_GLSL_VERSION)
+        if window.null_platform:
+            self.on_event(CursorEntered(True))
+
+    def on_event(self, event: Event) -> bool:
+        """Tells ImGui; consumes what its widgets want, unless a panel reserves it for a layer below."""
+        io = imgui.get_io()
+        match event:
+            case MouseMoved(x, y):
+                io.add_mouse_pos_event(x, y)
+            case MousePressed(button) | MouseReleased(button):
+                io.add_mouse_button_event(button, isinstance(event, MousePressed))
+                return io.want_capture_mouse and isinstance(event, MousePressed) and not self._reserves(event)
+            case MouseScrolled(x, y):
+                io.add_mouse_wheel_event(x, y)
+                return io.want_capture_mouse and not self._reserves(event)
+            case KeyPressed(key) | KeyReleased(key):
+                self._feed_key(key, pressed=isinstance(event, KeyPressed))
+                return io.want_text_input or imgui.is_popup_open(
+                    "", imgui.PopupFlags_.any_popup_id.value | imgui.PopupFlags_.any_popup_level.value
+                )
+            case CharacterTyped(codepoint):
+                io.add_input_character(codepoint)
+                return io.want_text_input
+            case CursorEntered(inside):
+                imgui.backends.glfw_cursor_enter_callback(self._window.address, int(inside))
+            case WindowFocused(focused):
+                self._held.clear()
+                io.add_focus_event(focused)
+        return False
+
+    def update(self, elapsed: float) -> None:
+        """Builds and draws one frame of widgets."""
+        imgui.backends.opengl3_new_frame()
+        imgui.backends.glfw_new_frame()
+        imgui.new_frame()
+        imguizmo.im_guizmo.begin_frame()
+        self._draw(elapsed)
+        imgui.render()
+        self._context.clear(*self._window.framebuffer_size, BACKGROUND)
+        imgui.backends.opengl3_render_draw_data(imgui.get_draw_data())
+
+    @property
+    def is_typing(self) -> bool:
+        """Whether a text cursor blinks somewhere."""
+        return imgui.get_io().want_text_input
+
+    def close(self) -> None:
+        """Ends ImGui; the window's context must still be current."""
+        imgui.backends.opengl3_shutdown()
+        imgui.backends.glfw_shutdown()
+        imgui.destroy_context(self._imgui)
+
+    def _feed_key(self, key: int, *, pressed: bool) -> None:
+        io = imgui.get_io()
+        if key in _MODIFIER_OF:
+            (self._held.add if pressed else self._held.discard)(key)
+            for modifier in (imgui.Key.mod_ctrl, imgui.Key.mod_shift, imgui.Key.mod_alt, imgui.Key.mod_super):
+                io.add_key_event(modifier, any(_MODIFIER_OF[held] == modifier for held in self._held))
+        named = _IMGUI_KEYS.get(key)
+        if named is not None:
+            io.add_key_event(named, pressed)
+
+
+_MODIFIER_OF: Final[dict[int, imgui.Key]] = {
+    Key.LEFT_CTRL: imgui.Key.mod_ctrl,
+    Key.RIGHT_CTRL: imgui.Key.mod_ctrl,
+    Key.LEFT_SHIFT: imgui.Key.mod_shift,
+    Key.RIGHT_SHIFT: imgui.Key.mod_shift,
+    Key.LEFT_ALT: imgui.Key.mod_alt,
+    Key.RIGHT_ALT: imgui.Key.mod_alt,
+    Key.LEFT_SUPER: imgui.Key.mod_super,
+    Key.RIGHT_SUPER: imgui.Key.mod_super,
+}
+
+
+def _imgui_key(key: Key) -> imgui.Key:
+    """ImGui names its keys as `Key` does, but for digits that stand alone."""
+    name = key.name.lower().replace("digit_", "_").replace("keypad_", "keypad")
+    special = {"keypaddecimal": "keypad_decimal", "keypaddivide": "keypad_divide", "keypadmultiply": "keypad_multiply",
+               "keypadsubtract": "keypad_subtract", "keypadadd": "keypad_add", "keypadenter": "keypad_enter"}  # fmt: skip
+    return getattr(imgui.Key, special.get(name, name))
+
+
+_IMGUI_KEYS: Final[dict[int, imgui.Key]] = {key: _imgui_key(key) for key in Key}

@@ -1,0 +1,219 @@
+"""The editor without its window: what is shown, what is selected and what can be done. Needs no display to be tested.
+
+Nothing here changes the scene. Every operation is a command to the host; what the panels show is what the host echoed.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Callable, Iterable
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elys.bus import topics
+from elys.bus.messages.commands import (
+    Command,
+    CommandRecord,
+    CommandReply,
+    CommandRequest,
+    Seek,
+    SetLoop,
+    SetPlaying,
+    SetRate,
+    StepTicks,
+)
+from elys.bus.messages.session import LogLine, SessionStatus, TickProfile
+from elys.bus.session import Session
+from elys.common.errors import BusError
+from elys.editor_node.console_log import ConsoleLog, Level
+from elys.editor_node.history import History, Outcome
+from elys.editor_node.operations import Operations
+from elys.editor_node.scene_mirror import EditorScene
+from elys.editor_node.selection import Selection
+
+COMMAND_TIMEOUT: Final = 5.0  # [s]
+
+
+class EditorModel:
+    """Everything the panels read, and the operations they call; those on the scene are in `edit`.
+
+    `run` must be running: it sends the edits and follows the scene.
+    """
+
+    def __init__(self, session: Session, *, request_redraw: Callable[[float], None] = lambda within: None) -> None:
+        self.session = session
+        self.request_redraw = request_redraw
+        self.console = ConsoleLog()
+        self.selection = Selection()
+        self.scene = EditorScene(session, on_change=self._scene_changed, on_state=lambda: self.request_redraw(0.1))
+        self.history = History(
+            self._ask, self.scene, on_outcome=self._tell_outcome, on_new_ids=self._follow_new_ids
+        )
+        self.edit = Operations(self.scene, self.selection, self.history)
+        self.status: SessionStatus | None = None
+        self.profiles: deque[TickProfile] = deque(maxlen=240)  # the newest last
+        self.connected = session.connected
+        self.error = ""  # why what the person tried last did not work, until something else is tried
+        session.subscribe(topics.STATUS, self._status_arrived)
+        session.subscribe(topics.LOG, self._line_arrived)
+        session.subscribe(topics.PROFILE, self._profile_arrived)
+        session.subscribe(topics.COMMANDS, self._command_seen)
+        session.on_link(self._link_changed)
+
+    async def run(self) -> None:
+        """Follows the scene and sends the edits, until cancelled."""
+        async with asyncio.TaskGroup() as group:
+            group.create_task(self.scene.follow())
+            group.create_task(self.history.run())
+
+    # --- time ------------------------------------------------------------------------------------------------------
+
+    @property
+    def is_playing(self) -> bool:
+        """Whether time goes on, as the host last said."""
+        return self.status is not None and self.status.playing
+
+    @property
+    def is_replay(self) -> bool:
+        """Whether the host shows a recording."""
+        return self.status is not None and self.status.kind == "replay"
+
+    def toggle_playing(self) -> None:
+        """Play or pause."""
+        self.command("Pause" if self.is_playing else "Play", SetPlaying(playing=not self.is_playing))
+
+    def step(self, count: int = 1) -> None:
+        """Goes on by `count` ticks; pauses first where it plays."""
+        if self.is_playing:
+            self.command("Pause", SetPlaying(playing=False))
+        self.command("Step", StepTicks(count=count))
+
+    def seek(self, time: float) -> None:
+        """Goes to a time [s] of a replay."""
+        self.command("Seek", Seek(time=time))
+
+    def set_rate(self, rate: float) -> None:
+        """Simulated seconds per second; 0 is as fast as it can."""
+        self.command("Set speed", SetRate(rate=rate))
+
+    def set_loop(self, loop: bool) -> None:
+        """Whether a replay starts again at its end."""
+        self.command("Set loop", SetLoop(loop=loop))
+
+    def command(self, label: str, command: Command) -> asyncio.Task[None]:
+        """Sends a command that changes no scene and so is not undone; a refusal is told in the console."""
+
+        async def ask() -> None:
+            try:
+                reply = await self._ask(command)
+            except BusError as error:
+                self.say("error", f"{label}: {error}")
+            else:
+                if not reply.accepted:
+                    self.say("error", f"{label} refused: {reply.reason}")
+
+        return self.session.start(ask())
+
+    # --- undo ------------------------------------------------------------------------------------------------------
+
+    def undo(self) -> None:
+        """Takes the last edit back."""
+        if self.history.undo_label or self.history.is_busy:
+            self.history.undo()
+
+    def redo(self) -> None:
+        """Makes again what was taken back last."""
+        if self.history.redo_label or self.history.is_busy:
+            self.history.redo()
+
+    # --- looking ---------------------------------------------------------------------------------------------------
+
+    def bounds_of(self, entities: Iterable[int]) -> tuple[NDArray[np.float64], float] | None:
+        """Centre [m] and radius [m] of a ball around entities, as far as the mirror knows their shapes; None for none."""
+        balls = [self.scene.ball_of(entity) for entity in entities if self.scene.exists(entity)]
+        if not balls:
+            return None
+        centers = np.array([center for center, _ in balls])
+        radii = np.array([radius for _, radius in balls])
+        lower, upper = (centers - radii[:, None]).min(axis=0), (centers + radii[:, None]).max(axis=0)
+        center = (lower + upper) / 2.0
+        return center, float(np.max(np.linalg.norm(centers - center, axis=1) + radii))
+
+    # --- telling ---------------------------------------------------------------------------------------------------
+
+    def say(self, level: Level, text: str, *, tick: int = -1) -> None:
+        """A line of the editor's own in the console."""
+        self.console.add("editor", level, text, tick=tick)
+        if level == "error":
+            self.error = text
+        self.request_redraw(0.0)
+
+    def node_label(self, node: str) -> str:
+        """What the console calls a node: its kind."""
+        known = self.session.nodes.get(node)
+        return known.kind if known is not None else node.rsplit("-", 1)[0]
+
+    # --- inside ----------------------------------------------------------------------------------------------------
+
+    async def _ask(self, command: Command) -> CommandReply:
+        request = CommandRequest(origin=self.session.node.id, command=command)
+        return await self.session.request(topics.COMMAND, request, timeout=COMMAND_TIMEOUT)
+
+    def _tell_outcome(self, outcome: Outcome) -> None:
+        for reason in dict.fromkeys(outcome.refusals):
+            self.say("error", f"{outcome.label} refused: {reason}", tick=outcome.tick)
+        if outcome.accepted:
+            self.say("info", outcome.label, tick=outcome.tick)
+
+    def _follow_new_ids(self, new_ids: dict[int, int]) -> None:
+        self.selection.remap(new_ids)
+        if not self.selection:
+            self.selection.replace(new_ids.values())
+
+    def _scene_changed(self) -> None:
+        self.selection.keep_only(self.scene.exists)
+        self.request_redraw(0.0)
+
+    def _status_arrived(self, status: SessionStatus, _: str) -> None:
+        changed = self.status is None or _shown(self.status) != _shown(status)
+        self.status = status
+        self.request_redraw(0.0 if changed else 0.25)
+
+    def _line_arrived(self, line: LogLine, _: str) -> None:
+        if line.node != self.session.node.id:
+            self.console.add(self.node_label(line.node), line.level, line.text, tick=line.tick, at=line.time)
+            self.request_redraw(0.1)
+
+    def _profile_arrived(self, profile: TickProfile, _: str) -> None:
+        self.profiles.append(profile)
+        self.request_redraw(0.25)
+
+    def _command_seen(self, record: CommandRecord, _: str) -> None:
+        if record.origin == self.session.node.id:
+            return
+        verdict = "" if record.accepted else f" refused: {record.reason}"
+        level: Level = "info" if record.accepted else "warning"
+        self.console.add(self.node_label(record.origin), level, f"{_named(record.command)}{verdict}", tick=record.tick)
+        self.request_redraw(0.1)
+
+    def _link_changed(self, connected: bool) -> None:
+        self.connected = connected
+        if connected:
+            self.history.forget()
+            self.say("info", "the simulation is back")
+        else:
+            self.say("warning", "the simulation is gone; waiting for it to return")
+
+
+def _shown(status: SessionStatus) -> tuple[Any, ...]:
+    return (status.playing, status.rate, status.kind, status.scene, status.loop)
+
+
+def _named(command: Command) -> str:
+    words = type(command).__struct_config__.tag
+    return str(words).replace("_", " ").capitalize()
+
+

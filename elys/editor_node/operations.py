@@ -1,0 +1,195 @@
+"""The edits a person can make, each one entry of the history, however many entities it touches."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elys.bus.messages.commands import (
+    AddComponent,
+    Command,
+    Despawn,
+    RemoveComponent,
+    Rename,
+    Reparent,
+    SetComponent,
+    SetEnabled,
+    SetSettings,
+    Spawn,
+)
+from elys.common.components import check_value, declaration_of
+from elys.common.math import matrix
+from elys.common.scene import EntityRecord, SceneSettings
+from elys.editor_node.edits import records_of
+from elys.editor_node.history import History, Outcome
+from elys.editor_node.primitives import primitive_record
+from elys.editor_node.scene_mirror import EditorScene
+from elys.editor_node.selection import Selection
+
+Done = asyncio.Future[Outcome]
+Point = NDArray[np.float64]
+
+
+class Operations:
+    """Builds the commands of an edit from the mirror and the selection, and hands them to the history.
+
+    Values are checked before they are sent: ComponentError for those that no host would accept. What changes nothing is not sent,
+    and answered with None.
+    """
+
+    def __init__(self, scene: EditorScene, selection: Selection, history: History) -> None:
+        self._scene = scene
+        self._selection = selection
+        self._history = history
+
+    def rename(self, entity: int, name: str) -> Done | None:
+        """Gives an entity another name; blanks around it are not part of it."""
+        name = name.strip()
+        if not name or not self._scene.exists(entity) or name == self._scene.name_of(entity):
+            return None
+        return self._perform(f"Rename to {name}", (Rename(entity=entity, name=name),))
+
+    def reparent(self, entities: Iterable[int], parent: int, index: int = -1) -> Done | None:
+        """Moves entities under `parent` (0: to the roots), in the order of the tree; each keeps its place in the world.
+
+        `index` is the place among the children before anything moves. Those that would come below themselves stay.
+        """
+        scene = self._scene
+        above = set(scene.ancestors_of(parent)) | {parent}
+        moving = [entity for entity in self.tops(entities) if entity not in above]
+        if index >= 0:
+            before = scene.children_of(parent)[:index]
+            index -= sum(entity in before for entity in moving)
+        else:
+            moving = [entity for entity in moving if scene.parent_of(entity) != parent]
+        commands: list[Command] = []
+        for offset, entity in enumerate(moving):
+            place = index + offset if index >= 0 else -1
+            if scene.place_of(entity) != (parent, place):
+                commands.append(Reparent(entity=entity, parent=parent, index=place))
+        target = scene.name_of(parent) if parent else "the top"
+        return self._perform(f"Move {self._described(moving)} to {target}", tuple(commands))
+
+    def set_enabled(self, entities: Iterable[int], enabled: bool) -> Done | None:
+        """Switches entities, and with them all below."""
+        targets = [e for e in entities if self._scene.exists(e) and self._scene.is_enabled(e) != enabled]
+        label = f"{'Enable' if enabled else 'Disable'} {self._described(targets)}"
+        return self._perform(label, tuple(SetEnabled(entity=entity, enabled=enabled) for entity in targets))
+
+    def set_fields(
+        self, entities: Iterable[int], component: str, values: Mapping[str, Any], *, stroke: object = None
+    ) -> Done | None:
+        """Sets the same values of a component on all of the entities that have it."""
+        return self.set_each(dict.fromkeys(entities, values), component, stroke=stroke)
+
+    def set_each(
+        self, values_of_entity: Mapping[int, Mapping[str, Any]], component: str, *, stroke: object = None
+    ) -> Done | None:
+        """Sets values of a component, each entity its own."""
+        declaration = declaration_of(component)
+        commands: list[Command] = []
+        for entity, values in values_of_entity.items():
+            current = self._scene.component_of(entity, component)
+            if current is None:
+                continue
+            checked = {name: check_value(declaration, declaration.field(name), v) for name, v in values.items()}
+            # Within a stroke the mirror may lag behind what was sent: the way back to the start must be sent as well.
+            if stroke is not None or any(getattr(current, name) != value for name, value in checked.items()):
+                commands.append(SetComponent(entity=entity, component=component, values=checked))
+        names = ", ".join(dict.fromkeys(name for values in values_of_entity.values() for name in values))
+        label = f"Set {component}.{names} of {self._described(list(values_of_entity))}"
+        return self._perform(label, tuple(commands), stroke=stroke)
+
+    def set_settings(self, settings: SceneSettings, *, stroke: object = None) -> Done | None:
+        """Changes the scene's settings."""
+        if settings == self._scene.settings and stroke is None:
+            return None
+        return self._perform("Change the scene's settings", (SetSettings(settings=settings),), stroke=stroke)
+
+    def add_component(self, entities: Iterable[int], component: str) -> Done | None:
+        """Gives a component with its defaults to all of the entities that have none."""
+        declaration_of(component)
+        targets = [e for e in entities if self._scene.exists(e) and component not in self._scene.components_of(e)]
+        commands = tuple(AddComponent(entity=entity, component=component) for entity in targets)
+        return self._perform(f"Add {component} to {self._described(targets)}", commands)
+
+    def remove_component(self, entities: Iterable[int], component: str) -> Done | None:
+        """Takes a component away."""
+        targets = [e for e in entities if self._scene.exists(e) and component in self._scene.components_of(e)]
+        commands = tuple(RemoveComponent(entity=entity, component=component) for entity in targets)
+        return self._perform(f"Remove {component} from {self._described(targets)}", commands)
+
+    def spawn(self, kind: str, *, parent: int = 0, at: Point | None = None) -> Done | None:
+        """Makes a box, a sphere, ... at a point in the world [m] and selects it."""
+        point = np.zeros(3) if at is None else np.asarray(at, dtype=np.float64)
+        if parent:
+            local_from_world = matrix.inverse_affine(self._scene.world_from_local(parent))
+            point = matrix.transform_points(local_from_world, point)
+        x, y, z = (round(float(value), 4) for value in point)
+        record = primitive_record(kind, name=self._free_name(kind, parent), position=(x, y, z))
+        return self._spawn(f"Add {record.name}", (Spawn(records=(record,), parent=parent),))
+
+    def duplicate(self) -> Done | None:
+        """Copies the selected entities with all below them, each beside its original, and selects the copies."""
+        # From the last on, so that a copy does not shift the places of those that are still to be copied.
+        commands: list[Command] = []
+        for entity in reversed(self.tops(self._selection)):
+            parent, index = self._scene.place_of(entity)
+            records, _ = records_of(self._scene, entity)
+            name = self._free_name(records[0].name, parent)
+            renamed = (_renamed(records[0], name), *records[1:])
+            commands.append(Spawn(records=renamed, parent=parent, index=index + 1))
+        return self._spawn(f"Duplicate {self._described(self.tops(self._selection))}", tuple(commands))
+
+    def delete(self) -> Done | None:
+        """Ends the selected entities with all below them."""
+        doomed = self.tops(self._selection)
+        commands = tuple(Despawn(entity=entity) for entity in doomed)
+        return self._perform(f"Delete {self._described(doomed)}", commands)
+
+    def tops(self, entities: Iterable[int]) -> list[int]:
+        """Those that have none of the others above them, in the order of the tree."""
+        scene = self._scene
+        chosen = {entity for entity in entities if scene.exists(entity)}
+        tops = [entity for entity in chosen if not chosen.intersection(scene.ancestors_of(entity))]
+        return sorted(tops, key=scene.path_of)
+
+    def _perform(self, label: str, commands: tuple[Command, ...], *, stroke: object = None) -> Done | None:
+        return self._history.perform(label, commands, stroke=stroke) if commands else None
+
+    def _spawn(self, label: str, commands: tuple[Command, ...]) -> Done | None:
+        done = self._perform(label, commands)
+        if done is not None:
+            done.add_done_callback(self._select_spawned)
+        return done
+
+    def _select_spawned(self, done: Done) -> None:
+        if not done.cancelled() and done.result().spawned:
+            self._selection.replace(reversed(done.result().spawned))
+
+    def _described(self, entities: list[int]) -> str:
+        if len(entities) == 1:
+            return self._scene.name_of(entities[0]) or "an entity"
+        return f"{len(entities)} entities"
+
+    def _free_name(self, name: str, parent: int) -> str:
+        """`name`, or with the first number behind it that no sibling has."""
+        taken = {self._scene.name_of(child) for child in self._scene.children_of(parent)}
+        if name not in taken:
+            return name
+        stem = re.sub(r" \d+$", "", name)
+        number = 2
+        while f"{stem} {number}" in taken:
+            number += 1
+        return f"{stem} {number}"
+
+
+def _renamed(record: EntityRecord, name: str) -> EntityRecord:
+    return EntityRecord(
+        name=name, parent=record.parent, enabled=record.enabled, components=record.components, prefab=record.prefab
+    )

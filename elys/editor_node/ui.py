@@ -1,0 +1,97 @@
+"""What all panels share: the model, the fonts, the tool in hand, and where widgets came to stand on the screen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from imgui_bundle import imgui
+
+from elys.editor_node.model import EditorModel
+from elys.editor_node.theme import ACCENT, Fonts, Rgba
+
+Tool = Literal["select", "move", "rotate", "scale"]
+
+
+@dataclass(slots=True)
+class Tools:
+    """What the pointer does in the viewport."""
+
+    tool: Tool = "move"
+    is_local: bool = False  # along the entity's own axes instead of the world's
+    shows_grid: bool = True
+    move_snap: float = 0.25  # [m]
+    rotate_snap: float = 15.0  # [degrees]
+    scale_snap: float = 0.1
+
+
+@dataclass(slots=True)
+class Landmarks:
+    """Rectangles (left, top, right, bottom) of widgets by name, as of the last frame that drew them.
+
+    They let a program find what a person sees: tests click there, tutorials point there.
+    """
+
+    is_wanted: bool = False
+    rectangles: dict[str, tuple[float, float, float, float]] = field(default_factory=dict)
+
+    def note(self, name: str) -> None:
+        """Remembers where the last widget is."""
+        if self.is_wanted:
+            low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+            self.rectangles[name] = (low.x, low.y, high.x, high.y)
+
+    def center(self, name: str) -> tuple[float, float]:
+        """The middle of a widget; KeyError if it was never drawn."""
+        left, top, right, bottom = self.rectangles[name]
+        return (left + right) / 2.0, (top + bottom) / 2.0
+
+
+@dataclass(slots=True)
+class Ui:
+    """Handed to every panel's `draw`."""
+
+    model: EditorModel
+    fonts: Fonts
+    tools: Tools = field(default_factory=Tools)
+    landmarks: Landmarks = field(default_factory=Landmarks)
+
+
+def color_code(color: Rgba) -> int:
+    """As draw lists take it."""
+    return int(imgui.get_color_u32(imgui.ImVec4(*color)))
+
+
+def icon_button(
+    icon: str, name: str, tooltip: str, *, active: bool = False, enabled: bool = True, color: Rgba | None = None
+) -> bool:
+    """A flat square button with an icon; True when it is pressed."""
+    height = imgui.get_frame_height()
+    imgui.push_style_color(imgui.Col_.button, imgui.ImVec4(*(ACCENT[:3]), 0.30 if active else 0.0))
+    if color is not None:
+        imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*color))
+    imgui.push_style_var_x(imgui.StyleVar_.frame_padding, 0.0)
+    imgui.begin_disabled(not enabled)
+    pressed = imgui.button(f"{icon}###{name}", (height * 1.15, height))
+    imgui.end_disabled()
+    imgui.pop_style_var()
+    imgui.pop_style_color(2 if color is not None else 1)
+    if imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip | imgui.HoveredFlags_.allow_when_disabled):
+        imgui.set_tooltip(tooltip)
+    return pressed
+
+
+def dim_text(text: str) -> None:
+    """Less important text."""
+    imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(imgui.Col_.text_disabled))
+    imgui.text_unformatted(text)
+    imgui.pop_style_color()
+
+
+def centered_text(text: str, width: float) -> None:
+    """Wrapped text in the middle of what is left of the line."""
+    size = imgui.calc_text_size(text, wrap_width=width)
+    imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + max(0.0, (width - size.x) / 2.0))
+    imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + size.x + 1.0)
+    dim_text(text)
+    imgui.pop_text_wrap_pos()

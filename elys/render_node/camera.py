@@ -1,0 +1,98 @@
+"""Points of view as matrices and planes. `relative` space has the world's axes and its origin in the eye."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from elys.bus.messages.views import ViewCamera
+from elys.common.math import quaternion
+from elys.common.math.matrix import look_rotation, perspective
+
+Vector = NDArray[np.float64]
+FRAMING_DIRECTION: Final = (-0.55, -0.42, -0.72)  # where an automatic camera looks: down onto the scene, from the front right
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class View:
+    """A camera at one picture size."""
+
+    camera: ViewCamera
+    width: int
+    height: int
+    eye: Vector  # (3,) world [m]
+    world_from_view: Vector  # (3, 3) rotation alone: relative space has the eye as its origin
+    clip_from_relative: Vector  # (4, 4)
+
+    @classmethod
+    def of(cls, camera: ViewCamera, width: int, height: int) -> View:
+        """The view of a camera in a picture of `width` by `height` pixels."""
+        world_from_view = quaternion.to_matrix(quaternion.normalize(np.asarray(camera.rotation, np.float64)))
+        view_from_relative = np.eye(4)
+        view_from_relative[:3, :3] = world_from_view.T
+        near = max(camera.near, 1e-5)
+        clip_from_view = perspective(camera.field_of_view, width / height, near, max(camera.far, near * 1.001))
+        return cls(
+            camera=camera,
+            width=width,
+            height=height,
+            eye=np.array(camera.position, np.float64),
+            world_from_view=world_from_view,
+            clip_from_relative=clip_from_view @ view_from_relative,
+        )
+
+    def of_pixel(self, x: int, y: int) -> View:
+        """What is seen in one pixel, counted from the upper left, as a picture of that pixel alone."""
+        pixel_from_clip = np.eye(4)
+        pixel_from_clip[0, 0], pixel_from_clip[1, 1] = self.width, self.height
+        pixel_from_clip[0, 3] = self.width - 2.0 * x - 1.0
+        pixel_from_clip[1, 3] = 2.0 * y + 1.0 - self.height
+        return replace(self, width=1, height=1, clip_from_relative=pixel_from_clip @ self.clip_from_relative)
+
+
+def frustum_planes(clip_from_space: NDArray[np.floating]) -> Vector:
+    """Six planes (6, 4) with unit normals that point inwards. Gribb and Hartmann, "Fast Extraction of Viewing Frustum Planes"."""
+    m = clip_from_space
+    planes = np.stack([m[3] + m[0], m[3] - m[0], m[3] + m[1], m[3] - m[1], m[3] + m[2], m[3] - m[2]])
+    return planes / np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
+
+
+def frustum_corners(clip_from_space: NDArray[np.floating]) -> Vector:
+    """The eight corners (8, 3) of what is seen."""
+    cube = np.array([(x, y, z, 1.0) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    corners = cube @ np.linalg.inv(clip_from_space).T
+    return corners[:, :3] / corners[:, 3:]
+
+
+def framing_camera(
+    lower: ArrayLike,
+    upper: ArrayLike,
+    *,
+    aspect: float = 16 / 9,
+    field_of_view: float = 0.9,
+    direction: ArrayLike = FRAMING_DIRECTION,
+) -> ViewCamera:
+    """A camera that looks along `direction` and has the whole box from `lower` to `upper` (3,) [m] in the picture."""
+    low, high = np.asarray(lower, np.float64), np.asarray(upper, np.float64)
+    if not (np.isfinite(low).all() and np.isfinite(high).all() and (high >= low).all()):
+        low, high = np.full(3, -1.0), np.full(3, 1.0)
+    centre, half = (low + high) / 2, np.maximum((high - low) / 2, 1e-3)
+    rotation = look_rotation(direction)
+    view_from_world = quaternion.to_matrix(rotation).T
+    corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half @ view_from_world.T
+    tangent = np.tan(field_of_view / 2) * 0.94  # a margin
+    # Each corner asks for a distance at which it is within the opening angle; the greediest one gets it.
+    needed = np.maximum(np.abs(corners[:, 0]) / (tangent * aspect), np.abs(corners[:, 1]) / tangent) + corners[:, 2]
+    distance = max(float(needed.max()), 1e-3)
+    backward = view_from_world.T[:, 2]
+    reach = distance + float(np.linalg.norm(half)) * 2
+    return ViewCamera(
+        position=tuple((centre + backward * distance).tolist()),
+        rotation=tuple(rotation.tolist()),
+        field_of_view=field_of_view,
+        near=max(reach * 2e-4, 1e-3),
+        far=max(reach * 4, 100.0),
+    )

@@ -1,0 +1,138 @@
+"""Meshes and images by name, decoded off the drawing thread: what is not here yet is asked for and drawn when it comes."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elys.common.assets import Mesh, decode_mesh, is_primitive, primitive
+from elys.common.errors import AssetError, ElysError
+from elys.render_node.images import decode_image
+
+THREAD_COUNT: Final = 2  # decoding scales to two (measured), and fetching mostly waits
+UNKNOWN_SPHERE: Final = (0.0, 0.0, 0.0, 1e3)  # centre and radius of what is not here yet: culled never
+_log = logging.getLogger(__name__)
+
+
+class DrawableAssets:
+    """A cache in front of `fetch`, which gives the bytes of a reference or raises an ElysError, and may block.
+
+    `on_ready` is called, on any thread, when something asked for has come; `version` rises when a mesh came or failed.
+    """
+
+    def __init__(self, fetch: Callable[[str], bytes] | None = None, *, on_ready: Callable[[], None] = lambda: None) -> None:
+        self._fetch = fetch
+        self._on_ready = on_ready
+        self._lock = threading.Lock()
+        self._meshes: dict[str, Mesh] = {}
+        self._spheres: dict[str, tuple[float, float, float, float]] = {}
+        self._images: dict[str, NDArray[np.uint8]] = {}
+        self._pending: dict[str, Future[None]] = {}
+        self._pool: ThreadPoolExecutor | None = None
+        self.failed: dict[str, str] = {}  # reference -> why
+        self.version = 0
+
+    def mesh(self, name: str) -> Mesh | None:
+        """The mesh of that name, None while it is on its way or if it cannot be had."""
+        if is_primitive(name):
+            return primitive(name)
+        with self._lock:
+            if name in self._meshes:
+                return self._meshes[name]
+        self._ask(name, self._take_mesh)
+        return None
+
+    def take_image(self, reference: str) -> NDArray[np.uint8] | None:
+        """The pixels (H, W, 4), given away: asked again, the image is decoded again. None while it is on its way."""
+        with self._lock:
+            pixels = self._images.pop(reference, None)
+        if pixels is None:
+            self._ask(reference, self._take_image)
+        return pixels
+
+    def bounds_of(self, name: str) -> tuple[float, float, float, float]:
+        """Centre and radius [m] of a sphere around a mesh."""
+        if name not in self._spheres:
+            mesh = self.mesh(name)
+            if mesh is None:
+                return UNKNOWN_SPHERE
+            self._spheres[name] = _bounding_sphere(mesh)
+        return self._spheres[name]
+
+    @property
+    def pending_count(self) -> int:
+        """How many are on their way."""
+        with self._lock:
+            return len(self._pending)
+
+    def settle(self, timeout: float = 60.0) -> None:
+        """Waits until nothing is on its way, at most `timeout` seconds."""
+        with self._lock:
+            pending = list(self._pending.values())
+        wait(pending, timeout=timeout)
+
+    def retry_failed(self) -> None:
+        """Forgets what could not be had, as when another host may have it."""
+        with self._lock:
+            self.failed.clear()
+            self.version += 1
+
+    def close(self) -> None:
+        """Ends the threads; what is on its way is given up."""
+        if self._pool is not None:
+            self._pool.shutdown(wait=False, cancel_futures=True)
+
+    def _ask(self, reference: str, take: Callable[[str, bytes], None]) -> None:
+        with self._lock:
+            if reference in self._pending or reference in self.failed:
+                return
+            if self._pool is None:
+                self._pool = ThreadPoolExecutor(THREAD_COUNT, thread_name_prefix="elys-assets")
+            self._pending[reference] = self._pool.submit(self._load, reference, take)
+
+    def _load(self, reference: str, take: Callable[[str, bytes], None]) -> None:
+        try:
+            if self._fetch is None:
+                raise AssetError(f"there is no asset {reference!r}: nobody serves any")
+            take(reference, self._fetch(reference))
+        except ElysError as error:
+            _log.warning("drawn without %s: %s", reference, error)
+            self._fail(reference, str(error))
+        except Exception as error:
+            _log.exception("drawn without %s", reference)
+            self._fail(reference, str(error))
+        finally:
+            with self._lock:
+                self._pending.pop(reference, None)
+            self._on_ready()
+
+    def _take_mesh(self, reference: str, data: bytes) -> None:
+        mesh = decode_mesh(data)
+        with self._lock:
+            self._meshes[reference] = mesh
+            self.version += 1
+
+    def _take_image(self, reference: str, data: bytes) -> None:
+        pixels = decode_image(data)
+        with self._lock:
+            self._images[reference] = pixels
+
+    def _fail(self, reference: str, reason: str) -> None:
+        with self._lock:
+            self.failed[reference] = reason
+            self.version += 1
+
+
+def _bounding_sphere(mesh: Mesh) -> tuple[float, float, float, float]:
+    if not mesh.vertex_count:
+        return (0.0, 0.0, 0.0, 0.0)
+    lower, upper = mesh.bounds
+    centre: NDArray[Any] = (lower.astype(np.float64) + upper) / 2
+    radius = float(np.sqrt(((mesh.positions - centre) ** 2).sum(axis=1).max()))
+    return (float(centre[0]), float(centre[1]), float(centre[2]), radius)

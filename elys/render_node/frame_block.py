@@ -1,0 +1,78 @@
+"""The uniform block `Frame` of `shaders/frame.glsl`, byte for byte.
+
+Units: a sun's intensity is its illuminance in lx, other lights' intensity is in cd, and a white surface reflects illuminance / pi. The
+exposure is fixed at 1, so a sun of pi lx makes a white surface white on the screen: as glTF viewers do, where lights have
+intensities around 3, not the 100 000 lx of daylight.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elys.render_node.picture_plan import EXPOSURE, MAX_LAMPS, PicturePlan
+from elys.render_node.render_world import PlacedLight
+from elys.render_node.shadow_fit import MAP_SIZE
+
+GRID_PERIOD: Final = 10.0  # [m] after which the grid's pattern repeats
+NORMAL_OFFSET: Final = 1.4  # texels by which a shaded point is lifted off its surface before its shadow is looked up
+
+_LAMP: Final = np.dtype([("position_range", "<f4", 4), ("color_scale", "<f4", 4), ("direction_offset", "<f4", 4)])
+FRAME_DTYPE: Final = np.dtype(
+    [
+        ("clip_from_relative", "<f4", (4, 4)),
+        ("relative_from_clip", "<f4", (4, 4)),
+        ("shadow_from_relative", "<f4", (4, 4)),
+        ("sun_direction", "<f4", 4),
+        ("sun_illuminance", "<f4", 4),
+        ("shadow_scale", "<f4", 4),
+        ("background", "<f4", 4),
+        ("ambient", "<f4", 4),
+        ("grid_origin", "<f4", 4),
+        ("viewport", "<f4", 4),
+        ("lamps", _LAMP, MAX_LAMPS),
+    ]
+)
+# From clip space of the shadow map, -1..1, to where its texels are, 0..1.
+_MAP_FROM_CLIP: Final = np.array([(0.5, 0, 0, 0.5), (0, 0.5, 0, 0.5), (0, 0, 0.5, 0.5), (0, 0, 0, 1.0)])
+
+
+def frame_block(plan: PicturePlan) -> NDArray[np.void]:
+    """The block's content (1,) for a picture. Matrices are transposed: GL keeps columns together."""
+    block = np.zeros(1, FRAME_DTYPE)
+    frame = block[0]
+    view, settings = plan.view, plan.world.settings
+    frame["clip_from_relative"] = view.clip_from_relative.T
+    frame["relative_from_clip"] = np.linalg.inv(view.clip_from_relative).T
+    if plan.sun is not None:
+        light = plan.sun.light
+        frame["sun_direction"][:3] = -plan.sun.direction
+        frame["sun_direction"][3] = 1.0
+        frame["sun_illuminance"][:3] = np.multiply(light.color, light.intensity)
+    if plan.shadow is not None:
+        frame["shadow_from_relative"] = (_MAP_FROM_CLIP @ plan.shadow.map_from_relative).T
+        frame["sun_illuminance"][3] = 1.0
+        frame["shadow_scale"][:2] = (plan.shadow.texel * NORMAL_OFFSET, 1.0 / MAP_SIZE)
+    frame["background"][:3] = settings.background
+    frame["ambient"][:3] = settings.ambient
+    wrapped = view.eye % GRID_PERIOD
+    frame["grid_origin"] = (wrapped[0], view.eye[1], wrapped[2], EXPOSURE)
+    frame["viewport"] = (view.width, view.height, len(plan.lamps), view.camera.far)
+    for slot, placed in zip(frame["lamps"], plan.lamps, strict=False):
+        _fill_lamp(slot, placed, view.eye)
+    return block
+
+
+def _fill_lamp(slot: np.void, placed: PlacedLight, eye: NDArray[np.float64]) -> None:
+    light = placed.light
+    scale, offset = 0.0, 1.0
+    if light.kind == "spot":  # KHR_lights_punctual, "Inner and Outer Cone Angles"
+        outer = math.cos(light.outer_cone_angle)
+        scale = 1.0 / max(0.001, math.cos(light.inner_cone_angle) - outer)
+        offset = -outer * scale
+    slot["position_range"] = (*(placed.position - eye), light.range)
+    slot["color_scale"] = (*np.multiply(light.color, light.intensity), scale)
+    slot["direction_offset"] = (*placed.direction, offset)

@@ -1,0 +1,95 @@
+"""Memory of the graphics card, and meshes laid out in it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elys.render_node.gpu.context import Context
+from elys.render_node.gpu.program import Program
+
+# Where every vertex shader expects what, and as what: location, floats.
+VERTEX_ATTRIBUTES: Final[Mapping[str, tuple[int, int]]] = {
+    "positions": (0, 3),
+    "normals": (1, 3),
+    "uvs": (2, 2),
+    "tangents": (3, 4),
+    "colors": (4, 4),
+}
+# One row an instance: three rows of relative_from_local and the entity, whose bits travel as they are.
+INSTANCE_DTYPE: Final = np.dtype([("affine", "<f4", (3, 4)), ("entity", "<u4")])
+_FIRST_INSTANCE_LOCATION: Final = 5
+
+
+class Buffer:
+    """Bytes on the card, growing as needed."""
+
+    def __init__(self, context: Context, data: NDArray[Any] | bytes | None = None, *, size: int = 0) -> None:
+        self._context = context
+        self.raw = context.gl.buffer(data if data is not None else None, reserve=0 if data is not None else max(size, 16))
+        self._finalizer = context.adopt(self, "buffer", self.raw)
+
+    @property
+    def size(self) -> int:
+        """[bytes]"""
+        return int(self.raw.size)
+
+    def write(self, data: NDArray[Any]) -> None:
+        """Replaces the content from the start; what is on its way to the screen keeps the old one."""
+        if data.nbytes > self.size:
+            self.raw.orphan(max(data.nbytes, 2 * self.size))
+        else:
+            self.raw.orphan()
+        if data.nbytes:
+            self.raw.write(data)
+
+    def bind_block(self, binding: int, *, offset: int = 0, size: int = -1) -> None:
+        """Shows `size` bytes from `offset` on to shaders as the uniform block of that binding."""
+        self.raw.bind_to_uniform_block(binding, offset, size)
+
+    def release(self) -> None:
+        """Frees the memory now rather than with this object."""
+        self._finalizer()
+
+
+class VertexArray:
+    """A mesh as one program reads it, with instances from a buffer."""
+
+    def __init__(
+        self,
+        context: Context,
+        program: Program,
+        attributes: Mapping[str, Buffer],
+        indices: Buffer | None,
+        count: int,
+        *,
+        strip: bool = False,
+    ) -> None:
+        """`attributes` by their names in VERTEX_ATTRIBUTES; `count` indices, or vertices when there are none."""
+        self._kept = (program, dict(attributes), indices)  # what the card reads while this lives
+        self._count = count
+        mode = context.gl.TRIANGLE_STRIP if strip else context.gl.TRIANGLES
+        self.raw = context.gl.vertex_array(program.raw, [], None if indices is None else indices.raw, mode=mode)
+        self._finalizer = context.adopt(self, "vertex array", self.raw)
+        for name, buffer in attributes.items():
+            location, width = VERTEX_ATTRIBUTES[name]
+            self.raw.bind(location, "f", buffer.raw, f"{width}f4", 0, 4 * width, 0)
+
+    def use_instances(self, buffer: Buffer, first: int) -> None:
+        """Takes instances from row `first` of a buffer of INSTANCE_DTYPE on."""
+        stride = INSTANCE_DTYPE.itemsize
+        for row in range(3):
+            location = _FIRST_INSTANCE_LOCATION + row
+            self.raw.bind(location, "f", buffer.raw, "4f4", first * stride + 16 * row, stride, 1)
+        self.raw.bind(_FIRST_INSTANCE_LOCATION + 3, "i", buffer.raw, "1u4", first * stride + 48, stride, 1)
+
+    def draw(self, instance_count: int = 1) -> None:
+        """Draws the mesh so many times."""
+        self.raw.render(vertices=self._count, instances=instance_count)
+
+    def release(self) -> None:
+        """Frees it now rather than with this object."""
+        self._finalizer()

@@ -1,0 +1,154 @@
+"""A place to draw: OpenGL 3.3 core, offscreen through EGL or in the window that is current."""
+
+from __future__ import annotations
+
+import weakref
+from collections import Counter, deque
+from typing import Any, Final, Literal
+
+import moderngl
+
+from elys.common.errors import DisplayError
+
+GL_VERSION: Final = 330
+Blend = Literal["none", "over", "add"]
+
+_FLAGS: Final = {"over": moderngl.BLEND, "add": moderngl.BLEND, "none": moderngl.NOTHING}
+_BLEND_FUNCTIONS: Final = {
+    "over": (moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA, moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA),
+    "add": (moderngl.ONE, moderngl.ONE),
+    "none": (moderngl.ONE, moderngl.ZERO),
+}
+_PACKAGES: Final = "Debian, Ubuntu: apt install libegl1 libgl1-mesa-dri"
+# What EGL says, and what it means. The first that is found in the message counts.
+_REMEDIES: Final = (
+    ("libEGL", f"the EGL library is not installed ({_PACKAGES})"),
+    ("not loaded", f"the EGL library is not installed ({_PACKAGES})"),
+    ("found 0 devices", f"EGL knows no vendor: install a driver or Mesa ({_PACKAGES})"),
+    ("0x3001", f"EGL found no driver for this machine: install one, or Mesa's software renderer ({_PACKAGES})"),
+    ("eglInitialize", f"EGL cannot start the driver: update it, or install Mesa's software renderer ({_PACKAGES})"),
+    ("requested OpenGL", f"the driver offers no OpenGL 3.3: update it, or install Mesa's software renderer ({_PACKAGES})"),
+)
+
+
+class Context:
+    """Owns everything made in it. One thread draws; what other threads drop is released at the next `collect`."""
+
+    def __init__(self, gl: Any) -> None:
+        self.gl = gl
+        self.live: Counter[str] = Counter()  # GL objects that exist, by kind
+        self._dropped: deque[tuple[str, Any]] = deque()
+        self._max_size = int(gl.info["GL_MAX_TEXTURE_SIZE"])
+
+    @property
+    def info(self) -> dict[str, Any]:
+        """What the driver says of itself, by GL's names: GL_RENDERER, GL_VERSION, ..."""
+        return dict(self.gl.info)
+
+    @property
+    def version_code(self) -> int:
+        """330 for OpenGL 3.3."""
+        return int(self.gl.version_code)
+
+    @property
+    def is_software(self) -> bool:
+        """Whether the processor draws."""
+        name = self.gl.info["GL_RENDERER"].lower()
+        return any(software in name for software in ("llvmpipe", "softpipe", "swiftshader", "software"))
+
+    @property
+    def max_samples(self) -> int:
+        """Samples a pixel can have."""
+        return int(self.gl.max_samples)
+
+    @property
+    def max_size(self) -> int:
+        """Longest edge of a texture [pixels]."""
+        return self._max_size
+
+    @property
+    def live_object_count(self) -> int:
+        """How many GL objects exist; the same before and after anything that cleans up behind itself."""
+        self.collect()
+        return sum(self.live.values())
+
+    def adopt(self, owner: object, kind: str, raw: Any) -> weakref.finalize[[str, Any], Any]:
+        """Releases `raw` with its owner: at `finalizer()` or when the owner is garbage, at the latest with the context."""
+        self.live[kind] += 1
+        # The owner may be collected on a thread on which GL must not be called: only note it there.
+        finalizer = weakref.finalize(owner, self._drop, kind, raw)
+        finalizer.atexit = False  # the process' end frees everything, in an order in which the driver does not crash
+        return finalizer
+
+    def collect(self) -> None:
+        """Releases what has lost its owner. Called once a frame on the drawing thread."""
+        while self._dropped:
+            kind, raw = self._dropped.popleft()
+            raw.release()
+            self.live[kind] -= 1
+
+    def set_state(
+        self,
+        *,
+        depth_test: Literal["none", "less", "less_equal"] = "none",
+        blend: Blend = "none",
+        cull: Literal["none", "back", "front"] = "none",
+        polygon_offset: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        """All the state a pass depends on: nothing is inherited from what was drawn before."""
+        flags = _FLAGS[blend]
+        if depth_test != "none":
+            flags |= moderngl.DEPTH_TEST
+            self.gl.depth_func = "<" if depth_test == "less" else "<="
+        if cull != "none":
+            flags |= moderngl.CULL_FACE
+            self.gl.cull_face = cull
+        self.gl.enable_only(flags)
+        self.gl.blend_func = _BLEND_FUNCTIONS[blend]
+        self.gl.front_face = "ccw"
+        self.gl.polygon_offset = polygon_offset
+        self.gl.wireframe = False
+
+    def set_culling(self, enabled: bool, *, mirrored: bool = False) -> None:
+        """Whether back faces are left out of what is drawn next, and whether a negative scale has turned it inside out."""
+        if enabled:
+            self.gl.enable(moderngl.CULL_FACE)
+            self.gl.cull_face = "back"
+        else:
+            self.gl.disable(moderngl.CULL_FACE)
+        self.gl.front_face = "cw" if mirrored else "ccw"
+
+    def finish(self) -> None:
+        """Waits until everything is drawn."""
+        self.gl.finish()
+
+    def release(self) -> None:
+        """Ends the context and all in it. Nothing may be drawn afterwards."""
+        self.collect()
+        self.gl.release()
+
+    def _drop(self, kind: str, raw: Any) -> None:
+        self._dropped.append((kind, raw))
+
+
+def offscreen_context() -> Context:
+    """A context that draws into framebuffers only and needs no display. Raises DisplayError with what to install."""
+    try:
+        return Context(moderngl.create_context(standalone=True, backend="egl", require=GL_VERSION))
+    except Exception as error:  # glcontext and moderngl raise plain Exception
+        raise DisplayError(_explain("nothing can be drawn offscreen", str(error))) from error
+
+
+def window_context() -> Context:
+    """A context over the window that is current on this thread. Raises DisplayError."""
+    try:
+        return Context(moderngl.create_context(require=GL_VERSION))
+    except Exception as error:  # as above
+        raise DisplayError(_explain("the window has no OpenGL 3.3", str(error))) from error
+
+
+def _explain(what: str, message: str) -> str:
+    for sign, remedy in _REMEDIES:
+        if sign in message:
+            return f"{what}: {remedy}. EGL said: {message}"
+    return f"{what}: {message}. `elys doctor` looks for the cause"

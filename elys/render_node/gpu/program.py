@@ -1,0 +1,105 @@
+"""Shader programs from the files of `elys/render_node/shaders`, with includes, definitions and errors that name file and line."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from importlib import resources
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elys.common.errors import DisplayError
+from elys.render_node.gpu.context import Context
+
+SHADERS: Final = "elys.render_node.shaders"
+# Uniform blocks stand at the same binding in every program.
+BLOCK_BINDINGS: Final[Mapping[str, int]] = {"Frame": 0, "Surface": 1}
+# And so do textures.
+TEXTURE_UNITS: Final[Mapping[str, int]] = {
+    "base_color_texture": 0,
+    "metallic_roughness_texture": 1,
+    "normal_texture": 2,
+    "occlusion_texture": 3,
+    "emissive_texture": 4,
+    "shadow_map": 5,
+    "picture": 0,
+    "mask": 0,
+}
+_INCLUDE: Final = re.compile(r'\s*#include\s+"([^"]+)"')
+_ERROR_LINE: Final = re.compile(r"^\s*(?:ERROR:\s*)?\d+[:(](\d+)", re.MULTILINE)  # Mesa 0:12(3), NVIDIA 0(12), Apple ERROR: 0:12
+
+Place = tuple[str, int]  # file and line, from 1
+
+
+class Program:
+    """A vertex and a fragment shader, compiled for a set of definitions."""
+
+    def __init__(self, context: Context, vertex: str, fragment: str, *, defines: Sequence[str] = ()) -> None:
+        """Raises DisplayError with file, line and source line where the driver does not take a shader."""
+        vertex_source, vertex_places = expand(vertex, defines)
+        fragment_source, fragment_places = expand(fragment, defines)
+        try:
+            self.raw = context.gl.program(vertex_shader=vertex_source, fragment_shader=fragment_source)
+        except Exception as error:  # moderngl raises plain Error
+            message = str(error)
+            places = fragment_places if "fragment_shader" in message else vertex_places
+            source = fragment_source if "fragment_shader" in message else vertex_source
+            raise DisplayError(_explain(message, source, places)) from error
+        self._finalizer = context.adopt(self, "program", self.raw)
+        for name, binding in BLOCK_BINDINGS.items():
+            if name in self.raw:
+                self.raw[name].binding = binding
+        for name, unit in TEXTURE_UNITS.items():
+            if name in self.raw:
+                self.raw[name].value = unit
+
+    def set(self, name: str, value: float | tuple[float, ...] | NDArray[np.floating[Any]]) -> None:
+        """Sets a uniform; a matrix as rows. One that the compiler found unused is passed over."""
+        if name not in self.raw:
+            return
+        if isinstance(value, np.ndarray) and value.ndim == 2:
+            self.raw[name].write(np.ascontiguousarray(value.T, np.float32))
+        else:
+            self.raw[name].value = value
+
+    def release(self) -> None:
+        """Frees it now rather than with this object."""
+        self._finalizer()
+
+
+def expand(name: str, defines: Sequence[str] = ()) -> tuple[str, list[Place]]:
+    """The source of a shader file with its includes in place, and for each line where it came from."""
+    lines: list[str] = []
+    places: list[Place] = []
+    _append(name, lines, places, included=())
+    head = [f"#define {define}" for define in defines]
+    # GLSL wants #version first.
+    return "\n".join((lines[0], *head, *lines[1:])) + "\n", [places[0], *((name, 1) for _ in head), *places[1:]]
+
+
+def _append(name: str, lines: list[str], places: list[Place], *, included: tuple[str, ...]) -> None:
+    if name in included:
+        raise DisplayError(f"the shader {included[-1]} includes {name}, which includes it")
+    try:
+        text = resources.files(SHADERS).joinpath(name).read_text(encoding="utf-8")
+    except OSError as error:
+        raise DisplayError(f"the shader {name} is missing from the installation: install ELYS again") from error
+    for number, line in enumerate(text.splitlines(), 1):
+        include = _INCLUDE.match(line)
+        if include:
+            _append(include.group(1), lines, places, included=(*included, name))
+        else:
+            lines.append(line)
+            places.append((name, number))
+
+
+def _explain(message: str, source: str, places: list[Place]) -> str:
+    found = _ERROR_LINE.search(message)
+    if found is None or not 0 < int(found.group(1)) <= len(places):
+        return f"a shader was refused by the driver: {message.strip()}"
+    line = int(found.group(1))
+    file, number = places[line - 1]
+    said = message[found.start() :].strip().splitlines()[0]
+    return f"the shader {file}, line {number}: {said}\n    {source.splitlines()[line - 1].strip()}"

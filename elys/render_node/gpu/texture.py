@@ -1,0 +1,70 @@
+"""Images on the card."""
+
+from __future__ import annotations
+
+from typing import Any, Final, Literal
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from elys.render_node.gpu.context import Context
+
+Format = Literal["r8", "rgba8", "srgba8", "r16f", "rgba16f", "r32f", "rgba32f", "r32ui", "depth"]
+
+# Components, element type and, where GL cannot guess it, the internal format.
+FORMATS: Final[dict[str, tuple[int, str, int]]] = {
+    "r8": (1, "f1", 0),
+    "rgba8": (4, "f1", 0),
+    "srgba8": (4, "f1", 0x8C43),  # GL_SRGB8_ALPHA8: the card turns it linear before it filters
+    "r16f": (1, "f2", 0),
+    "rgba16f": (4, "f2", 0),
+    "r32f": (1, "f4", 0),
+    "rgba32f": (4, "f4", 0),
+    "r32ui": (1, "u4", 0),
+}
+ANISOTROPY: Final = 4.0  # enough for floors; more costs software renderers dearly
+
+
+class Texture:
+    """An image that shaders read or passes draw into. Row 0 of `data` is at v = 0."""
+
+    def __init__(
+        self,
+        context: Context,
+        size: tuple[int, int],
+        form: Format,
+        *,
+        data: NDArray[Any] | None = None,
+        smooth: bool = True,
+        mipmaps: bool = False,
+        repeat: bool = False,
+        compare: bool = False,
+    ) -> None:
+        """`compare` makes a depth texture answer "is this nearer?" instead of its value, as shadow samplers want it."""
+        self.size = size
+        self.form = form
+        payload = None if data is None else np.ascontiguousarray(data)
+        if form == "depth":
+            self.raw = context.gl.depth_texture(size, payload)
+            self.raw.compare_func = "<=" if compare else ""
+        else:
+            components, dtype, internal = FORMATS[form]
+            self.raw = context.gl.texture(size, components, payload, dtype=dtype, internal_format=internal or None)
+        self._finalizer = context.adopt(self, "texture", self.raw)
+        if mipmaps:
+            self.raw.build_mipmaps()
+            self.raw.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+            self.raw.anisotropy = ANISOTROPY
+        else:
+            nearest = not smooth or form == "r32ui"
+            self.raw.filter = (moderngl.NEAREST, moderngl.NEAREST) if nearest else (moderngl.LINEAR, moderngl.LINEAR)
+        self.raw.repeat_x = self.raw.repeat_y = repeat
+
+    def use(self, unit: int) -> None:
+        """Shows it to the sampler of that unit."""
+        self.raw.use(unit)
+
+    def release(self) -> None:
+        """Frees it now rather than with this object."""
+        self._finalizer()

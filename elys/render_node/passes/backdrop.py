@@ -1,0 +1,58 @@
+"""What lies behind and below the scene: the sky and the editor's ground grid."""
+
+from __future__ import annotations
+
+from elys.render_node.gpu import Framebuffer, Program, VertexArray
+from elys.render_node.picture_plan import PicturePlan
+from elys.render_node.quality import Quality
+from elys.render_node.resources import Resources
+
+GRID_REACH = 120.0  # [m] as far as lines are told apart
+
+
+class SkyPass:
+    """A gradient around the scene's background colour, wherever nothing was drawn."""
+
+    def __init__(self, resources: Resources, quality: Quality) -> None:
+        self._context = resources.context
+        self._program = resources.program("screen.vert", "sky.frag", quality.defines)
+        self._program.set("depth", 1.0)
+        self._triangle = full_screen(resources, self._program)
+
+    def is_needed(self, plan: PicturePlan) -> bool:
+        """Whether the background is anything but black."""
+        return any(plan.world.settings.background)
+
+    def draw(self, plan: PicturePlan, target: Framebuffer) -> None:
+        """Fills what is still as far away as can be."""
+        target.use(depth_write=False)
+        self._context.set_state(depth_test="less_equal")
+        self._triangle.draw()
+
+
+class GridPass:
+    """Lines a metre apart on the plane y = 0, and the axes of x and z, fading with distance."""
+
+    def __init__(self, resources: Resources, quality: Quality) -> None:
+        self._context = resources.context
+        self._program = resources.program("grid.vert", "grid.frag", quality.defines)
+        self._square = VertexArray(resources.context, self._program, {}, None, 4, strip=True)
+
+    def is_needed(self, plan: PicturePlan) -> bool:
+        """Whether the picture is for somebody who edits."""
+        return plan.grid
+
+    def draw(self, plan: PicturePlan, target: Framebuffer) -> None:
+        """Blends the lines over what is there, a little in front of a floor at the same height."""
+        target.use(depth_write=False)
+        self._context.set_state(depth_test="less_equal", blend="over", polygon_offset=(-1.0, -8.0))
+        eye = plan.view.eye
+        height = abs(float(eye[1]))
+        self._program.set("reach", min(GRID_REACH + 12.0 * height, plan.view.camera.far))
+        self._program.set("axes", (-float(eye[0]), -float(eye[2])))
+        self._square.draw()
+
+
+def full_screen(resources: Resources, program: Program) -> VertexArray:
+    """The one triangle that `screen.vert` makes without a buffer."""
+    return VertexArray(resources.context, program, {}, None, 3)

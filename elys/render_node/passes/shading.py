@@ -1,0 +1,56 @@
+"""The passes that shade: solid things first, then those that let through what is behind."""
+
+from __future__ import annotations
+
+from elys.common.components import Material
+from elys.render_node.gpu import Framebuffer, Program
+from elys.render_node.passes.drawing import ChooseProgram, draw_calls
+from elys.render_node.picture_plan import PicturePlan
+from elys.render_node.quality import Quality
+from elys.render_node.resources import Geometry, Resources
+
+
+class OpaquePass:
+    """Everything solid, instanced by mesh and material."""
+
+    def __init__(self, resources: Resources, quality: Quality) -> None:
+        self._resources = resources
+        self._quality = quality
+
+    def is_needed(self, plan: PicturePlan) -> bool:
+        """Whether anything solid is seen."""
+        return bool(plan.opaque)
+
+    def draw(self, plan: PicturePlan, target: Framebuffer) -> None:
+        """Shades it with depth."""
+        target.use()
+        self._resources.context.set_state(depth_test="less", cull="back")
+        draw_calls(self._resources, plan, plan.opaque, _shaded(self._resources, plan, self._quality))
+
+
+class TransparentPass:
+    """What is blended, farthest first, over all that is solid."""
+
+    def __init__(self, resources: Resources, quality: Quality) -> None:
+        self._resources = resources
+        self._quality = quality
+
+    def is_needed(self, plan: PicturePlan) -> bool:
+        """Whether anything see-through is seen."""
+        return bool(plan.transparent)
+
+    def draw(self, plan: PicturePlan, target: Framebuffer) -> None:
+        """Shades it without hiding what is behind."""
+        target.use(depth_write=False)
+        self._resources.context.set_state(depth_test="less", blend="over", cull="back")
+        draw_calls(self._resources, plan, plan.transparent, _shaded(self._resources, plan, self._quality))
+
+
+def _shaded(resources: Resources, plan: PicturePlan, quality: Quality) -> ChooseProgram:
+    shared = quality.defines + (quality.shadow_defines if plan.shadow is not None else ())
+
+    def choose(geometry: Geometry, material: Material) -> Program:
+        textures = resources.bind_material(plan.world, material)
+        return resources.program("shaded.vert", "shaded.frag", (*geometry.defines, *textures, *shared))
+
+    return choose

@@ -1,0 +1,40 @@
+"""How much a picture may cost."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from elys.render_node.gpu import Context
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Quality:
+    """What a Renderer spends.
+
+    `to_screen` has each pass write the screen's colours at once instead of linear light that is tone-mapped at the end: see-through
+    things then blend a little darker.
+    """
+
+    samples: int  # per pixel; 0 for one
+    single_shadow_tap: bool
+    to_screen: bool
+
+    @property
+    def defines(self) -> tuple[str, ...]:
+        """What shaders that put light into the picture are compiled with."""
+        return ("TO_SCREEN",) if self.to_screen else ()
+
+    @property
+    def shadow_defines(self) -> tuple[str, ...]:
+        """What shaders that look shadows up are compiled with."""
+        return ("SHADOWS", "SINGLE_SHADOW_TAP") if self.single_shadow_tap else ("SHADOWS",)
+
+
+FULL: Final = Quality(samples=4, single_shadow_tap=False, to_screen=False)
+FAST: Final = Quality(samples=0, single_shadow_tap=True, to_screen=True)
+
+
+def interactive_quality(context: Context) -> Quality:
+    """FULL on a graphics card; FAST where the processor draws, which makes pictures several times as often (measured)."""
+    return FAST if context.is_software else FULL

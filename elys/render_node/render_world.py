@@ -1,0 +1,294 @@
+"""The scene as a renderer wants it: instances by mesh and material, lamps, cameras, and where all of it stands right now.
+
+    SceneTables ──rebuild──> batches, instance arrays        only when the scene changed
+    StateFrames ──place────> position, linear                each picture, arrays only
+
+Instances stand in the order of their batches, opaque ones first, so that what is seen of a batch is always one run of rows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elys.bus.messages.state_frame import StateFrame
+from elys.bus.messages.views import ViewCamera
+from elys.common.components import Camera, Light, Material
+from elys.common.math import quaternion
+from elys.common.scene import SceneSettings
+from elys.render_node.camera import framing_camera
+from elys.render_node.drawable_assets import DrawableAssets
+from elys.render_node.placement import Placement
+from elys.render_node.scene_tables import Rows, SceneReader, SceneTables, tables_of
+from elys.render_node.timeline import Timeline
+
+PLAIN: Final = Material()
+MISSING: Final = Material(base_color=(0.0, 0.0, 0.0), emissive=(0.8, 0.0, 0.6))  # what is drawn where a mesh cannot be had
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Batch:
+    """Instances that are drawn together: one mesh, one material, one handedness."""
+
+    mesh: str
+    material: Material
+    mirrored: bool  # an odd number of negative scales turns the triangles over
+    first: int  # instance
+    count: int
+
+    @property
+    def is_blended(self) -> bool:
+        """Whether what is behind shows through."""
+        return self.material.alpha_mode == "blend"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlacedLight:
+    """A lamp where it is now."""
+
+    light: Light
+    position: NDArray[np.float64]  # (3,) world [m]
+    direction: NDArray[np.float64]  # (3,) the way it shines
+
+
+class RenderWorld:
+    """What can be drawn of a scene. Feed it with `set_scene` and `take_state`, then `place` it in time and draw.
+
+    Attributes:
+        entity: [M] u32. radius: [M] f32 m, around `centre`. casts: [M] throws shadows. Of the M instances.
+        batches: runs of the instances.
+        scene_version: rises when batches change; pose_version when anything stands elsewhere.
+    """
+
+    def __init__(self, assets: DrawableAssets | None = None) -> None:
+        self.assets = assets if assets is not None else DrawableAssets()
+        self.timeline = Timeline()
+        self.scene_version = 0
+        self.pose_version = 0
+        self._tables = tables_of([], [], [])
+        self._bodies = np.zeros(0, np.uint32)
+        self._assets_version = -1
+        self._placed = (-1, -1.0)
+        self._rebuild()
+
+    # --- feeding ---------------------------------------------------------------------------------------------------
+
+    def set_scene(self, tables: SceneTables, *, only_moved: bool = False) -> None:
+        """Takes the scene as it is now; `only_moved` says that nothing but transforms differs from the one before."""
+        before, self._tables = self._tables, tables
+        if only_moved and np.array_equal(_is_mirrored(before), _is_mirrored(tables)):
+            self._place_anew()
+        else:
+            self._rebuild()
+
+    def read_scene(self, reader: SceneReader) -> bool:
+        """Takes what a reader has that is new; False if that is nothing."""
+        read = reader.read()
+        if read is None:
+            return False
+        self.set_scene(read[0], only_moved=read[1])
+        return True
+
+    def take_state(self, frame: StateFrame, now: float = 0.0) -> bool:
+        """Takes where bodies are, as it came at `now` [s]; False if it told nothing new."""
+        if not self.timeline.take(frame, now):
+            return False
+        if not np.array_equal(frame.entity, self._bodies):
+            self._place_anew()
+        return True
+
+    def forget_state(self) -> None:
+        """Lets everything stand as the scene says, as when another host took over."""
+        self.timeline.forget()
+        self._place_anew()
+
+    def place(self, now: float | None = None) -> None:
+        """Moves everything to where it is at `now` [s], between the newest two frames; None for exactly the newest frame."""
+        self.place_if_assets_came()
+        newest = self.timeline.newest
+        if newest is None:
+            return
+        fraction = 1.0 if now is None else self.timeline.fraction(now)
+        moment = (newest.published_at, fraction)
+        if moment == self._placed:
+            return
+        self._placed = moment
+        self._placement.follow(self.timeline, fraction)
+        self._centre()
+        self.pose_version += 1
+
+    def place_if_assets_came(self) -> None:
+        """Takes the size of meshes that have come since."""
+        if self._assets_version != self.assets.version:
+            self._rebuild()
+
+    # --- asking ----------------------------------------------------------------------------------------------------
+
+    @property
+    def settings(self) -> SceneSettings:
+        """What holds for the whole scene."""
+        return self._tables.settings
+
+    @property
+    def tick(self) -> int:
+        """Of the newest state, -1 before there is any."""
+        return self.timeline.newest.tick if self.timeline.newest is not None else -1
+
+    @property
+    def state_published_at(self) -> int:
+        """Wall clock [ns] of the sender of the newest state, 0 before there is any."""
+        return self.timeline.newest.published_at if self.timeline.newest is not None else 0
+
+    @property
+    def instance_count(self) -> int:
+        """How many things can be drawn."""
+        return len(self.entity)
+
+    @property
+    def position(self) -> NDArray[np.float64]:
+        """World positions [M, 3] of the instances' origins [m]."""
+        return self._placement.position[: self.instance_count]
+
+    @property
+    def linear(self) -> NDArray[np.float32]:
+        """Rotation and scale [M, 3, 3] of world_from_local."""
+        return self._placement.linear[: self.instance_count]
+
+    def instances_of(self, entities: tuple[int, ...]) -> Rows:
+        """The instances of these entities and of all below them, ascending."""
+        if not entities:
+            return np.zeros(0, np.intp)
+        return np.flatnonzero(self._tables.subtree(entities)[self._rows])
+
+    def lights(self) -> list[PlacedLight]:
+        """All lamps that are on."""
+        first = self.instance_count
+        return [self._placed_light(light, first + i) for i, light in enumerate(self._lights)]
+
+    def camera(self, aspect: float = 16 / 9) -> ViewCamera:
+        """The view of the scene's enabled camera of highest priority, or one that shows everything."""
+        if self._camera is None:
+            return framing_camera(*self.bounds(), aspect=aspect)
+        item = self.instance_count + len(self._lights)
+        rotation = quaternion.from_matrix(_axes(self._placement.linear[item].astype(np.float64)))
+        return ViewCamera(
+            position=tuple(self._placement.position[item].tolist()),
+            rotation=tuple(rotation.tolist()),
+            field_of_view=self._camera.field_of_view,
+            near=self._camera.near,
+            far=self._camera.far,
+        )
+
+    @property
+    def has_camera(self) -> bool:
+        """Whether the scene says from where it wants to be seen."""
+        return self._camera is not None
+
+    def bounds(self, rows: Rows | None = None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Corners (3,) of a box around instances, all by default. What dwarfs all the others, as a floor does, counts only alone."""
+        chosen = np.arange(self.instance_count) if rows is None else rows
+        if not len(chosen):
+            return np.full(3, np.inf), np.full(3, -np.inf)
+        radius = self.radius[chosen].astype(np.float64)
+        fitting = chosen[without_giants(self.centre[chosen], radius)]
+        reach = self.radius[fitting, None]
+        return (self.centre[fitting] - reach).min(axis=0), (self.centre[fitting] + reach).max(axis=0)
+
+    # --- inside ----------------------------------------------------------------------------------------------------
+
+    def _rebuild(self) -> None:
+        tables = self._tables
+        self._assets_version = self.assets.version
+        self._gather_instances(tables)
+        lights = [row for row in tables.lights if tables.enabled[row]]
+        cameras = [row for row in tables.cameras if tables.enabled[row]]
+        # max keeps the first of equals: the one that stands first in the scene.
+        chosen = [max(cameras, key=lambda row: tables.cameras[row].priority)] if cameras else []
+        self._lights = [tables.lights[row] for row in lights]
+        self._camera: Camera | None = tables.cameras[chosen[0]] if chosen else None
+        self._items = np.concatenate([self._rows, np.array(lights + chosen, np.intp)])
+        self.scene_version += 1
+        self._place_anew()
+
+    def _place_anew(self) -> None:
+        self._bodies = self.timeline.newest.entity if self.timeline.newest is not None else np.zeros(0, np.uint32)
+        self._placement = Placement(self._tables, self._items, self._bodies)
+        self._placement.follow(self.timeline, 1.0)
+        self._placed = (-1, -1.0)
+        self._measure_instances()
+        self._centre()
+        self.pose_version += 1
+
+    def _gather_instances(self, tables: SceneTables) -> None:
+        """Finds the visible, sorts them into batches and keeps what does not change with time."""
+        mirrored = _is_mirrored(tables)
+        grouped: dict[tuple[bool, str, Material, bool], list[int]] = {}
+        for row, renderer in tables.meshes.items():
+            if not (renderer.visible and tables.enabled[row]):
+                continue
+            mesh, material = renderer.mesh, tables.materials.get(row, PLAIN)
+            if mesh in self.assets.failed:
+                mesh, material = "box", MISSING
+            key = (material.alpha_mode == "blend", mesh, material, bool(mirrored[row]))
+            grouped.setdefault(key, []).append(row)
+        batches, rows = [], []
+        for key in sorted(grouped, key=lambda key: key[0]):
+            members = grouped[key]
+            batches.append(
+                Batch(mesh=key[1], material=key[2], mirrored=key[3], first=len(rows), count=len(members))
+            )
+            rows += members
+        self.batches = tuple(batches)
+        self._rows = np.array(rows, np.intp)
+        self.entity = tables.entity[self._rows]
+        self.batch_of = np.repeat(np.arange(len(batches)), [batch.count for batch in batches])
+        self.casts = np.array([tables.meshes[row].cast_shadows for row in rows], np.bool_)
+
+    def _measure_instances(self) -> None:
+        bounds = [self.assets.bounds_of(batch.mesh) for batch in self.batches]
+        spheres = np.array(bounds, np.float32).reshape(-1, 4)[self.batch_of]
+        self._local_centre = spheres[:, :3]
+        linear = self._tables.world_from_local[self._rows, :, :3]
+        gram = np.einsum("nki,nkj->nij", linear, linear)
+        # A scale alone leaves the Gram matrix diagonal; with shear its row sums bound the largest eigenvalue (Gershgorin).
+        stretch = np.sqrt(np.abs(gram).sum(axis=2).max(axis=1, initial=0.0))
+        self.radius = (spheres[:, 3] * stretch).astype(np.float32)
+
+    def _centre(self) -> None:
+        offset = np.einsum("nij,nj->ni", self.linear, self._local_centre)
+        self.centre = self.position + offset
+
+    def _placed_light(self, light: Light, item: int) -> PlacedLight:
+        backward = self._placement.linear[item][:, 2].astype(np.float64)
+        length = np.linalg.norm(backward)
+        direction = -backward / length if length > 0 else np.array((0.0, 0.0, -1.0))
+        return PlacedLight(light=light, position=self._placement.position[item], direction=direction)
+
+
+def without_giants(centre: NDArray[np.float64], radius: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Who of N spheres is left without those that are larger than everything smaller together; all, if that leaves none."""
+    order = np.argsort(radius, kind="stable")
+    lower = np.minimum.accumulate((centre - radius[:, None])[order])
+    upper = np.maximum.accumulate((centre + radius[:, None])[order])
+    reach = np.linalg.norm(upper - lower, axis=1) / 2  # around the smallest k + 1
+    giants = radius[order][1:] > 1.2 * reach[:-1]
+    first_giant = int(np.argmax(giants)) + 1 if giants.any() else len(order)
+    # One pebble does not make the house a giant: at least a few things must be left.
+    if first_giant < min(4, len(order)):
+        first_giant = len(order)
+    kept = np.zeros(len(order), np.bool_)
+    kept[order[:first_giant]] = True
+    return kept
+
+
+def _is_mirrored(tables: SceneTables) -> NDArray[np.bool_]:
+    return np.asarray(np.linalg.det(tables.world_from_local[:, :, :3]) < 0)
+
+
+def _axes(linear: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The rotation in a transform whose scale does not matter, as a camera's."""
+    length = np.linalg.norm(linear, axis=0)
+    return linear / np.where(length > 0, length, 1.0)

@@ -1,0 +1,190 @@
+"""A picture of a RenderWorld: a library that runs in any process with a Context, without a bus or a window.
+
+    RenderWorld ──plan_picture──> PicturePlan ──passes──> light (RGBA16F, 4 samples) ──tonemap──> picture (RGBA8)
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elys.bus.messages.views import ViewCamera
+from elys.render_node.camera import View
+from elys.render_node.frame_block import frame_block
+from elys.render_node.gpu import BLOCK_BINDINGS, Context, Format, Framebuffer
+from elys.render_node.passes.backdrop import GridPass, SkyPass
+from elys.render_node.passes.finishing import OutlinePass, TonemapPass
+from elys.render_node.passes.picking import PickingPass
+from elys.render_node.passes.shading import OpaquePass, TransparentPass
+from elys.render_node.passes.shadow import ShadowPass
+from elys.render_node.picture_plan import PicturePlan, plan_picture
+from elys.render_node.quality import FULL, Quality
+from elys.render_node.render_world import RenderWorld
+from elys.render_node.resources import Resources
+
+KEPT_SIZES: Final = 4  # picture sizes whose framebuffers are kept: views of several sizes take turns
+
+
+class Targets:
+    """The framebuffers of pictures of one size."""
+
+    def __init__(self, context: Context, width: int, height: int, quality: Quality) -> None:
+        samples = min(quality.samples, context.max_samples)
+        form: Format = "rgba8" if quality.to_screen else "rgba16f"
+        self.light = Framebuffer(context, width, height, (form,), depth=not samples, smooth=False)
+        self.drawn = Framebuffer(context, width, height, (form,), depth=True, samples=samples) if samples else self.light
+        self.picture = (
+            self.light if quality.to_screen else Framebuffer(context, width, height, ("rgba8",), smooth=False)
+        )
+
+    def resolve(self) -> None:
+        """Averages the samples of what was drawn."""
+        if self.drawn is not self.light:
+            self.drawn.resolve_into(self.light)
+
+
+class Renderer:
+    """Draws worlds. All calls on the thread of its context.
+
+    Attributes:
+        timings: milliseconds that the processor spent on each stage of the last picture. Drivers may draw later than that.
+    """
+
+    def __init__(self, context: Context, *, quality: Quality = FULL) -> None:
+        self.context = context
+        self.resources = Resources(context)
+        self.timings: dict[str, float] = {}
+        self._quality = quality
+        self._targets: dict[tuple[int, int], Targets] = {}
+        self._shadow_world: RenderWorld | None = None
+        self._shadow = ShadowPass(self.resources)
+        self._opaque = OpaquePass(self.resources, quality)
+        self._sky = SkyPass(self.resources, quality)
+        self._grid = GridPass(self.resources, quality)
+        self._transparent = TransparentPass(self.resources, quality)
+        self._tonemap = TonemapPass(self.resources)
+        self._outline = OutlinePass(self.resources)
+        self._picking: PickingPass | None = None
+
+    def draw(
+        self,
+        world: RenderWorld,
+        camera: ViewCamera,
+        width: int,
+        height: int,
+        *,
+        selection: tuple[int, ...] = (),
+        grid: bool = False,
+        target: Framebuffer | None = None,
+    ) -> Framebuffer:
+        """Draws the world as it is placed now; returns the picture, which the next one of that size overwrites.
+
+        `target` is where it goes instead, a framebuffer of that size, such as a window's.
+        """
+        targets = self._targets_of(width, height)
+        picture = target if target is not None else targets.picture
+        with self._timed("plan"):
+            plan = self._plan(world, View.of(camera, width, height), selection, grid)
+        with self._timed("upload"):
+            self._upload(plan)
+        with self._timed("shadow"):
+            if self._shadow.is_needed(plan):
+                self._shadow.draw(plan)
+        self._shadow.use()
+        targets.drawn.use()
+        targets.drawn.clear()
+        with self._timed("opaque"):
+            if self._opaque.is_needed(plan):
+                self._opaque.draw(plan, targets.drawn)
+        with self._timed("backdrop"):
+            if self._sky.is_needed(plan):
+                self._sky.draw(plan, targets.drawn)
+            if self._grid.is_needed(plan):
+                self._grid.draw(plan, targets.drawn)
+        with self._timed("transparent"):
+            if self._transparent.is_needed(plan):
+                self._transparent.draw(plan, targets.drawn)
+        with self._timed("finish"):
+            targets.resolve()
+            self._show(targets, picture)
+            if self._outline.is_needed(plan):
+                self._outline.draw(plan, picture)
+        self.context.collect()
+        return picture
+
+    def pick(
+        self, world: RenderWorld, camera: ViewCamera, width: int, height: int, x: int, y: int
+    ) -> tuple[int, tuple[float, float, float]]:
+        """The entity (0: none) seen at a pixel, from the upper left, and the point hit [m] in the world."""
+        if not (0 <= x < width and 0 <= y < height):
+            return 0, (0.0, 0.0, 0.0)
+        view = View.of(camera, width, height).of_pixel(x, y)
+        plan = plan_picture(world, view, without_shadow=True)
+        self.resources.instances.write(plan.instances)
+        if self._picking is None:
+            self._picking = PickingPass(self.resources)
+        entity, relative = self._picking.draw(plan)
+        if not entity:
+            return 0, (0.0, 0.0, 0.0)
+        place = view.eye + relative
+        return entity, (float(place[0]), float(place[1]), float(place[2]))
+
+    def read_pixels(self, picture: Framebuffer) -> NDArray[np.uint8]:
+        """RGBA (H, W, 4) of a picture, the upper row first."""
+        pixels: NDArray[np.uint8] = picture.read()
+        return np.ascontiguousarray(pixels[::-1])
+
+    def read_light(self, width: int, height: int) -> NDArray[np.float32]:
+        """Linear radiance RGBA (H, W, 4) of the last picture of that size, before tone mapping, the upper row first.
+
+        Of a Quality that goes to the screen directly: what the screen shows.
+        """
+        light = self._targets_of(width, height).light.read()
+        return np.ascontiguousarray(light[::-1].astype(np.float32))
+
+    def settle(self, world: RenderWorld, *, timeout: float = 60.0) -> None:
+        """Waits for the meshes and images that the world's batches name, so that the next picture shows all of them."""
+        for batch in world.batches:
+            self.resources.geometry(world, batch.mesh)
+        world.assets.settle(timeout)
+        world.place_if_assets_came()
+        for batch in world.batches:
+            self.resources.bind_material(world, batch.material)
+        world.assets.settle(timeout)
+
+    def _show(self, targets: Targets, picture: Framebuffer) -> None:
+        """Turns light into what the screen shows, unless the passes did so already."""
+        if not self._quality.to_screen:
+            self._tonemap.draw(targets.light, picture)
+        elif picture is not targets.light:
+            targets.light.resolve_into(picture)
+
+    def _plan(self, world: RenderWorld, view: View, selection: tuple[int, ...], grid: bool) -> PicturePlan:
+        drawn = self._shadow.drawn if self._shadow_world is world else None
+        self._shadow_world = world
+        return plan_picture(world, view, selection=selection, grid=grid, drawn_shadow=drawn)
+
+    def _upload(self, plan: PicturePlan) -> None:
+        self.resources.instances.write(plan.instances)
+        self.resources.frame.write(frame_block(plan))
+        self.resources.frame.bind_block(BLOCK_BINDINGS["Frame"])
+
+    def _targets_of(self, width: int, height: int) -> Targets:
+        targets = self._targets.pop((width, height), None)
+        if targets is None:
+            targets = Targets(self.context, width, height, self._quality)
+        self._targets[width, height] = targets  # the last one used stands last
+        while len(self._targets) > KEPT_SIZES:
+            del self._targets[next(iter(self._targets))]
+        return targets
+
+    @contextmanager
+    def _timed(self, stage: str) -> Iterator[None]:
+        start = time.perf_counter()
+        yield
+        self.timings[stage] = (time.perf_counter() - start) * 1e3

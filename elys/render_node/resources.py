@@ -1,0 +1,149 @@
+"""What pictures share on the card: meshes, images, materials and programs, made when first drawn."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from elys.common.assets import Mesh
+from elys.common.components import Material
+from elys.render_node.gpu import TEXTURE_UNITS, Buffer, Context, Program, Texture, VertexArray
+from elys.render_node.render_world import RenderWorld
+
+# Fields of Material that name an image: the definition that compiles its use in, and whether it holds colours as eyes see them.
+MATERIAL_TEXTURES: Final = {
+    "base_color_texture": ("BASE_COLOR_TEXTURE", True),
+    "metallic_roughness_texture": ("METALLIC_ROUGHNESS_TEXTURE", False),
+    "normal_texture": ("NORMAL_TEXTURE", False),
+    "occlusion_texture": ("OCCLUSION_TEXTURE", False),
+    "emissive_texture": ("EMISSIVE_TEXTURE", True),
+}
+SURFACE_STRIDE: Final = 256  # [bytes] the largest alignment that GL may ask of a block
+_SURFACE: Final = np.dtype(
+    {
+        "names": ["base_color", "emissive", "reflection"],
+        "formats": [("<f4", 4)] * 3,
+        "offsets": [0, 16, 32],
+        "itemsize": SURFACE_STRIDE,
+    }
+)
+_SURFACE_SIZE: Final = 48
+
+
+class Geometry:
+    """A mesh on the card, and how each program reads it."""
+
+    def __init__(self, context: Context, mesh: Mesh) -> None:
+        self._context = context
+        self._attributes = {
+            name: Buffer(context, np.ascontiguousarray(array, np.float32))
+            for name in ("positions", "normals", "uvs", "tangents", "colors")
+            if (array := getattr(mesh, name)) is not None and len(array)
+        }
+        self._indices = Buffer(context, np.ascontiguousarray(mesh.indices, np.uint32)) if len(mesh.indices) else None
+        self._count = len(mesh.indices)
+        self._arrays: dict[Program, VertexArray] = {}
+        self.defines = tuple(
+            define
+            for name, define in (("tangents", "VERTEX_TANGENTS"), ("colors", "VERTEX_COLORS"))
+            if name in self._attributes
+        )
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is nothing to draw."""
+        return self._count == 0
+
+    def vertex_array(self, program: Program) -> VertexArray:
+        """How `program` reads it."""
+        array = self._arrays.get(program)
+        if array is None:
+            array = VertexArray(self._context, program, self._attributes, self._indices, self._count)
+            self._arrays[program] = array
+        return array
+
+
+class Resources:
+    """Caches of one context. What is still on its way is None, and drawn without."""
+
+    def __init__(self, context: Context) -> None:
+        self.context = context
+        self.instances = Buffer(context, size=1 << 16)
+        self.frame = Buffer(context, size=1 << 10)
+        self._surfaces = Buffer(context, size=1 << 12)
+        self._surfaces_of: tuple[RenderWorld, int] | None = None
+        self._surface_rows: dict[Material, int] = {}
+        self._geometries: dict[str, Geometry] = {}
+        self._textures: dict[tuple[str, bool], Texture] = {}
+        self._programs: dict[tuple[str, str, tuple[str, ...]], Program] = {}
+
+    def program(self, vertex: str, fragment: str, defines: tuple[str, ...] = ()) -> Program:
+        """The program of two shader files, compiled with `defines` at its first use."""
+        key = (vertex, fragment, defines)
+        if key not in self._programs:
+            self._programs[key] = Program(self.context, vertex, fragment, defines=defines)
+        return self._programs[key]
+
+    def geometry(self, world: RenderWorld, mesh: str) -> Geometry | None:
+        """The mesh of that name on the card; None while it is not here, or if it has no triangles."""
+        geometry = self._geometries.get(mesh)
+        if geometry is None:
+            arrays = world.assets.mesh(mesh)
+            if arrays is None:
+                return None
+            geometry = self._geometries[mesh] = Geometry(self.context, arrays)
+        return None if geometry.is_empty else geometry
+
+    def bind_material(self, world: RenderWorld, material: Material) -> tuple[str, ...]:
+        """Shows a material to the shaders; returns the definitions for what it has of textures."""
+        self._upload_surfaces(world)
+        offset = self._surface_rows[material] * SURFACE_STRIDE
+        self._surfaces.bind_block(1, offset=offset, size=_SURFACE_SIZE)
+        defines = []
+        for field, (define, is_color) in MATERIAL_TEXTURES.items():
+            reference = getattr(material, field)
+            texture = self._texture(world, reference, is_color) if reference else None
+            if texture is not None:
+                texture.use(TEXTURE_UNITS[field])
+                defines.append(define)
+        return tuple(defines)
+
+    def forget_unused(self, world: RenderWorld) -> None:
+        """Frees what no material or mesh of the world names any more."""
+        materials = [batch.material for batch in world.batches]
+        named = {getattr(material, field) for material in materials for field in MATERIAL_TEXTURES}
+        self._textures = {key: texture for key, texture in self._textures.items() if key[0] in named}
+        meshes = {batch.mesh for batch in world.batches}
+        self._geometries = {name: geometry for name, geometry in self._geometries.items() if name in meshes}
+
+    def _texture(self, world: RenderWorld, reference: str, is_color: bool) -> Texture | None:
+        key = (reference, is_color)
+        if key not in self._textures:
+            pixels = world.assets.take_image(reference)
+            if pixels is None:
+                return None
+            height, width = pixels.shape[:2]
+            largest = self.context.max_size
+            if max(width, height) > largest:
+                step = -(-max(width, height) // largest)
+                pixels = np.ascontiguousarray(pixels[::step, ::step])
+                height, width = pixels.shape[:2]
+            form = "srgba8" if is_color else "rgba8"
+            self._textures[key] = Texture(self.context, (width, height), form, data=pixels, mipmaps=True, repeat=True)
+        return self._textures[key]
+
+    def _upload_surfaces(self, world: RenderWorld) -> None:
+        if self._surfaces_of == (world, world.scene_version):
+            return
+        materials = list(dict.fromkeys(batch.material for batch in world.batches))
+        rows = np.zeros(max(len(materials), 1), _SURFACE)
+        for row, material in zip(rows, materials, strict=False):
+            row["base_color"] = (*material.base_color, 1.0 if material.alpha_mode == "opaque" else material.opacity)
+            row["emissive"] = (*material.emissive, material.alpha_cutoff)
+            masked, two_sided = material.alpha_mode == "mask", material.double_sided
+            row["reflection"] = (material.metallic, material.roughness, masked, two_sided)
+        self._surfaces.write(rows)
+        self._surface_rows = {material: row for row, material in enumerate(materials)}
+        self._surfaces_of = (world, world.scene_version)
+        self.forget_unused(world)

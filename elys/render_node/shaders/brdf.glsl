@@ -1,0 +1,43 @@
+// glTF 2.0, appendix B, in its layered form: mix(dielectric, metal, metallic). Checked against an evaluation in numpy.
+const float PI = 3.14159265358979;
+const float DIELECTRIC_F0 = 0.04;
+
+// Trowbridge and Reitz (GGX). `a2` is roughness to the fourth.
+float distribution(float normal_half, float a2) {
+    float f = normal_half * normal_half * (a2 - 1.0) + 1.0;
+    return a2 / (PI * f * f);
+}
+
+// Smith, height-correlated, with the 1 / (4 n.l n.v) of the specular BRDF in it.
+float visibility(float normal_light, float normal_view, float a2) {
+    float towards_view = normal_light * sqrt(normal_view * normal_view * (1.0 - a2) + a2);
+    float towards_light = normal_view * sqrt(normal_light * normal_light * (1.0 - a2) + a2);
+    return 0.5 / max(towards_view + towards_light, 1e-7);
+}
+
+// Reflected share of light from `to_light`, times n.l: [1/sr].
+vec3 reflected(vec3 normal, vec3 to_view, vec3 to_light, vec3 color, float metallic, float roughness) {
+    float normal_light = dot(normal, to_light);
+    if (normal_light <= 0.0) return vec3(0.0);
+    vec3 half_way = normalize(to_light + to_view);
+    float normal_view = max(dot(normal, to_view), 1e-4);
+    float normal_half = clamp(dot(normal, half_way), 0.0, 1.0);
+    float view_half = clamp(dot(to_view, half_way), 0.0, 1.0);
+    float a2 = max(roughness * roughness * roughness * roughness, 1e-6);
+    float specular = distribution(normal_half, a2) * visibility(normal_light, normal_view, a2);
+    float grazing = 1.0 - view_half;
+    grazing = (grazing * grazing) * (grazing * grazing) * grazing;  // Schlick
+    float dielectric_fresnel = DIELECTRIC_F0 + (1.0 - DIELECTRIC_F0) * grazing;
+    vec3 metal_fresnel = color + (1.0 - color) * grazing;
+    vec3 dielectric = (1.0 - dielectric_fresnel) * color / PI + dielectric_fresnel * specular;
+    return mix(dielectric, metal_fresnel * specular, metallic) * normal_light;
+}
+
+// The specular share of light from everywhere, as scale and bias of F0. Karis, "Physically Based Shading on Mobile" (2014).
+vec2 directional_albedo(float normal_view, float roughness) {
+    const vec4 c0 = vec4(-1.0, -0.0275, -0.572, 0.022);
+    const vec4 c1 = vec4(1.0, 0.0425, 1.04, -0.04);
+    vec4 r = roughness * c0 + c1;
+    float a = min(r.x * r.x, exp2(-9.28 * normal_view)) * r.x + r.y;
+    return vec2(-1.04, 1.04) * a + r.zw;
+}

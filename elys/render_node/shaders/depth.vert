@@ -1,0 +1,26 @@
+#version 330 core
+#include "instance.glsl"
+
+layout(location = 0) in vec3 position;
+#ifdef MASKED
+layout(location = 2) in vec2 uv;
+out vec2 vertex_uv;
+#endif
+#ifdef PICKED
+flat out uint picked;
+out vec3 relative;
+#endif
+
+uniform mat4 target_from_relative;
+
+void main() {
+    vec3 place = relative_from_local(position);
+#ifdef MASKED
+    vertex_uv = uv;
+#endif
+#ifdef PICKED
+    picked = entity;
+    relative = place;
+#endif
+    gl_Position = target_from_relative * vec4(place, 1.0);
+}

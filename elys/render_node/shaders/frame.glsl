@@ -1,0 +1,21 @@
+// What is the same for a whole picture. `relative` space has the world's axes and its origin in the camera's eye: 32-bit floats
+// keep a millimetre there, however far from the world's origin the scene is.
+struct Lamp {
+    vec4 position_range;   // relative [m]; range [m], 0 for no end
+    vec4 color_scale;      // intensity [cd]; scale of the cone
+    vec4 direction_offset; // the way it shines; offset of the cone
+};
+
+layout(std140) uniform Frame {
+    mat4 clip_from_relative;
+    mat4 relative_from_clip;
+    mat4 shadow_from_relative;  // to 0..1 in the shadow map
+    vec4 sun_direction;         // towards the sun; w: 1 where it shines
+    vec4 sun_illuminance;       // [lx]; w: 1 where it throws shadows
+    vec4 shadow_scale;          // x: normal offset [m], y: texel of the map in its 0..1
+    vec4 background;            // radiance
+    vec4 ambient;               // radiance
+    vec4 grid_origin;           // xyz of the eye, x and z wrapped to the grid's period; w: exposure
+    vec4 viewport;              // width, height [pixels]; z: number of lamps; w: far [m]
+    Lamp lamps[8];
+};

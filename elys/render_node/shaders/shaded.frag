@@ -1,0 +1,133 @@
+#version 330 core
+#include "frame.glsl"
+#include "surface.glsl"
+#include "brdf.glsl"
+#include "environment.glsl"
+#ifdef SHADOWS
+#include "shadow.glsl"
+#endif
+#ifdef TO_SCREEN
+#include "tonemap.glsl"
+#endif
+
+in vec3 relative;
+in vec3 vertex_normal;
+in vec2 vertex_uv;
+#ifdef VERTEX_TANGENTS
+in vec4 vertex_tangent;
+#endif
+#ifdef VERTEX_COLORS
+in vec4 vertex_color;
+#endif
+#ifdef METALLIC_ROUGHNESS_TEXTURE
+uniform sampler2D metallic_roughness_texture;
+#endif
+#ifdef NORMAL_TEXTURE
+uniform sampler2D normal_texture;
+#endif
+#ifdef OCCLUSION_TEXTURE
+uniform sampler2D occlusion_texture;
+#endif
+#ifdef EMISSIVE_TEXTURE
+uniform sampler2D emissive_texture;
+#endif
+
+layout(location = 0) out vec4 radiance;
+
+#ifdef NORMAL_TEXTURE
+// The normal map's axes: x to growing u, y to falling v. From the vertices where they bring them, else from how uv changes
+// from pixel to pixel (Mikkelsen 2010), which leaves the mesh as it is.
+mat3 relative_from_tangent(vec3 normal, float side) {
+#ifdef VERTEX_TANGENTS
+    vec3 tangent = normalize(vertex_tangent.xyz - normal * dot(normal, vertex_tangent.xyz));
+    return mat3(tangent, vertex_tangent.w * side * cross(normal, tangent), normal);
+#else
+    vec3 px = dFdx(relative), py = dFdy(relative);
+    vec2 ux = dFdx(vertex_uv), uy = dFdy(vertex_uv);
+    float area = ux.x * uy.y - uy.x * ux.y;
+    vec3 along_u = (px * uy.y - py * ux.y) * sign(area);
+    vec3 along_v = (py * ux.x - px * uy.x) * sign(area);
+    along_u -= normal * dot(normal, along_u);
+    float size = length(along_u);
+    if (size < 1e-12) return mat3(vec3(1.0, 0.0, 0.0), vec3(0.0, 1.0, 0.0), normal);
+    vec3 tangent = along_u / size;
+    vec3 bitangent = cross(normal, tangent);
+    return mat3(tangent, dot(bitangent, along_v) > 0.0 ? -bitangent : bitangent, normal);
+#endif
+}
+#endif
+
+vec3 shading_normal() {
+    // Interpolated normals may vanish; the sum keeps them finite.
+    vec3 normal = vertex_normal * inversesqrt(max(dot(vertex_normal, vertex_normal), 1e-20));
+    float side = reflection.w > 0.0 && !gl_FrontFacing ? -1.0 : 1.0;
+    normal *= side;
+#ifdef NORMAL_TEXTURE
+    vec3 bump = texture(normal_texture, vertex_uv).xyz * 2.0 - 1.0;
+    return normalize(relative_from_tangent(normal, side) * bump);
+#else
+    return normal;
+#endif
+}
+
+vec3 lamplight(vec3 normal, vec3 to_view, vec3 color, float metallic, float roughness) {
+    vec3 sum = vec3(0.0);
+    int count = int(viewport.z);
+    for (int i = 0; i < count; ++i) {
+        vec3 to_lamp = lamps[i].position_range.xyz - relative;
+        float distance_squared = max(dot(to_lamp, to_lamp), 1e-6);
+        to_lamp *= inversesqrt(distance_squared);
+        float range = lamps[i].position_range.w;
+        float ratio = range > 0.0 ? distance_squared / (range * range) : 0.0;
+        float attenuation = clamp(1.0 - ratio * ratio, 0.0, 1.0) / distance_squared;  // KHR_lights_punctual
+        float cone = clamp(dot(-to_lamp, lamps[i].direction_offset.xyz) * lamps[i].color_scale.w + lamps[i].direction_offset.w, 0.0, 1.0);
+        sum += reflected(normal, to_view, to_lamp, color, metallic, roughness) * lamps[i].color_scale.rgb * (attenuation * cone * cone);
+    }
+    return sum;
+}
+
+vec3 surrounding_light(vec3 normal, vec3 to_view, vec3 color, float metallic, float roughness) {
+    float normal_view = clamp(dot(normal, to_view), 0.0, 1.0);
+    vec2 albedo = directional_albedo(normal_view, roughness);
+    vec3 f0 = mix(vec3(DIELECTRIC_F0), color, metallic);
+    vec3 specular = f0 * albedo.x + albedo.y;
+    vec3 diffuse = color * (1.0 - metallic) * (1.0 - (DIELECTRIC_F0 * albedo.x + albedo.y));
+    return diffuse * ambient_from(normal.y) + specular * mirrored_surroundings(reflect(-to_view, normal), roughness);
+}
+
+void main() {
+    vec4 color = surface_color(vertex_uv);
+#ifdef VERTEX_COLORS
+    color *= vertex_color;
+#endif
+    if (reflection.z > 0.0 && color.a < emissive.w) discard;
+    float metallic = reflection.x, roughness = reflection.y, occlusion = 1.0;
+#ifdef METALLIC_ROUGHNESS_TEXTURE
+    vec4 texel = texture(metallic_roughness_texture, vertex_uv);
+    metallic *= texel.b;
+    roughness *= texel.g;
+#endif
+#ifdef OCCLUSION_TEXTURE
+    occlusion = texture(occlusion_texture, vertex_uv).r;
+#endif
+    vec3 glow = emissive.rgb;
+#ifdef EMISSIVE_TEXTURE
+    glow *= texture(emissive_texture, vertex_uv).rgb;
+#endif
+    vec3 normal = shading_normal();
+    vec3 to_view = normalize(-relative);
+    vec3 light = surrounding_light(normal, to_view, color.rgb, metallic, roughness) * occlusion + glow;
+    if (sun_direction.w > 0.0) {
+        vec3 sun = reflected(normal, to_view, sun_direction.xyz, color.rgb, metallic, roughness) * sun_illuminance.rgb;
+#ifdef SHADOWS
+        if (sun != vec3(0.0)) sun *= sunlight(relative, normalize(vertex_normal));
+#endif
+        light += sun;
+    }
+    light += lamplight(normal, to_view, color.rgb, metallic, roughness);
+#ifdef TO_SCREEN
+    light = display_from_light(light);
+#endif
+    // Half floats end at 65504; what is brighter would become infinite and spread when samples are averaged.
+    radiance = vec4(min(light, vec3(60000.0)), reflection.z > 0.0 ? 1.0 : color.a);
+}

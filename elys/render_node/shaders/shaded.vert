@@ -1,0 +1,32 @@
+#version 330 core
+#include "frame.glsl"
+#include "instance.glsl"
+
+layout(location = 0) in vec3 position;
+layout(location = 1) in vec3 normal;
+layout(location = 2) in vec2 uv;
+#ifdef VERTEX_TANGENTS
+layout(location = 3) in vec4 tangent;
+out vec4 vertex_tangent;
+#endif
+#ifdef VERTEX_COLORS
+layout(location = 4) in vec4 color;
+out vec4 vertex_color;
+#endif
+
+out vec3 relative;
+out vec3 vertex_normal;
+out vec2 vertex_uv;
+
+void main() {
+    relative = relative_from_local(position);
+    vertex_normal = turned_normal(normal);
+    vertex_uv = uv;
+#ifdef VERTEX_TANGENTS
+    vertex_tangent = vec4(turned(tangent.xyz), tangent.w);
+#endif
+#ifdef VERTEX_COLORS
+    vertex_color = color;
+#endif
+    gl_Position = clip_from_relative * vec4(relative, 1.0);
+}

@@ -1,0 +1,92 @@
+"""Two state frames and what lies between them: pictures are drawn at times at which no tick was."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elys.bus.messages.state_frame import StateFrame
+from elys.common.math import quaternion
+
+LONGEST_GAP: Final = 0.5  # [s] of simulation between two frames; over longer ones things jump instead of gliding
+
+
+class Timeline:
+    """The newest two frames. By default a picture shows what was one frame ago, moving towards the newest one."""
+
+    def __init__(self) -> None:
+        self.newest: StateFrame | None = None
+        self._previous: StateFrame | None = None
+        self._arrived = 0.0  # [s]
+        self._interval = 1.0 / 60.0  # [s] in which the newest frame came after the one before
+
+    @property
+    def interval(self) -> float:
+        """Seconds of wall clock between the newest two frames."""
+        return self._interval
+
+    def take(self, frame: StateFrame, now: float) -> bool:
+        """Keeps a frame that arrived at `now` [s]; False for one that is older than what is here already."""
+        newest = self.newest
+        if newest is not None and frame.epoch == newest.epoch and frame.tick == newest.tick and frame.playing == newest.playing:
+            if frame.published_at <= newest.published_at:
+                return False
+            self.newest = frame  # a pause's edit: the same tick, told again
+            self._previous = None
+            return True
+        self._previous = newest if newest is not None and self._follows(newest, frame) else None
+        if self._previous is not None:
+            # By the sender's clock: messages that waited arrive in bunches.
+            between = (frame.published_at - self._previous.published_at) * 1e-9
+            self._interval = min(max(between, 1e-3), 0.25)
+        self.newest, self._arrived = frame, now
+        return True
+
+    def forget(self) -> None:
+        """Starts anew, as after the host has changed."""
+        self.newest = self._previous = None
+
+    def fraction(self, now: float) -> float:
+        """How far things have gone from the frame before (0) to the newest (1)."""
+        if self._previous is None:
+            return 1.0
+        return min(max((now - self._arrived) / self._interval, 0.0), 1.0)
+
+    def poses(
+        self, entities: NDArray[np.uint32], fraction: float
+    ) -> tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.bool_]]:
+        """World positions (K, 3) f64 [m] and rotations (K, 4) f32 of bodies, and whether each is known (K,)."""
+        assert self.newest is not None
+        rows, known = rows_in(self.newest.entity, entities)
+        if not len(self.newest.entity):
+            return np.zeros((len(entities), 3)), np.zeros((len(entities), 4), np.float32), known
+        position, rotation = self.newest.position[rows], self.newest.rotation[rows]
+        previous = self._previous
+        if previous is None or fraction >= 1.0 or not len(previous.entity):
+            return position, rotation, known
+        rows_before, known_before = rows_in(previous.entity, entities)
+        # Who came with the newest frame stands where it says.
+        share = np.where(known_before, fraction, 1.0)
+        position_before, rotation_before = previous.position[rows_before], previous.rotation[rows_before]
+        between = position_before + (position - position_before) * share[:, None]
+        return between, quaternion.nlerp(rotation_before, rotation, share.astype(np.float32)).astype(np.float32), known
+
+    @staticmethod
+    def _follows(before: StateFrame, after: StateFrame) -> bool:
+        gap = after.simulation_time - before.simulation_time
+        return before.epoch == after.epoch and after.playing and 0.0 < gap <= LONGEST_GAP
+
+
+def rows_in(table: NDArray[np.uint32], wanted: NDArray[np.uint32]) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """Where each of `wanted` (K,) stands in `table` (N,), and whether it does at all (else row 0)."""
+    if len(table) == len(wanted) and np.array_equal(table, wanted):
+        return np.arange(len(wanted)), np.ones(len(wanted), np.bool_)
+    if not len(table):
+        return np.zeros(len(wanted), np.intp), np.zeros(len(wanted), np.bool_)
+    order = np.argsort(table, kind="stable")
+    places = np.minimum(np.searchsorted(table, wanted, sorter=order), len(table) - 1)
+    rows = order[places]
+    known = table[rows] == wanted
+    return np.where(known, rows, 0), known

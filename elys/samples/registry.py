@@ -1,0 +1,55 @@
+"""The scenes by name, each with the check that tells whether it ended as it should."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from elys.common.errors import SceneError
+from elys.common.scene import SceneDocument, write_scene
+from elys.samples.empty import empty
+from elys.samples.pile import pile
+from elys.samples.stack import check_stack, stack
+from elys.samples.yard import check_yard, yard
+
+# Takes the final world positions [m] by entity name and says what is wrong with them, "" for nothing.
+CheckFinal = Callable[[Mapping[str, Sequence[float]]], str]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sample:
+    """A scene that ELYS can make by itself."""
+
+    name: str
+    title: str
+    build: Callable[[], SceneDocument]
+    check_final: CheckFinal | None = None
+
+
+SAMPLES: Final[Mapping[str, Sample]] = {
+    sample.name: sample
+    for sample in (
+        Sample(name="yard", title="200 boxes and spheres rain into a yard", build=yard, check_final=check_yard),
+        Sample(name="stack", title="A tower of ten cubes", build=stack, check_final=check_stack),
+        Sample(name="pile", title="A thousand cubes in a bin", build=pile),
+        Sample(name="empty", title="A ground, a sun and a camera", build=empty),
+    )
+}
+
+
+def sample(name: str) -> Sample:
+    """The sample of this name; raises SceneError, naming those there are."""
+    try:
+        return SAMPLES[name]
+    except KeyError:
+        close = difflib.get_close_matches(name, SAMPLES, n=1)
+        remedy = f"did you mean '{close[0]}'?" if close else f"there are {', '.join(SAMPLES)}"
+        raise SceneError(f"there is no sample scene '{name}'; {remedy}") from None
+
+
+def write_sample(name: str, path: str | Path) -> None:
+    """Writes a sample's scene file; raises SceneError if there is none of this name or the file cannot be written."""
+    write_scene(sample(name).build(), path)

@@ -1,0 +1,68 @@
+"""How kernels are compiled: `@kernel` for what Python calls, `@inner` for what only kernels call.
+
+A kernel is compiled once for a machine and loaded from the cache afterwards. Inner functions are not cached: their code is
+part of every kernel that uses them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from numba import njit, typeof
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
+from numba.core.dispatcher import Dispatcher
+
+from elys.sim_node.kernel_directory import cache_directory, source_hash
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+# No fastmath: the same build must give the same bits. Division by zero gives infinity, as in C, and is not checked.
+_OPTIONS = {"error_model": "numpy", "nogil": True}
+
+
+def kernel(function: Function) -> Function:
+    """Compiles a function that Python calls, and keeps the machine code in the kernel cache."""
+    dispatcher = njit(**_OPTIONS)(function)
+    if isinstance(dispatcher, Dispatcher):  # with the compiler switched off, njit gives the function back
+        dispatcher._cache = _KernelCache(function)
+    return dispatcher  # type: ignore[no-any-return]
+
+
+def inner(function: Function) -> Function:
+    """Compiles a function that only kernels call."""
+    return njit(**_OPTIONS)(function)  # type: ignore[no-any-return]
+
+
+def signature_of(*examples: Any) -> tuple[Any, ...]:
+    """The explicit signature with which a kernel accepts arguments like these."""
+    return tuple(typeof(example) for example in examples)
+
+
+class _KernelLocator(_CacheLocator):  # type: ignore[misc]
+    """Puts a function's machine code into the folder of the package's present sources."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._module = function.__module__
+        self._line = function.__code__.co_firstlineno
+
+    @classmethod
+    def from_function(cls, py_func: Callable[..., Any], py_file: str) -> _KernelLocator:
+        return cls(py_func)
+
+    def get_cache_path(self) -> str:
+        return str(cache_directory() / self._module)
+
+    def get_source_stamp(self) -> str:
+        return source_hash()
+
+    def get_disambiguator(self) -> str:
+        return str(self._line)
+
+
+class _KernelCacheFiles(CompileResultCacheImpl):  # type: ignore[misc]
+    _locator_classes = [_KernelLocator]
+
+
+class _KernelCache(FunctionCache):  # type: ignore[misc]
+    _impl_class = _KernelCacheFiles

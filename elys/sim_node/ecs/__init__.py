@@ -1,0 +1,1 @@
+"""Entities, components, systems: what exists and what it has."""

@@ -1,0 +1,58 @@
+"""Where compiled kernels live: one folder for each state of their sources, without importing numba.
+
+Numba notices when the file of a cached function changes, but not when a function which that one calls does. So the
+folder is named by a hash over ALL kernel sources, Python and numba: a change anywhere is a new folder, and nothing stale
+can ever be loaded. A kernel may therefore only use what is written in a file counted here: `kernels.py` or `kernels/*.py`
+in a package of the simulation's node, and `compilation.py`.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import os
+import sys
+import tempfile
+from importlib import metadata
+from pathlib import Path
+
+import platformdirs
+
+CACHE_VARIABLE = "ELYS_KERNEL_CACHE"  # moves the cache elsewhere: a test, a read-only home
+_NODE = Path(__file__).parent
+
+
+@functools.cache
+def source_files() -> tuple[Path, ...]:
+    """Every file that a kernel may be built from, in a fixed order."""
+    found = [*_NODE.glob("*/kernels.py"), *_NODE.glob("*/kernels/*.py"), _NODE / "compilation.py"]
+    return tuple(sorted(found))
+
+
+@functools.cache
+def source_hash() -> str:
+    """16 hexadecimal digits over the kernel sources, the Python version and the numba version; costs about a millisecond."""
+    digest = hashlib.blake2b(digest_size=8)
+    digest.update(f"{sys.implementation.cache_tag} numba {metadata.version('numba')}".encode())
+    for path in source_files():
+        digest.update(path.relative_to(_NODE).as_posix().encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+@functools.cache
+def cache_directory() -> Path:
+    """The folder of the compiled kernels of these sources; it may not exist yet. Never inside the installed package."""
+    return cache_root() / source_hash()
+
+
+def cache_root() -> Path:
+    """The folder over all states of the sources: the user's cache, or the temporary folder where that cannot be written."""
+    chosen = os.environ.get(CACHE_VARIABLE)
+    if chosen:
+        return Path(chosen)
+    root = Path(platformdirs.user_cache_dir("elys", appauthor=False)) / "kernels"
+    existing = next(folder for folder in (root, *root.parents) if folder.exists())
+    if os.access(existing, os.W_OK):
+        return root
+    return Path(tempfile.gettempdir()) / f"elys-kernels-{os.getuid() if hasattr(os, 'getuid') else 'user'}"

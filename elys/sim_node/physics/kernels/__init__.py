@@ -1,0 +1,68 @@
+"""The kernels of physics, and how they are compiled ahead: `KERNELS` lists name, function and explicit signatures."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from elys.sim_node.compilation import signature_of
+from elys.sim_node.physics.kernels import tables
+from elys.sim_node.physics.kernels.broadphase import find_new_pairs, give_slots, index_pairs, merge_pairs
+from elys.sim_node.physics.kernels.integrator import finish_step, publish_poses
+from elys.sim_node.physics.kernels.narrow_phase import update_manifolds
+from elys.sim_node.physics.kernels.placement import fatten_boxes, place_colliders, place_inertia
+from elys.sim_node.physics.kernels.preparation import prepare_contacts
+from elys.sim_node.physics.kernels.queries import cast_rays
+from elys.sim_node.physics.kernels.solver import solve_contacts
+from elys.sim_node.physics.kernels.state_hash import hash_bodies
+from elys.sim_node.physics.kernels.tree import build_tree
+
+Kernel = tuple[str, Any, tuple[tuple[Any, ...], ...]]
+
+
+def _kernels() -> tuple[Kernel, ...]:
+    bodies, poses, colliders, pairs, manifolds, points, rows, row_points, leaves, found, constants = (
+        np.zeros(1, dtype)
+        for dtype in (
+            tables.BODY,
+            tables.POSE,
+            tables.COLLIDER,
+            tables.PAIR,
+            tables.MANIFOLD,
+            tables.MANIFOLD_POINT,
+            tables.ROW,
+            tables.ROW_POINT,
+            tables.TREE_LEAF,
+            tables.FOUND,
+            tables.CONSTANTS,
+        )
+    )
+    indices = np.zeros(1, np.int32)
+    entities = np.zeros(1, np.uint32)
+    numbers = np.zeros(1)
+    nodes = np.zeros((2, 6))
+    vectors = np.zeros((1, 3))
+    boxes = np.zeros(2, tables.COLLIDER)["box"]
+    words = np.zeros((1, 2), np.uint64)
+    listed: list[tuple[Any, tuple[Any, ...]]] = [
+        (solve_contacts, (bodies, manifolds, points, rows, row_points, 0, constants)),
+        (update_manifolds, (bodies, colliders, pairs, 0, manifolds, points, found, constants, indices)),
+        (prepare_contacts, (bodies, colliders, pairs, indices, 0, manifolds, points, rows, row_points, constants)),
+        (find_new_pairs, (bodies, colliders, leaves, nodes, pairs, indices, pairs, indices)),
+        (merge_pairs, (colliders, pairs, 0, pairs, 0, pairs, indices, indices, indices)),
+        (give_slots, (pairs, 0, manifolds, points, indices, indices)),
+        (index_pairs, (pairs, 0, indices)),
+        (build_tree, (boxes, leaves, nodes, indices, numbers, True)),
+        (place_inertia, (bodies, numbers)),
+        (place_colliders, (bodies, colliders)),
+        (fatten_boxes, (bodies, colliders, constants)),
+        (finish_step, (bodies, poses, indices)),
+        (publish_poses, (bodies, poses)),
+        (hash_bodies, (entities, words)),
+        (cast_rays, (colliders, leaves, nodes, indices, vectors, vectors, numbers, indices, numbers, vectors)),
+    ]
+    return tuple((f"physics.{function.__name__}", function, (signature_of(*a),)) for function, a in listed)
+
+
+KERNELS = _kernels()

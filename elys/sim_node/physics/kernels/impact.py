@@ -1,0 +1,176 @@
+"""Bounces, each at its own time.
+
+A contact that bounces is not left to the soft solver. Within the substep of length h, gap s, approach speed u and closing
+acceleration a, it touches at t = 2 s / (u + sqrt(u^2 + 2 a s)) with the speed u + a t, and leaves with e times that. The
+impulse acts from t on: its displacement is weighted with h - t, by shifting the bodies back by t times the change of
+velocity. A ball then bounces to the right height whatever the step.
+
+Points of one manifold bounce together (generalised reflection, Smith et al., "Reflections on Simultaneous Impact", 2012):
+first the impulses that just stop them all, then 1 + e times these. Manifolds follow one another until none approaches, so
+that a row of balls hands the blow on.
+"""
+
+from __future__ import annotations
+
+import math
+
+from elys.sim_node.compilation import inner
+from elys.sim_node.physics.kernels.tables import POINTS
+
+SWEEPS = 24  # over all manifolds: how far a blow is handed on within a substep
+POINT_SWEEPS = 40  # over the points of one manifold: converges like 0.5^n for a box on its face
+
+
+@inner
+def along(va, vb, n, arm):
+    """How fast a point opens, for velocities; how far it has opened, for displacements."""
+    total = 0.0
+    for c in range(3):
+        total += (vb[c] - va[c]) * n[c] + vb[3 + c] * arm[3 + c] - va[3 + c] * arm[c]
+    return total
+
+
+@inner
+def find_bounces(a, b, row, row_points, first, constants):
+    """Writes when each point of a row hits within this substep; returns how many do."""
+    h = constants.substep
+    closing = row.closing
+    n = row.normal
+    hits = 0
+    for k in range(first, first + row.point_count):
+        point = row_points[k]
+        point.bounce = 0.0
+        point.bounce_time = -1.0
+        u = -along(a.velocity, b.velocity, n, point.arm)
+        if u <= constants.bounce_speed:
+            continue
+        gap = max(point.separation + along(a.displacement, b.displacement, n, point.arm), 0.0)
+        squared = u * u + 2.0 * closing * gap
+        if squared < 0.0:
+            continue
+        time = 2.0 * gap / (u + math.sqrt(squared))
+        # What would fall back within the same substep rests instead, and is left to the solver.
+        if time < h and row.restitution * (u + closing * time) > closing * (h - time):
+            point.bounce_time = time
+            hits += 1
+    return hits
+
+
+@inner
+def compress(a, b, row, row_points, first):
+    """Writes the impulses that together just stop the hitting points of a row."""
+    mass = a.inverse_mass + b.inverse_mass
+    n = row.normal
+    speed = 0.0
+    ax = ay = az = bx = by = bz = 0.0
+    for _ in range(POINT_SWEEPS):
+        most = 0.0
+        for k in range(first, first + row.point_count):
+            point = row_points[k]
+            if point.bounce_time < 0.0:
+                continue
+            arm = point.arm
+            turn = point.turn
+            opening = along(a.velocity, b.velocity, n, arm) - row.closing * point.bounce_time + speed
+            opening += bx * arm[3] + by * arm[4] + bz * arm[5] - ax * arm[0] - ay * arm[1] - az * arm[2]
+            new = max(point.bounce - point.effective_mass * opening, 0.0)
+            change = new - point.bounce
+            point.bounce = new
+            most = max(most, abs(change * mass))
+            speed += change * mass
+            ax -= change * turn[0]
+            ay -= change * turn[1]
+            az -= change * turn[2]
+            bx += change * turn[3]
+            by += change * turn[4]
+            bz += change * turn[5]
+        if most < 1e-12:
+            break
+
+
+@inner
+def strike(body, inverse_mass, px, py, pz, turn, at, spin, time):
+    """Changes a body's velocity as if it had been struck at a time within the substep.
+
+    The linear impulse is given as a vector, the change of angular velocity as `spin` times three numbers of `turn`.
+    """
+    v = body.velocity
+    free = body.free_velocity
+    shift = body.impact_shift
+    for c in range(3):
+        change = inverse_mass * (px if c == 0 else (py if c == 1 else pz))
+        v[c] += change
+        free[c] += change
+        shift[c] -= time * change
+        change = spin * turn[at + c]
+        v[3 + c] += change
+        free[3 + c] += change
+        shift[3 + c] -= time * change
+
+
+@inner
+def rub(a, b, row, most, time):
+    """Friction during a bounce: stops sliding as far as the cone of the bounce's own normal impulse allows."""
+    va = a.velocity
+    vb = b.velocity
+    t = row.tangent
+    arm = row.friction_arm
+    slip1 = slip2 = 0.0
+    for c in range(3):
+        linear = vb[c] - va[c]
+        slip1 += linear * t[c] + vb[3 + c] * arm[3 + c] - va[3 + c] * arm[c]
+        slip2 += linear * t[3 + c] + vb[3 + c] * arm[9 + c] - va[3 + c] * arm[6 + c]
+    mass = row.friction_mass
+    f1 = -(mass[0] * slip1 + mass[1] * slip2)
+    f2 = -(mass[1] * slip1 + mass[2] * slip2)
+    squared = f1 * f1 + f2 * f2
+    if squared > most * most:
+        scale = most / math.sqrt(squared)
+        f1 *= scale
+        f2 *= scale
+    turn = row.friction_turn
+    for tangent in range(2):
+        f = f1 if tangent == 0 else f2
+        px, py, pz = f * t[3 * tangent], f * t[3 * tangent + 1], f * t[3 * tangent + 2]
+        strike(a, a.inverse_mass, -px, -py, -pz, turn, 6 * tangent, -f, time)
+        strike(b, b.inverse_mass, px, py, pz, turn, 6 * tangent + 3, f, time)
+
+
+@inner
+def rebound(a, b, row, row_points, first):
+    """Applies 1 + e times the compression impulses, and the friction that goes with them."""
+    n = row.normal
+    load = 0.0
+    moment = 0.0
+    for k in range(first, first + row.point_count):
+        point = row_points[k]
+        impulse = (1.0 + row.restitution) * point.bounce
+        if impulse == 0.0:
+            continue
+        load += impulse
+        moment += impulse * point.bounce_time
+        point.step_impulse += impulse
+        px, py, pz = impulse * n[0], impulse * n[1], impulse * n[2]
+        strike(a, a.inverse_mass, -px, -py, -pz, point.turn, 0, -impulse, point.bounce_time)
+        strike(b, b.inverse_mass, px, py, pz, point.turn, 3, impulse, point.bounce_time)
+    if load > 0.0 and row.friction > 0.0:
+        rub(a, b, row, row.friction * load, moment / load)
+
+
+@inner
+def bounce_contacts(bodies, rows, row_points, row_count, constants):
+    """All bounces of one substep, before its velocities are integrated."""
+    for _ in range(SWEEPS):
+        quiet = True
+        for r in range(row_count):
+            row = rows[r]
+            if row.restitution == 0.0:
+                continue
+            a = bodies[row.body_a]
+            b = bodies[row.body_b]
+            if find_bounces(a, b, row, row_points, r * POINTS, constants) > 0:
+                quiet = False
+                compress(a, b, row, row_points, r * POINTS)
+                rebound(a, b, row, row_points, r * POINTS)
+        if quiet:
+            return

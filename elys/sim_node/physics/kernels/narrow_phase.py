@@ -1,0 +1,61 @@
+"""Where colliders touch: one function for each pair of shapes, chosen here."""
+
+from __future__ import annotations
+
+import math
+
+from elys.sim_node.compilation import inner, kernel
+from elys.sim_node.physics.kernels.box_box import box_box
+from elys.sim_node.physics.kernels.manifold import can_recycle, write_manifold
+from elys.sim_node.physics.kernels.placement import surface_travel
+from elys.sim_node.physics.kernels.sphere import box_sphere, sphere_sphere
+from elys.sim_node.physics.kernels.tables import BOX, POINTS
+
+
+@inner
+def pair_margin(first, second, a, b, constants):
+    """Gap up to which the colliders a and b of two bodies may touch within this step.
+
+    What approaches fast is looked for from farther away, so that it is stopped at the surface and not inside; but never
+    from farther than the smaller shape is large: that would make it hit things that it passes by.
+    """
+    squared = 0.0
+    for k in range(3):
+        relative = second.velocity[k] - first.velocity[k]
+        squared += relative * relative
+    h = constants.substep * constants.substeps
+    way = h * math.sqrt(squared) + surface_travel(first, a, h) + surface_travel(second, b, h)
+    return constants.margin + min(way, min(a.reach, b.reach))
+
+
+@kernel
+def update_manifolds(bodies, colliders, pairs, pair_count, manifolds, points, all_found, all_constants, touching):
+    """Brings the manifold of every pair up to date; returns how many have contact, their pairs listed in `touching`."""
+    constants = all_constants[0]
+    found = all_found[0]
+    touching_count = 0
+    for p in range(pair_count):
+        pair = pairs[p]
+        a = colliders[pair.a]
+        b = colliders[pair.b]
+        first = bodies[a.body]
+        second = bodies[b.body]
+        manifold = manifolds[pair.slot]
+        margin = pair_margin(first, second, a, b, constants)
+        boxes = a.shape == BOX and b.shape == BOX
+        if not (boxes and can_recycle(first, second, manifold, margin, constants)):
+            flipped = False
+            if boxes:
+                count = box_box(colliders, pair.a, pair.b, margin, found)
+            elif a.shape == BOX:
+                count = box_sphere(a, b, margin, found)
+            elif b.shape == BOX:
+                count = box_sphere(b, a, margin, found)
+                flipped = True
+            else:
+                count = sphere_sphere(a, b, margin, found)
+            write_manifold(first, second, manifold, points, pair.slot * POINTS, found, count, margin, flipped)
+        if manifold.point_count > 0:
+            touching[touching_count] = p
+            touching_count += 1
+    return touching_count

@@ -1,0 +1,190 @@
+"""The tables that kernels work on: structured arrays, one row for each body, collider, pair, manifold or contact.
+
+A kernel takes a table as ONE argument and reads `body.velocity[0]`. Measured against tuples of separate columns this
+compiles four times faster (a table is a pointer, a column is seven values that every call hands on) and keeps what is
+used together in one place of the memory. In Python `table["velocity"]` is an (N, 6) array.
+
+Vectors are in world axes unless a name says otherwise, quaternions are x y z w, and a manifold's normal points from its
+first body to its second. Numbers are float64: as long as the solver is scalar it loses nothing by it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+Table = np.ndarray[Any, Any]
+
+DYNAMIC, KINEMATIC, STATIC = 0, 1, 2
+BOX, SPHERE = 0, 1
+POINTS = 4  # the most contact points a manifold keeps; point p of manifold m is row 4 m + p of the points
+
+# What moves. A body's frame sits in its centre of mass, along its principal axes of inertia.
+BODY = np.dtype(
+    [
+        ("position", "f8", 3),  # centre of mass [m]
+        ("rotation", "f8", 4),  # world_from_principal
+        ("velocity", "f8", 6),  # linear [m/s], angular [rad/s]
+        ("displacement", "f8", 6),  # translation [m], rotation vector [rad] since the step began
+        ("inverse_mass", "f8"),  # [1/kg], 0 for what no force moves
+        ("inverse_inertia", "f8", 3),  # about the principal axes [1/(kg m^2)]
+        ("world_inverse_inertia", "f8", 6),  # xx yy zz xy xz yz, as the step began
+        ("gravity_scale", "f8"),
+        ("linear_damping", "f8"),  # [1/s]
+        ("angular_damping", "f8"),  # [1/s]
+        ("free_velocity", "f8", 6),  # velocity without the contacts' impulses of this substep
+        ("start_velocity", "f8", 6),  # velocity as the substep began
+        ("impact_shift", "f8", 6),  # displacement that impacts of this substep add
+        ("entity", "u4"),
+        ("motion", "u1"),  # DYNAMIC, KINEMATIC or STATIC
+        ("struck", "u1"),  # a contact began to push in this substep
+    ],
+    align=True,
+)
+
+# Bodies as the outside sees them: poses of entities, not of centres of mass.
+POSE = np.dtype(
+    [
+        ("center", "f8", 3),  # centre of mass in the entity's space [m]
+        ("axes", "f8", 4),  # entity_from_principal
+        ("position", "f8", 3),  # of the entity [m]
+        ("rotation", "f4", 4),  # world_from_entity
+        ("linear_velocity", "f4", 3),  # of the centre of mass [m/s]
+        ("angular_velocity", "f4", 3),  # [rad/s]
+    ],
+    align=True,
+)
+
+# Shapes, each on a body; sorted by body.
+COLLIDER = np.dtype(
+    [
+        ("body", "i4"),
+        ("entity", "u4"),  # the entity that carries the collider: the body's, or one below it
+        ("shape", "u1"),  # BOX or SPHERE
+        ("moved", "u1"),  # the fat box is new
+        ("half_extents", "f8", 3),  # of a box; a sphere's radius three times [m]
+        ("center", "f8", 3),  # in world space [m]
+        ("axes", "f8", 9),  # the three axes of the shape in world space, one after another
+        ("reach", "f8"),  # radius of the ball around the shape's centre that holds it [m]
+        ("local_position", "f8", 3),  # in the body's frame [m]
+        ("local_rotation", "f8", 4),  # principal_from_shape
+        ("friction", "f8"),
+        ("restitution", "f8"),
+        ("box", "f8", 6),  # smallest axis-aligned box: lower corner, upper corner [m]
+        ("fat_box", "f8", 6),  # what pairs are found with: larger, so that it lasts [m]
+    ],
+    align=True,
+)
+
+# Morton codes and the order they give, twice: a radix sort needs room.
+TREE_LEAF = np.dtype([("code", "i8"), ("other_code", "i8"), ("order", "i4"), ("other_order", "i4")], align=True)
+
+# Colliders whose fat boxes overlap, sorted by (a, b) with a < b.
+PAIR = np.dtype([("a", "i4"), ("b", "i4"), ("slot", "i4")], align=True)  # slot: the pair's manifold
+
+# What is remembered of a pair from step to step.
+MANIFOLD = np.dtype(
+    [
+        ("point_count", "i4"),
+        ("margin", "f8"),  # gap up to which points were looked for when made [m]; negative: never made
+        ("normal", "f8", 3),
+        ("friction_impulse", "f8", 3),  # of the last substep [N s]
+        ("twist_impulse", "f8"),  # about the normal [N m s]
+        ("made_offset", "f8", 3),  # from a to b when made [m]
+        ("made_rotation_a", "f8", 4),
+        ("made_rotation_b", "f8", 4),
+    ],
+    align=True,
+)
+MANIFOLD_POINT = np.dtype(
+    [
+        ("anchor_a", "f8", 3),  # on the surface of a, from a's centre of mass [m]
+        ("anchor_b", "f8", 3),
+        ("made_separation", "f8"),  # gap when the manifold was made [m], negative for overlap
+        ("separation", "f8"),  # gap at the end of the last step [m]
+        ("normal_impulse", "f8"),  # of the last substep [N s]
+        ("step_impulse", "f8"),  # of the whole last step [N s]
+        ("feature", "i4"),  # which corner, edge or face meets which: recognises a point in the next step
+    ],
+    align=True,
+)
+
+# What a narrow phase function finds, and the room it works in.
+FOUND = np.dtype(
+    [
+        ("normal", "f8", 3),
+        ("point", "f8", 3 * POINTS),  # in the middle between the surfaces [m]
+        ("separation", "f8", POINTS),  # [m]
+        ("impulse", "f8", POINTS),
+        ("polygon", "f8", 48),  # two polygons of eight corners: u, v, height over the reference face
+        ("edges", "i4", 32),  # which two edges meet in a corner
+        ("feature", "i4", POINTS),
+    ],
+    align=True,
+)
+
+# The solver's view of a manifold with contact: what stays during the step, and its impulses.
+ROW = np.dtype(
+    [
+        ("body_a", "i4"),
+        ("body_b", "i4"),
+        ("point_count", "i4"),
+        ("slot", "i4"),
+        ("normal", "f8", 3),
+        ("tangent", "f8", 6),  # two directions, perpendicular to the normal and to each other
+        ("friction", "f8"),
+        ("restitution", "f8"),
+        ("push_rate", "f8"),  # how fast overlap is pushed out [1/s]
+        ("mass_scale", "f8"),  # softness: share of the effective mass
+        ("impulse_scale", "f8"),  # softness: share of the impulse given back
+        ("closing", "f8"),  # relative acceleration by gravity, against the normal [m/s^2]
+        ("friction_mass", "f8", 3),  # inverse of the symmetric 2 x 2 effective inverse mass: 11, 12, 22
+        ("friction_impulse", "f8", 3),  # along the tangents [N s], about the normal [N m s]
+        ("friction_arm", "f8", 12),  # r x t at the centre of friction: first tangent on a, on b, second on a, on b
+        ("friction_turn", "f8", 12),  # inverse inertia times that
+        ("twist_turn", "f8", 6),
+        ("twist_mass", "f8"),  # [kg m^2]
+    ],
+    align=True,
+)
+ROW_POINT = np.dtype(
+    [
+        ("arm", "f8", 6),  # r x n on a and on b [m]
+        ("turn", "f8", 6),  # inverse inertia times that
+        ("separation", "f8"),  # as the step began [m]
+        ("effective_mass", "f8"),  # [kg]
+        ("lever", "f8"),  # distance from the centre of friction [m]
+        ("impulse", "f8"),  # of this substep [N s]
+        ("step_impulse", "f8"),  # of the whole step so far [N s]
+        ("bounce", "f8"),  # compression impulse of an impact [N s]
+        ("bounce_time", "f8"),  # of the impact, from the start of the substep [s]; negative: no impact
+    ],
+    align=True,
+)
+
+# What is the same for all bodies and contacts of a step; a table of one row.
+CONSTANTS = np.dtype(
+    [
+        ("substep", "f8"),  # [s]
+        ("gravity", "f8", 3),  # [m/s^2]
+        ("margin", "f8"),  # gap up to which resting contacts are kept [m]
+        ("fattening", "f8"),  # how much larger fat boxes are [m]
+        ("recycle_distance", "f8"),  # a manifold is kept while its bodies moved less against each other [m]
+        ("recycle_angle", "f8"),  # and each turned less [rad]
+        ("push_speed", "f8"),  # overlap is never removed faster [m/s]
+        ("bounce_speed", "f8"),  # slower approaches do not bounce [m/s]
+        ("soft", "f8", 3),  # push_rate, mass_scale, impulse_scale between bodies that can both move
+        ("firm", "f8", 3),  # the same against what cannot be moved
+        ("substeps", "i4"),
+        ("can_bounce", "u1"),  # some collider has restitution
+    ],
+    align=True,
+)
+
+
+def grown(table: Table, count: int) -> Table:
+    """The same rows with room for `count`; what is added is zero."""
+    larger = np.zeros((count, *table.shape[1:]), table.dtype)
+    larger[: len(table)] = table
+    return larger

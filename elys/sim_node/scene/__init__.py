@@ -1,0 +1,1 @@
+"""The scene graph over the entities: parents and children, world transforms, loading and snapshots."""

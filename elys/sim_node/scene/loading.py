@@ -1,0 +1,153 @@
+"""Records to entities and back: how scenes, prefabs and spawn commands come in, and copies and undone deletions go out.
+
+Records are turned into columns first, all values of one field together, and then spawned in one go: ten thousand take a
+fraction of a second, and a record that is wrong leaves the world as it was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elys.common.components import component_from, declarations
+from elys.common.components.columns import Column, pack_value, pack_values, unpack_values
+from elys.common.errors import ComponentError, SceneError
+from elys.common.ids import NO_ENTITY, Entity
+from elys.common.scene_document import EntityRecord
+from elys.sim_node.ecs.columns import NO_ROW, ComponentTable
+from elys.sim_node.ecs.entities import Indices, indices_of
+from elys.sim_node.ecs.world import SpawnBatch, World
+
+Members = list[int]
+
+
+def load_records(
+    world: World, records: Sequence[EntityRecord], *, parent: Entity = NO_ENTITY, index: int = -1
+) -> list[Entity]:
+    """Makes the entities of records (parents first) and returns them in the same order.
+
+    Those without a parent among the records go under `parent`, one after the other from `index` on (-1: last).
+
+    Raises:
+        SceneError: a record's parent does not stand before it.
+        ComponentError: a component or field does not exist or has a wrong value; the sentence names the record.
+        EntityError: `parent` does not live.
+    """
+    batch = SpawnBatch(
+        names=[record.name for record in records],
+        parents=_parents_of(records),
+        enabled=np.array([record.enabled for record in records], np.bool_),
+        components=_columns_of(world, records),
+        prefabs={place: record.prefab for place, record in enumerate(records) if record.prefab},
+    )
+    entities = [Entity(entity) for entity in world.spawn_batch(batch, parent=parent).tolist()]
+    if index >= 0:
+        roots = [entity for entity, record in zip(entities, records, strict=True) if record.parent < 0]
+        for place, root in enumerate(roots, start=index):
+            world.reparent(root, parent, index=place, keep_world_pose=False)
+    return entities
+
+
+def records_of(world: World, entity: Entity = NO_ENTITY) -> list[EntityRecord]:
+    """An entity and all below it (with NO_ENTITY the whole world) as records that hold only what differs from the defaults."""
+    hierarchy = world.hierarchy
+    indices = hierarchy.order.astype(np.intp) if entity == NO_ENTITY else indices_of(hierarchy.subtree_of(entity))
+    place_of = np.full(world.allocator.capacity, -1)
+    place_of[indices] = np.arange(len(indices))
+    components: list[dict[str, dict[str, Any]]] = [{} for _ in range(len(indices))]
+    for name in declarations():
+        _collect_values(world, world.table(name), indices, components)
+    return [
+        EntityRecord(name=name, parent=parent, enabled=enabled, components=values, prefab=prefab)
+        for name, parent, enabled, values, prefab in zip(
+            hierarchy.names(indices),
+            place_of[hierarchy.parent[indices]].tolist(),
+            hierarchy.enabled[indices].tolist(),
+            components,
+            hierarchy.prefabs(indices),
+            strict=True,
+        )
+    ]
+
+
+def _parents_of(records: Sequence[EntityRecord]) -> Indices:
+    parents = np.array([record.parent for record in records], np.intp)
+    misplaced = np.flatnonzero((parents >= np.arange(len(records))) | (parents < -1))
+    if misplaced.size:
+        place = int(misplaced[0])
+        raise SceneError(
+            f"record {place} '{records[place].name}' names record {parents[place]} as its parent; a parent must stand before "
+            "its children, -1 is for none"
+        )
+    return parents
+
+
+def _columns_of(world: World, records: Sequence[EntityRecord]) -> dict[str, tuple[Indices | None, dict[str, Column]]]:
+    members: dict[str, Members] = {}
+    for place, record in enumerate(records):
+        for name in record.components:
+            members.setdefault(name, []).append(place)
+    columns: dict[str, tuple[Indices | None, dict[str, Column]]] = {}
+    for name, places in members.items():
+        values = [records[place].components[name] for place in places]
+        try:
+            packed = _packed_fields(world, name, values)
+        except ComponentError:
+            _raise_for_record(name, records, places)
+            raise
+        columns[name] = (np.array(places, np.intp), packed)
+    return columns
+
+
+def _packed_fields(world: World, name: str, values: list[dict[str, Any]]) -> dict[str, Column]:
+    declaration = world.table(name).declaration
+    for unknown in set().union(*values) - {field.name for field in declaration.fields}:
+        declaration.field(unknown)
+    return {
+        field.name: pack_values(
+            declaration, field, [given.get(field.name, field.default) for given in values], world.strings
+        )
+        for field in declaration.fields
+    }
+
+
+def _raise_for_record(name: str, records: Sequence[EntityRecord], places: Members) -> None:
+    """Something in a column is wrong: finds the first record that it came from."""
+    for place in places:
+        try:
+            component_from(name, records[place].components[name])
+        except ComponentError as error:
+            raise ComponentError(f"record {place} '{records[place].name}': {error}") from error
+
+
+def _collect_values(
+    world: World, table: ComponentTable, indices: Indices, components: list[dict[str, dict[str, Any]]]
+) -> None:
+    """Adds one component's values, where they differ from the defaults, to those of the entities at [N] places."""
+    rows = table.row_of[indices]
+    places = np.flatnonzero(rows != NO_ROW)
+    name = table.declaration.name
+    for place in places.tolist():
+        components[place][name] = {}
+    rows = rows[places]
+    for field in table.declaration.fields:
+        column = table.column(field.name)[rows]
+        default = np.zeros_like(column, shape=(1, *column.shape[1:]))
+        default[0] = pack_value(table.declaration, field, field.default, world.strings)
+        changed = np.flatnonzero(_differs(column, default))
+        for place, value in zip(
+            places[changed].tolist(), unpack_values(field, column[changed], world.strings), strict=True
+        ):
+            components[place][name][field.name] = value
+
+
+def _differs(column: Column, default: Column) -> NDArray[np.bool_]:
+    """[N] whether any bit of a row differs from the default's: -0.0 is not 0.0 here, so that what is saved is what was there."""
+    if not len(column):
+        return np.zeros(0, np.bool_)
+    row_size = column.nbytes // len(column)
+    bits = np.ascontiguousarray(column).view(np.uint8).reshape(len(column), row_size)
+    return np.asarray((bits != default.view(np.uint8).reshape(1, row_size)).any(axis=1))

@@ -1,0 +1,107 @@
+"""A scene that runs: a world, its physics and its tick. No process and no bus, so tests and notebooks can drive it too.
+
+simulation = Simulation.load(open_scene("yard.scene.json", assets), assets)
+for _ in range(600):
+    simulation.step()
+simulation.moving_bodies().position        # [N, 3] m
+"""
+
+from __future__ import annotations
+
+from elys.bus.messages.session import Event
+from elys.common.assets.store import AssetStore
+from elys.common.scene import OpenedScene, SceneSettings
+from elys.sim_node.ecs.changes import WorldChanges
+from elys.sim_node.ecs.world import World
+from elys.sim_node.physics.settings import PhysicsSettings
+from elys.sim_node.physics.world import PhysicsWorld
+from elys.sim_node.scene.loading import load_records
+from elys.sim_node.systems.simulate_physics import MovingBodies, RigidBodies
+from elys.sim_node.timing import StageTimes
+
+
+class Simulation:
+    """A world at a tick.
+
+    Attributes:
+        world: entities and components; change it between ticks.
+        physics: its rigid bodies, kept equal to the components by the step.
+        tick: steps done since the beginning.
+    """
+
+    def __init__(
+        self, *, name: str = "", settings: SceneSettings | None = None, assets: AssetStore | None = None
+    ) -> None:
+        self.name = name
+        self.settings = settings if settings is not None else SceneSettings()
+        self.assets = assets if assets is not None else AssetStore()
+        self.world = World()
+        self.physics = PhysicsWorld(physics_settings(self.settings))
+        self.tick = 0
+        self._bodies = RigidBodies(self.world, self.physics)
+        self._changes: list[WorldChanges] = []
+        self._events: list[Event] = []
+
+    @classmethod
+    def load(cls, opened: OpenedScene, assets: AssetStore) -> Simulation:
+        """The simulation of a scene, before its first tick."""
+        simulation = cls(name=opened.name, settings=opened.settings, assets=assets)
+        load_records(simulation.world, opened.records)
+        simulation.settle()
+        simulation.take_changes()  # who joins gets a snapshot; nothing has changed since
+        return simulation
+
+    @property
+    def time(self) -> float:
+        """Simulated time since the beginning [s]: ticks over the tick rate, never a sum of steps."""
+        return self.tick / self.settings.tick_rate
+
+    def step(self, stages: StageTimes | None = None) -> None:
+        """One tick: scripts, physics, transforms, each timed into `stages`."""
+        stages = stages if stages is not None else StageTimes()
+        self.settle(stages)
+        self.physics.step(1.0 / self.settings.tick_rate, stages.times)
+        self._events += [
+            Event(kind="physics", entity=problem.entity, values={"text": problem.text})
+            for problem in self.physics.take_problems()
+        ]
+        stages.done("simulate_physics")
+        self._bodies.write_back()
+        self.world.transforms.propagate()
+        stages.done("propagate_transforms")
+        self.tick += 1
+
+    def settle(self, stages: StageTimes | None = None) -> None:
+        """Makes bodies and world transforms follow what was changed, without letting time go on."""
+        changes = self.world.drain_changes()
+        if changes:
+            self._changes.append(changes)
+            self._bodies.follow(changes)
+        self.world.transforms.propagate()
+        if stages is not None:
+            stages.done("follow_changes")
+
+    def change_settings(self, settings: SceneSettings) -> None:
+        """Gravity, substeps and the like, from the next tick on."""
+        self.tick = round(self.time * settings.tick_rate)  # another tick rate must not make time jump
+        self.settings = settings
+        self.physics.settings = physics_settings(settings)
+
+    def moving_bodies(self) -> MovingBodies:
+        """Where all bodies that can move are."""
+        return self._bodies.moving()
+
+    def take_changes(self) -> list[WorldChanges]:
+        """What changed in the scene since this was last asked, oldest first."""
+        changes, self._changes = self._changes, []
+        return changes
+
+    def take_events(self) -> list[Event]:
+        """What happened since this was last asked, in order."""
+        events, self._events = self._events, []
+        return events
+
+
+def physics_settings(settings: SceneSettings) -> PhysicsSettings:
+    """What the scene's settings mean for physics."""
+    return PhysicsSettings(gravity=settings.gravity, substeps=settings.substeps)

@@ -1,0 +1,68 @@
+"""apply_commands: each command is checked, changes the world at the tick's boundary, and is answered."""
+
+from __future__ import annotations
+
+from elys.bus.messages.commands import (
+    AddComponent,
+    Command,
+    Despawn,
+    RemoveComponent,
+    Rename,
+    Reparent,
+    SetComponent,
+    SetEnabled,
+    SetSettings,
+    Spawn,
+)
+from elys.common.components import component_from, declaration_of
+from elys.common.errors import EntityError, RequestError
+from elys.common.ids import Entity
+from elys.sim_node.scene.loading import load_records
+from elys.sim_node.simulation import Simulation
+
+MAX_NAME_LENGTH = 200  # characters
+
+
+def apply_command(simulation: Simulation, command: Command) -> tuple[int, ...]:
+    """Changes the world as asked; the entities that came to be.
+
+    Raises:
+        EntityError, HierarchyError, ComponentError: what is wrong with the command. The world is as it was then.
+        RequestError: the command is not one for a simulation.
+    """
+    world = simulation.world
+    match command:
+        case SetComponent(entity=entity, component=name, values=values):
+            current = world.get(Entity(entity), declaration_of(name).struct)
+            world.set(Entity(entity), component_from(name, values, base=current))
+        case AddComponent(entity=entity, component=name, values=values):
+            world.add(Entity(entity), component_from(name, values))
+        case RemoveComponent(entity=entity, component=name):
+            world.remove(Entity(entity), name)
+        case Spawn():
+            return _spawn(simulation, command)
+        case Despawn(entity=entity):
+            world.despawn(Entity(entity))
+        case Rename(entity=entity, name=name):
+            world.rename(Entity(entity), _checked_name(name))
+        case Reparent(entity=entity, parent=parent, index=index, keep_world_pose=keep):
+            world.set_parent(Entity(entity), Entity(parent), index=index, keep_world_pose=keep)
+        case SetEnabled(entity=entity, enabled=enabled):
+            world.set_enabled(Entity(entity), enabled)
+        case SetSettings(settings=settings):
+            simulation.change_settings(settings)
+        case _:
+            raise RequestError(f"a running simulation cannot {type(command).__name__}: that is for replays")
+    return ()
+
+
+def _spawn(simulation: Simulation, command: Spawn) -> tuple[int, ...]:
+    for record in command.records:
+        _checked_name(record.name)
+    return tuple(load_records(simulation.world, command.records, parent=Entity(command.parent), index=command.index))
+
+
+def _checked_name(name: str) -> str:
+    if len(name) > MAX_NAME_LENGTH:
+        raise EntityError(f"a name may have {MAX_NAME_LENGTH} characters, not {len(name)}")
+    return name

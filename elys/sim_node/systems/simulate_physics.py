@@ -1,0 +1,202 @@
+"""simulate_physics: columns -> kernels -> columns. Here bodies follow components, and poses come back.
+
+An entity with a RigidBody is a body, made of its own Collider and those below it that have no body of their own; a Collider
+under no body is an immovable one. Components are the truth that people edit, so a body whose components changed by hand is
+made anew from them; what physics moves is written back into the columns each tick.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elys.common.components import Collider, RigidBody
+from elys.common.components.columns import Column
+from elys.common.ids import NO_ENTITY, Entity, index_of
+from elys.common.math import quaternion
+from elys.common.math.matrix import transform_points
+from elys.sim_node.ecs.changes import EntityReparented, EntitySpawned, WorldChanges
+from elys.sim_node.ecs.entities import Entities
+from elys.sim_node.ecs.world import World
+from elys.sim_node.physics.world import PhysicsWorld
+
+STATIC: Final = 2  # place of "static" among the choices of RigidBody.motion
+_PHYSICAL: Final = ("RigidBody", "Collider", "Transform")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MovingBodies:
+    """Bodies that can move, in the order of their places: positions [N, 3] f64 m, rotations [N, 4] f32, velocities [N, 3] f32."""
+
+    entity: Entities
+    position: NDArray[np.float64]
+    rotation: NDArray[np.float32]
+    linear_velocity: NDArray[np.float32]
+    angular_velocity: NDArray[np.float32]
+
+
+class RigidBodies:
+    """Keeps the bodies of physics equal to the components of the world."""
+
+    def __init__(self, world: World, physics: PhysicsWorld) -> None:
+        self._world = world
+        self._physics = physics
+        self._colliders = world.query(Collider, enabled_only=True)
+        self._bodies = world.query(RigidBody, enabled_only=True)
+        self._present: set[int] = set()
+        self._owner_of: dict[int, int] = {}  # collider's entity -> its body's
+        self._members: dict[int, list[int]] = {}  # body's entity -> its colliders'
+        self._seen: tuple[int, ...] = ()
+        self._moving_rows: NDArray[np.intp] | None = None
+
+    def follow(self, changes: WorldChanges) -> None:
+        """Makes bodies anew where their components, places or switches were changed."""
+        affected = None if changes.overflowed else self._affected(changes)
+        stale = self._present if affected is None else self._present & affected
+        if stale:
+            self._physics.remove_bodies(np.array(sorted(stale), np.uint32))
+            self._present -= stale
+        self._find_owners()
+        wanted = {*self._bodies.entities.tolist(), *self._owner_of.values()} - self._present
+        if affected is not None:
+            wanted &= affected
+        if wanted:
+            self._add_bodies(np.array(sorted(wanted, key=index_of), np.uint32))
+            self._present |= wanted
+        if stale or wanted:
+            self._moving_rows = None
+
+    def moving(self) -> MovingBodies:
+        """Where the bodies are that are not immovable."""
+        bodies, rows = self._physics.bodies, self._rows_of_moving()
+        return MovingBodies(
+            entity=bodies.entity[rows],
+            position=bodies.position[rows],
+            rotation=bodies.rotation[rows].astype(np.float32),
+            linear_velocity=bodies.linear_velocity[rows].astype(np.float32),
+            angular_velocity=bodies.angular_velocity[rows].astype(np.float32),
+        )
+
+    def write_back(self) -> None:
+        """Poses and velocities of what moves, into the columns."""
+        moving = self.moving()
+        if not len(moving.entity):
+            return
+        self._world.transforms.set_world_poses(moving.entity, moving.position, moving.rotation)
+        table = self._world.table(RigidBody)
+        rows = table.rows(moving.entity)
+        table.column("linear_velocity")[rows] = moving.linear_velocity
+        table.column("angular_velocity")[rows] = moving.angular_velocity
+
+    def _rows_of_moving(self) -> NDArray[np.intp]:
+        if self._moving_rows is None:
+            self._moving_rows = np.flatnonzero(self._physics.bodies.motion != STATIC)
+        return self._moving_rows
+
+    # --- which bodies there shall be -------------------------------------------------------------------------------
+
+    def _affected(self, changes: WorldChanges) -> set[int]:
+        """The bodies, as they were and as they will be, that a change touches."""
+        touched: set[int] = set()
+        for change in changes.structure:
+            if isinstance(change, EntitySpawned):
+                touched.add(change.entity)
+            elif isinstance(change, EntityReparented):
+                touched |= self._subtree(change.entity)
+        for entity in changes.switched:
+            touched |= self._subtree(entity)
+        for entity, component in (*changes.added, *changes.set, *changes.removed):
+            if component == "Transform":
+                touched |= self._subtree(entity)  # what stands below moves along
+            elif component in _PHYSICAL:
+                touched |= {entity} if component == "Collider" else self._subtree(entity)
+        touched |= {entity for entity in self._present if not self._world.is_alive(entity)}
+        touched |= {entity for entity in self._owner_of if not self._world.is_alive(entity)}
+        owners = {self._owner_of[entity] for entity in touched if entity in self._owner_of}
+        return touched | owners | self._new_owners(touched)
+
+    def _subtree(self, entity: Entity) -> set[int]:
+        if not self._world.is_alive(entity):
+            return set()
+        return set(self._world.hierarchy.subtree_of(entity).tolist())
+
+    def _new_owners(self, entities: Iterable[int]) -> set[int]:
+        return {self._owner(Entity(entity)) for entity in entities if self._world.is_alive(entity)}
+
+    def _owner(self, entity: Entity) -> int:
+        """The nearest entity from here up that has a RigidBody; the entity itself if there is none."""
+        above = entity
+        while above != NO_ENTITY:
+            if self._world.has(above, RigidBody):
+                return above
+            above = self._world.hierarchy.parent_of(above)
+        return entity
+
+    def _find_owners(self) -> None:
+        seen = (self._colliders.version, self._bodies.version, self._world.hierarchy.version)
+        if seen == self._seen:
+            return
+        self._seen = seen
+        self._owner_of.clear()
+        self._members.clear()
+        hierarchy, bodies = self._world.hierarchy, self._world.table(RigidBody)
+        colliders = self._colliders.entities.tolist()
+        indices = self._colliders.indices
+        own = bodies.row_of[indices] >= 0
+        rooted = hierarchy.parent[indices] == 0
+        simple = own | rooted
+        for entity, is_simple in zip(colliders, simple.tolist(), strict=True):
+            owner = entity if is_simple else self._owner(Entity(entity))
+            self._owner_of[entity] = owner
+            self._members.setdefault(owner, []).append(entity)
+
+    # --- making them -----------------------------------------------------------------------------------------------
+
+    def _add_bodies(self, owners: Entities) -> None:
+        poses = self._world.transforms.world_poses(owners)
+        table = self._world.table(RigidBody)
+        rows = table.rows(owners)
+        still = {"motion": STATIC, "linear_velocity": 0.0, "angular_velocity": 0.0}  # a Collider without a RigidBody
+        values = {
+            field.name: _rows_or(table.column(field.name), rows, still.get(field.name, field.default))
+            for field in table.declaration.fields
+        }
+        self._physics.add_bodies(owners, position=poses.position, rotation=poses.rotation, **values)
+        self._add_colliders(owners, poses.position, poses.rotation)
+
+    def _add_colliders(self, owners: Entities, positions: NDArray[np.float64], rotations: NDArray[np.float32]) -> None:
+        world = self._world
+        place = {owner: row for row, owner in enumerate(owners.tolist())}
+        pairs = [(member, row) for owner, row in place.items() for member in self._members.get(owner, ())]
+        if not pairs:
+            return
+        entities = np.array([member for member, _ in pairs], np.uint32)
+        of_body = np.array([row for _, row in pairs], np.intp)
+        table = world.table(Collider)
+        rows = table.rows(entities)
+        poses = world.transforms.world_poses(entities)
+        centre = transform_points(world.transforms.world_affines(entities), table.column("offset")[rows])
+        stretch = np.abs(poses.scale)
+        body_from_world = quaternion.conjugate(rotations[of_body].astype(np.float64))
+        self._physics.add_colliders(
+            owners[of_body],
+            shape=table.column("shape")[rows],
+            size=table.column("size")[rows] * stretch,
+            radius=table.column("radius")[rows] * stretch.max(axis=1),
+            position=quaternion.rotate(body_from_world, centre - positions[of_body]),
+            rotation=quaternion.multiply(body_from_world, poses.rotation.astype(np.float64)).astype(np.float32),
+            friction=table.column("friction")[rows],
+            restitution=table.column("restitution")[rows],
+        )
+
+
+def _rows_or(column: Column, rows: NDArray[np.int32], fallback: float) -> Column:
+    """[N] or [N, width] the values at `rows`, the fallback where a row is -1."""
+    values = np.full((len(rows), *column.shape[1:]), fallback, column.dtype)
+    present = rows >= 0
+    values[present] = column[rows[present]]
+    return values

@@ -1,0 +1,77 @@
+"""demo: the first thing a newcomer runs. With a screen the editor on a falling yard; without one, files that show the same."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Final
+
+from elys.common.errors import DisplayError
+
+SAMPLE: Final = "yard"
+STEP_COUNT: Final = 360  # 6 s, in which everything falls and most of it comes to rest
+PICTURE_TIME: Final = 4.0  # [s]
+VIDEO_SIZE: Final = "640x360"
+
+
+def demo(directory: Path, *, headless: bool) -> None:
+    """Opens the editor where there is a display, else simulates, records, draws, and says what to try next."""
+    if not headless and _has_display():
+        from elys.verbs.run import run
+
+        sys.stderr.write("Opening the editor on a running simulation. Ctrl-C or closing the window ends it.\n")
+        run(
+            SAMPLE,
+            headless=False,
+            step_limit=0,
+            record=None,
+            realtime=True,
+            paused=False,
+            listen=None,
+            name="",
+            json=False,
+        )
+        return
+    _demo_files(directory)
+
+
+def _has_display() -> bool:
+    from elys.render_node.window import probe_display
+
+    try:
+        probe_display()
+    except DisplayError:
+        return False
+    return True
+
+
+def _demo_files(directory: Path) -> None:
+    from elys.samples.registry import write_sample
+    from elys.verbs.render import render
+    from elys.verbs.run import run
+
+    directory.mkdir(parents=True, exist_ok=True)
+    recording, picture, video = (directory / f"demo.{suffix}" for suffix in ("mcap", "png", "mp4"))
+    scene = directory / "demo.scene.json"
+    write_sample(SAMPLE, scene)
+    print(f"No screen here, so the demo writes files. Simulating {STEP_COUNT} ticks of {scene} ...")
+    run(
+        str(scene),
+        headless=True,
+        step_limit=STEP_COUNT,
+        record=recording,
+        realtime=False,
+        paused=False,
+        listen=None,
+        name="demo",
+        json=False,
+    )
+    render(str(recording), picture, size="1280x720", time=PICTURE_TIME, duration=0.0, fps=30.0)
+    render(str(recording), video, size=VIDEO_SIZE, time=0.0, duration=0.0, fps=30.0)
+    print(
+        f"\nLook at {picture} and {video}. Then try:\n"
+        f"  elys info {recording}                        what a recording holds\n"
+        f"  elys play {recording}                        serve it; in another shell: elys view, or elys edit\n"
+        f"  elys run {scene} --headless           simulate in real time; attach with elys view, elys edit\n"
+        f"  elys samples                               more scenes;  elys doctor: what this machine can do"
+    )

@@ -1,0 +1,136 @@
+"""The nodes as processes: each joins or hosts a session, runs, and leaves it cleanly when it is asked to end."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import re
+import signal
+from collections.abc import AsyncIterator, Coroutine
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from elys.bus.log import log_to_session, start_logging
+from elys.bus.session import Session
+
+_log = logging.getLogger(__name__)
+
+
+def run_until_asked(work: Coroutine[Any, Any, None]) -> None:
+    """Runs a node; SIGINT, SIGTERM and SIGHUP cancel it, and it ends as if it had come to its own end."""
+
+    async def guarded() -> None:
+        task = asyncio.ensure_future(work)
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            loop.add_signal_handler(number, task.cancel)
+        with contextlib.suppress(asyncio.CancelledError):
+            await task
+
+    asyncio.run(guarded())
+
+
+@contextlib.asynccontextmanager
+async def joined(connect: str | None, *, kind: str, timeout: float = 10.0) -> AsyncIterator[Session]:
+    """A session somebody else hosts: at `connect`, or the newest of this machine.
+
+    Raises:
+        ConnectionLost: there is none. ProtocolError: it speaks another version.
+    """
+    from elys.bus.discovery import join_session
+
+    session = await join_session(connect, kind=kind, timeout=timeout)
+    handler = log_to_session(session)
+    try:
+        yield session
+    finally:
+        handler.detach()
+        await session.close()
+
+
+@contextlib.asynccontextmanager
+async def hosted(listen: str | None, *, name: str, kind: str, scene: str, epoch: int) -> AsyncIterator[Session]:
+    """A session of one's own, found by others of this machine without being told where.
+
+    Raises:
+        BusError: the endpoint cannot be listened at.
+    """
+    from elys.bus.discovery import advertise, complete_endpoint
+    from elys.bus.transports.zenoh import ZenohTransport
+
+    open_transport = (
+        partial(ZenohTransport.listen, complete_endpoint(listen)) if listen else ZenohTransport.listen_on_free_port
+    )
+    transport = await asyncio.to_thread(open_transport)
+    try:
+        session = await Session.host(transport, name=session_name(name), kind=kind, epoch=epoch)
+        withdraw = advertise(name=session.name, kind=kind, endpoint=transport.endpoint, scene=scene)
+    except BaseException:
+        await asyncio.to_thread(transport.close)
+        raise
+    handler = log_to_session(session)
+    try:
+        yield session
+    finally:
+        handler.detach()
+        withdraw()
+        await session.close()
+
+
+def session_name(text: str) -> str:
+    """A name as sessions have it: letters, digits, '.', '_' and '-' only."""
+    return re.sub(r"[^A-Za-z0-9_.-]+", "-", text).strip("-") or "session"
+
+
+def simulation(
+    scene: str, *, listen: str | None, step_limit: int, record: Path | None, realtime: bool, paused: bool, name: str
+) -> None:
+    """The simulation's process."""
+    from elys.verbs.simulate import simulate
+
+    start_logging()
+    run_until_asked(
+        simulate(
+            scene,
+            listen=listen,
+            step_limit=step_limit,
+            record=record,
+            realtime=realtime,
+            paused=paused,
+            name=name,
+        )
+    )
+
+
+def render(connect: str | None) -> None:
+    """A render node's process."""
+    from elys.render_node.node import serve_views
+
+    async def work() -> None:
+        async with joined(connect, kind="render", timeout=60.0) as session:
+            await serve_views(session)
+
+    start_logging()
+    run_until_asked(work())
+
+
+def editor(connect: str | None, *, frame_limit: int) -> None:
+    """The editor's process."""
+    from elys.editor_node.node import run_editor
+
+    async def work() -> None:
+        async with joined(connect, kind="editor", timeout=60.0) as session:
+            await run_editor(session, frames=frame_limit or None)
+
+    start_logging()
+    run_until_asked(work())
+
+
+def player(recording: Path, *, listen: str | None, paused: bool, rate: float, loop: bool) -> None:
+    """A player's process."""
+    from elys.verbs.replay import serve_recording
+
+    start_logging()
+    run_until_asked(serve_recording(recording, listen=listen, paused=paused, rate=rate, loop=loop))

@@ -1,0 +1,93 @@
+"""play, record, info, export: what is done with recordings."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import sys
+import time
+from pathlib import Path
+
+from elys.bus.log import start_logging
+from elys.verbs.nodes import hosted, joined, run_until_asked
+from elys.verbs.output import print_json, print_table, size_text
+
+_log = logging.getLogger(__name__)
+
+
+def play(recording: Path, *, listen: str | None, paused: bool, rate: float, loop: bool, editor: bool) -> None:
+    """Serves a recording in this process, or under the supervisor with an editor on it."""
+    start_logging()
+    if not editor:
+        run_until_asked(serve_recording(recording, listen=listen, paused=paused, rate=rate, loop=loop))
+        return
+    from elys.bus.export import recording_info
+    from elys.render_node.window import probe_display
+    from elys.verbs.run import start
+
+    recording_info(recording)  # what is no recording is one line here and not a crash of a node
+    probe_display()
+    options = ["--rate", str(rate)] + ["--paused"] * paused + ["--loop"] * loop
+    sys.exit(start("replay", {"recording": str(recording)}, endpoint=listen, extra={"player": options}))
+
+
+async def serve_recording(recording: Path, *, listen: str | None, paused: bool, rate: float, loop: bool) -> None:
+    """Hosts a recording as a session until it is told to end.
+
+    Raises:
+        RecordingError: it is none. BusError: the endpoint cannot be listened at.
+    """
+    from elys.bus.player import Player
+
+    player = await asyncio.to_thread(Player.open, recording)
+    epoch = time.time_ns()
+    async with hosted(listen, name=player.scene, kind="replay", scene=player.scene, epoch=epoch) as session:
+        _log.info("playing %s at %s: view it with `elys view`, or `elys edit`", recording, session.transport.endpoint)
+        await player.serve(session, playing=not paused, rate=rate, loop=loop)
+
+
+def record(output: Path, *, connect: str | None, seconds: float) -> None:
+    """Records a session from outside, until it ends or Ctrl-C."""
+    from elys.bus.recorder import record_session
+
+    start_logging()
+
+    async def work() -> None:
+        async with joined(connect, kind="recorder") as session:
+            _log.info("recording %s to %s; end with Ctrl-C", session.name, output)
+            stop = asyncio.Event()
+            recording = asyncio.ensure_future(record_session(session, output, stop))
+            with contextlib.suppress(asyncio.CancelledError, TimeoutError):
+                await asyncio.wait_for(asyncio.shield(recording), seconds or None)
+            stop.set()
+            await recording
+
+    run_until_asked(work())
+    info(output, json=False)
+
+
+def info(recording: Path, *, json: bool) -> None:
+    """Prints what a recording holds."""
+    from elys.bus.export import recording_info
+
+    facts = recording_info(recording)
+    if json:
+        print_json(facts)
+        return
+    state = "complete" if facts.complete else "cut off: what was written before is here"
+    print(f"{recording}: {facts.scene}, {facts.duration:.2f} s, ticks {facts.first_tick} to {facts.last_tick}, {state}")
+    print(
+        f"{facts.body_count} bodies, {facts.entity_count} entities, {facts.asset_count} assets, {size_text(facts.size)}"
+    )
+    print(f"ELYS {facts.version}, protocol {facts.protocol}\n")
+    rows = [(t.topic, t.message_count, f"{t.rate:.1f}", size_text(t.size)) for t in facts.topics]
+    print_table(("topic", "messages", "per second", "size"), rows)
+
+
+def export(recording: Path, output: Path) -> None:
+    """Writes a recording's motion as arrays."""
+    from elys.bus.export import export_npz
+
+    facts = export_npz(recording, output)
+    print(f"{output}: {facts.tick_count} ticks of {facts.body_count} bodies")

@@ -1,0 +1,148 @@
+"""run and launch: a simulation alone in this process, or several nodes under the supervisor."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Final
+
+from elys.common.errors import LaunchError
+
+_PACKAGE: Final = Path(__file__).parents[1]
+LAUNCH_DIRECTORIES: Final = (_PACKAGE.parent / "launch", _PACKAGE / "_launch")  # of a checkout, of an installed wheel
+
+
+def run(
+    scene: str,
+    *,
+    headless: bool,
+    step_limit: int,
+    record: Path | None,
+    realtime: bool,
+    paused: bool,
+    listen: str | None,
+    name: str,
+    json: bool,
+) -> None:
+    """Simulates a scene: with an editor, or headless; headless with a step limit runs as fast as it can."""
+    if headless:
+        _run_headless(
+            scene,
+            step_limit=step_limit,
+            record=record,
+            realtime=realtime or not step_limit,
+            paused=paused,
+            listen=listen,
+            name=name,
+            json=json,
+        )
+        return
+    from elys.render_node.window import probe_display
+    from elys.verbs.kernels import compile_with_progress
+
+    require_scene(scene)
+    probe_display()
+    compile_with_progress()
+    options = ["--steps", str(step_limit)] if step_limit else []
+    options += ["--record", str(record)] if record else []
+    options += ["--paused"] if paused else []
+    options += ["--name", name] if name else []
+    sys.exit(start("editor", {"scene": scene}, endpoint=listen, extra={"simulation": options}))
+
+
+def launch(file: Path, values: list[str]) -> None:
+    """Starts what a launch file describes; the endpoint is chosen here if it is a parameter that nobody set."""
+    from elys.launch import fill_in, read_launch_file, run_processes
+
+    described = read_launch_file(file)
+    parameters: dict[str, str] = {}
+    for value in values:
+        name, equals, text = value.partition("=")
+        if not equals:
+            raise LaunchError(f"'{value}' is no parameter: write NAME=VALUE")
+        parameters[name] = text
+    if "endpoint" in described.parameters and "endpoint" not in parameters:
+        parameters["endpoint"] = free_endpoint()
+    sys.exit(run_processes(fill_in(described, parameters)))
+
+
+def start(
+    launch_name: str,
+    parameters: dict[str, str],
+    *,
+    endpoint: str | None,
+    extra: dict[str, list[str]] | None = None,
+) -> int:
+    """Starts one of ELYS's own launch files; `extra` adds words to the commands of processes by name."""
+    from msgspec.structs import replace
+
+    from elys.launch import fill_in, read_launch_file, run_processes
+
+    directory = next((folder for folder in LAUNCH_DIRECTORIES if folder.is_dir()), LAUNCH_DIRECTORIES[0])
+    described = read_launch_file(directory / f"{launch_name}.toml")
+    processes = fill_in(described, {**parameters, "endpoint": endpoint or free_endpoint()})
+    words = extra or {}
+    return run_processes([replace(p, command=(*p.command, *words.get(p.name, ()))) for p in processes])
+
+
+def free_endpoint() -> str:
+    """The first endpoint of loopback, from the default port on, at which nobody listens."""
+    import socket
+
+    from elys.bus.transports.zenoh import DEFAULT_PORT
+
+    for port in range(DEFAULT_PORT, DEFAULT_PORT + 100):
+        with socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind(("127.0.0.1", port))
+            except OSError:
+                continue
+            return f"tcp/127.0.0.1:{port}"
+    raise LaunchError(f"the ports {DEFAULT_PORT} to {DEFAULT_PORT + 99} are all in use: name one with --listen")
+
+
+def require_scene(scene: str) -> None:
+    """Reads the scene once in this process, so that a mistake in it is one line and not a crash of a node."""
+    from elys.verbs.scenes import open_scene_or_sample
+
+    open_scene_or_sample(scene)
+
+
+def _run_headless(
+    scene: str,
+    *,
+    step_limit: int,
+    record: Path | None,
+    realtime: bool,
+    paused: bool,
+    listen: str | None,
+    name: str,
+    json: bool,
+) -> None:
+    from elys.bus.log import start_logging
+    from elys.verbs.nodes import run_until_asked
+    from elys.verbs.output import print_json
+    from elys.verbs.simulate import RunReport, describe, simulate
+
+    start_logging()
+    reports: list[RunReport] = []
+
+    async def work() -> None:
+        await simulate(
+            scene,
+            listen=listen,
+            step_limit=step_limit,
+            record=record,
+            realtime=realtime,
+            paused=paused,
+            name=name,
+            on_end=reports.append,
+        )
+
+    run_until_asked(work())
+    for report in reports:
+        if json:
+            print_json(report)
+        else:
+            print(describe(report))

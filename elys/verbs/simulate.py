@@ -1,0 +1,118 @@
+"""A simulation in this process: hosted on the bus, recorded if asked, until its steps are done or it is told to end."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from elys.common.assets.store import AssetStore
+from elys.verbs.nodes import hosted
+from elys.verbs.output import size_text
+from elys.verbs.scenes import open_scene_or_sample
+
+if TYPE_CHECKING:
+    from elys.sim_node.node import SimulationNode
+
+_log = logging.getLogger(__name__)
+
+
+class RunReport(msgspec.Struct, frozen=True, kw_only=True):
+    """What a run did, for who started it."""
+
+    scene: str
+    ticks: int
+    simulation_time: float  # [s]
+    wall_time: float  # [s]
+    realtime_factor: float
+    entity_count: int
+    body_count: int
+    state_hash: str
+    tick_p50: float  # [ms]
+    tick_p99: float  # [ms]
+    recording: str = ""
+    recording_size: int = 0  # [bytes]
+
+
+def describe(report: RunReport) -> str:
+    """A report as a person reads it."""
+    text = (
+        f"{report.scene}: {report.ticks} ticks ({report.simulation_time:.2f} s) in {report.wall_time:.2f} s, "
+        f"{report.realtime_factor:.1f} times real time; {report.body_count} bodies; state {report.state_hash}"
+    )
+    if report.recording:
+        text += f"\n{report.recording}: {size_text(report.recording_size)}"
+    return text
+
+
+async def simulate(
+    scene: str,
+    *,
+    listen: str | None,
+    step_limit: int,
+    record: Path | None,
+    realtime: bool,
+    paused: bool,
+    name: str,
+    on_end: Callable[[RunReport], None] | None = None,
+) -> None:
+    """Runs a scene in a session of its own.
+
+    Raises:
+        SceneError: the scene is missing or wrong. BusError: the endpoint cannot be listened at. RecordingError: the
+            recording cannot be written.
+    """
+    from elys.bus.tap import start_recorder
+    from elys.sim_node.node import SimulationNode
+    from elys.sim_node.simulation import Simulation
+    from elys.verbs.kernels import compile_with_progress
+
+    opened = open_scene_or_sample(scene, assets := AssetStore())
+    compile_with_progress()
+    simulation = Simulation.load(opened, assets)
+    epoch = time.time_ns()
+    async with hosted(listen, name=name or opened.name, kind="simulation", scene=opened.name, epoch=epoch) as session:
+        _log.info("simulating %s at %s", opened.name, session.transport.endpoint)
+        recorder = await start_recorder(session, record, lossless=not realtime) if record else None
+        node = SimulationNode(
+            simulation,
+            session,
+            realtime=realtime,
+            playing=not paused,
+            step_limit=step_limit,
+            recorder=recorder,
+        )
+        started = time.perf_counter()
+        try:
+            if recorder is not None:
+                recorder.begin(node.snapshot(), assets)
+            await node.run()
+        finally:
+            wall_time = time.perf_counter() - started
+            size = await asyncio.shield(recorder.finish()) if recorder is not None else 0
+            if on_end is not None:
+                on_end(_report(node, wall_time, record, size))
+
+
+def _report(node: SimulationNode, wall_time: float, record: Path | None, size: int) -> RunReport:
+    simulation, ticks = node.simulation, node.steps_done
+    times = sorted(node.tick_times) or [0.0]
+    return RunReport(
+        scene=simulation.name,
+        ticks=ticks,
+        simulation_time=simulation.time,
+        wall_time=wall_time,
+        realtime_factor=ticks / simulation.settings.tick_rate / wall_time if wall_time else 0.0,
+        entity_count=len(simulation.world),
+        body_count=simulation.physics.body_count,
+        state_hash=f"{simulation.physics.state_hash():016x}",
+        tick_p50=times[len(times) // 2],
+        tick_p99=times[len(times) * 99 // 100],
+        recording=str(record) if record else "",
+        recording_size=size,
+    )

@@ -1,0 +1,27 @@
+"""What all tests share: options, and where the real models are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--soak", action="store_true", help="run the long campaigns whole (make soak)")
+    parser.addoption("--draw-golden", action="store_true", help="draw the golden pictures anew (make golden)")
+
+
+@pytest.fixture(scope="session")
+def shared_assets() -> Path:
+    """The folder of real glTF models, which is no part of the project and stands beside its checkout."""
+    folder = Path(__file__).parents[2] / "shared" / "assets"
+    if not folder.is_dir():
+        pytest.skip("the folder of real models (../shared/assets) is not beside this checkout")
+    return folder
+
+
+@pytest.fixture
+def soak(request: pytest.FixtureRequest) -> bool:
+    """Whether long campaigns run whole."""
+    return bool(request.config.getoption("--soak"))

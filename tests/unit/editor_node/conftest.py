@@ -1,0 +1,312 @@
+"""A small real host: it holds a scene, answers commands and tells of changes as a simulation does, without physics."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import time
+from collections.abc import AsyncIterator, Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from elys.bus import rigid_poses, topics
+from elys.bus.messages import commands as c
+from elys.bus.messages import scene as s
+from elys.bus.messages.session import SessionStatus
+from elys.bus.messages.state_frame import StateFrame
+from elys.bus.mirror import SceneMirror
+from elys.bus.session import Session
+from elys.bus.transports.loopback import LoopbackBroker
+from elys.common.components import component_from, values_of
+from elys.common.errors import ElysError, EntityError, RequestError
+from elys.common.ids import entity_of, generation_of, index_of
+from elys.common.scene import EntityRecord
+from elys.editor_node.model import EditorModel
+
+os.environ.setdefault("ELYS_NULL_PLATFORM", "1")
+
+
+class SceneHost:
+    """Applies commands at once, one delta each; `SceneMirror` is the authority."""
+
+    def __init__(self, session: Session, *, epoch: int = 1) -> None:
+        self.session = session
+        self.mirror = SceneMirror()
+        self.mirror.epoch, self.mirror.sequence = epoch, 0
+        self.tick = 0
+        self.playing = False
+        self.rate = 1.0
+        self.received: list[c.Command] = []
+        self._free: list[int] = []
+        self._used = 0
+        session.serve(topics.COMMAND, self._take)
+        session.serve(topics.SNAPSHOT, self._give_snapshot)
+        self.publish_status()
+
+    def load(self, records: list[EntityRecord]) -> tuple[int, ...]:
+        changes, entities = self._spawn(c.Spawn(records=tuple(records)))
+        self._publish(changes)
+        return entities
+
+    def publish_status(self) -> None:
+        self.session.publish(
+            topics.STATUS,
+            SessionStatus(
+                epoch=self.mirror.epoch,
+                kind="simulation",
+                scene="yard",
+                tick=self.tick,
+                simulation_time=self.tick / 60.0,
+                playing=self.playing,
+                tick_rate=60.0,
+                rate=self.rate,
+                realtime_factor=1.0 if self.playing else 0.0,
+                entity_count=len(self.mirror.entities),
+            ),
+        )
+
+    def publish_frame(self, positions: dict[int, tuple[float, float, float]]) -> None:
+        """A state frame that says where these bodies are, unturned and at rest."""
+        count = len(positions)
+        rotation = np.zeros((count, 4), np.float32)
+        rotation[:, 3] = 1.0
+        frame = StateFrame(
+            epoch=self.mirror.epoch,
+            tick=self.tick,
+            simulation_time=self.tick / 60.0,
+            published_at=time.time_ns(),
+            delta_sequence=self.mirror.sequence,
+            state_hash=0,
+            playing=self.playing,
+            position=np.array(list(positions.values()), np.float64).reshape(count, 3),
+            rotation=rotation,
+            linear_velocity=np.zeros((count, 3), np.float32),
+            angular_velocity=np.zeros((count, 3), np.float32),
+            entity=np.array(list(positions), np.uint32),
+        )
+        self.session.publish(topics.STATE, frame)
+
+    async def _give_snapshot(self, _: s.SnapshotRequest, __: str) -> s.Snapshot:
+        return self.mirror.to_snapshot()
+
+    async def _take(self, request: c.CommandRequest, _: str) -> c.CommandReply:
+        self.received.append(request.command)
+        try:
+            changes, entities = self._changes(request.command)
+        except ElysError as error:
+            return c.CommandReply(accepted=False, tick=self.tick, reason=str(error))
+        self._publish(changes)
+        return c.CommandReply(accepted=True, tick=self.tick, entities=entities)
+
+    def _publish(self, changes: list[s.SceneChange]) -> None:
+        if not changes:
+            return
+        delta = s.SceneDelta(
+            epoch=self.mirror.epoch, sequence=self.mirror.sequence + 1, tick=self.tick, changes=tuple(changes)
+        )
+        self.mirror.apply_delta(delta)
+        self.session.publish(topics.DELTA, delta)
+
+    def _changes(self, command: c.Command) -> tuple[list[s.SceneChange], tuple[int, ...]]:
+        entity = getattr(command, "entity", 0)
+        if entity and entity not in self.mirror.entities:
+            raise EntityError(f"there is no entity {entity}")
+        match command:
+            case c.SetComponent(component=name, values=values):
+                return [self._set(entity, name, values)], ()
+            case c.AddComponent(component=name, values=values):
+                component = component_from(name, values)
+                return [s.ComponentSet(entity=entity, component=name, values=values_of(component))], ()
+            case c.RemoveComponent(component=name):
+                return [s.ComponentRemoved(entity=entity, component=name)], ()
+            case c.Spawn():
+                return self._spawn(command)
+            case c.Despawn():
+                self._free += self.mirror.descendants(entity)
+                return [s.Despawned(entity=entity)], ()
+            case c.Rename(name=name):
+                return [s.Renamed(entity=entity, name=name)], ()
+            case c.Reparent():
+                return self._reparent(command), ()
+            case c.SetEnabled(enabled=enabled):
+                return [s.EnabledSet(entity=entity, enabled=enabled)], ()
+            case c.SetSettings(settings=settings):
+                return [s.SettingsSet(settings=settings)], ()
+            case c.SetPlaying(playing=playing):
+                self.playing = playing
+            case c.StepTicks(count=count):
+                self.tick += count
+            case c.SetRate(rate=rate):
+                self.rate = rate
+            case _:
+                raise RequestError("that is for replays")
+        self.publish_status()
+        return [], ()
+
+    def _set(self, entity: int, name: str, values: dict[str, Any]) -> s.ComponentSet:
+        current = self.mirror.entities[entity].components.get(name)
+        if current is None:
+            raise EntityError(f"entity {entity} has no {name}")
+        changed = component_from(name, values, base=current)
+        return s.ComponentSet(entity=entity, component=name, values=values_of(changed))
+
+    def _spawn(self, command: c.Spawn) -> tuple[list[s.SceneChange], tuple[int, ...]]:
+        if command.parent and command.parent not in self.mirror.entities:
+            raise EntityError(f"there is no entity {command.parent}")
+        entities = tuple(self._new_id() for _ in command.records)
+        changes: list[s.SceneChange] = []
+        tops = []
+        for entity, record in zip(entities, command.records, strict=True):
+            parent = entities[record.parent] if record.parent >= 0 else command.parent
+            if record.parent < 0:
+                tops.append(entity)
+            components = {name: values_of(component_from(name, values)) for name, values in record.components.items()}
+            changes.append(
+                s.Spawned(
+                    entity=entity,
+                    name=record.name,
+                    parent=parent,
+                    enabled=record.enabled,
+                    components=components,
+                    prefab=record.prefab,
+                )
+            )
+        if command.index >= 0:
+            changes += [
+                s.Reparented(entity=entity, parent=command.parent, index=command.index + offset)
+                for offset, entity in enumerate(tops)
+            ]
+        return changes, entities
+
+    def _reparent(self, command: c.Reparent) -> list[s.SceneChange]:
+        if command.parent in self.mirror.descendants(command.entity):
+            raise EntityError("an entity cannot come below itself")
+        siblings = [e for e in self.mirror.children_of(command.parent) if e != command.entity]
+        index = command.index if 0 <= command.index <= len(siblings) else len(siblings)
+        changes: list[s.SceneChange] = [s.Reparented(entity=command.entity, parent=command.parent, index=index)]
+        if command.keep_world_pose and "Transform" in self.mirror.entities[command.entity].components:
+            pose = self.mirror.world_pose(command.entity)
+            position, rotation = pose.position, pose.rotation
+            if command.parent:
+                above = self.mirror.world_pose(command.parent)
+                position, rotation = rigid_poses.local_pose(*above, position, rotation)
+            changes.append(self._set(command.entity, "Transform", {"position": position, "rotation": rotation}))
+        return changes
+
+    def _new_id(self) -> int:
+        if self._free:
+            old = self._free.pop()
+            return entity_of(index_of(old), generation_of(old) + 1)
+        self._used += 1
+        return entity_of(self._used, 0)
+
+
+def tree_of(mirror: SceneMirror, entity: int = 0) -> list[Any]:
+    """The scene below an entity without its ids, for comparing."""
+    return [
+        (
+            e.name,
+            e.enabled,
+            e.prefab,
+            {name: msgspec.structs.asdict(value) for name, value in sorted(e.components.items())},
+            tree_of(mirror, e.id),
+        )
+        for e in (mirror.entities[child] for child in mirror.children_of(entity))
+    ]
+
+
+def yard_records(count: int = 6) -> list[EntityRecord]:
+    """A ground, a crate with a lid and a handle, a sun, and boxes."""
+    records = [
+        EntityRecord(name="Ground", components={"Transform": {"scale": [20, 0.1, 20]}, "Collider": {}}),
+        EntityRecord(
+            name="Crate",
+            components={"Transform": {"position": [1, 2, 3]}, "RigidBody": {"mass": 5.0}, "Collider": {}, "Material": {}},
+        ),
+        EntityRecord(name="Lid", parent=1, components={"Transform": {"position": [0, 0.5, 0]}}),
+        EntityRecord(name="Handle", parent=2, components={"Transform": {"position": [0, 0.1, 0]}}),
+        EntityRecord(name="Sun", components={"Transform": {}, "Light": {}}),
+    ]
+    records += [
+        EntityRecord(
+            name=f"Box {number}",
+            components={"Transform": {"position": [number, 1, 0]}, "MeshRenderer": {}, "Material": {}, "RigidBody": {}},
+        )
+        for number in range(1, count + 1)
+    ]
+    return records
+
+
+class Stage:
+    """A host with a yard and an editor's model in the same session."""
+
+    def __init__(self, broker: LoopbackBroker, host: SceneHost, model: EditorModel) -> None:
+        self.broker = broker
+        self.host = host
+        self.model = model
+
+    def named(self, name: str) -> int:
+        return next(entity.id for entity in self.model.scene.mirror.entities.values() if entity.name == name)
+
+    async def until(self, condition: Callable[[], bool]) -> None:
+        """Lets the loop run until something is so."""
+        async with asyncio.timeout(5.0):
+            while not condition():
+                await asyncio.sleep(0.001)
+
+    async def settle(self) -> None:
+        """Until all edits are answered and echoed."""
+        await self.model.history.settle()
+
+
+@contextlib.asynccontextmanager
+async def open_stage(records: list[EntityRecord] | None = None) -> AsyncIterator[Stage]:
+    broker = LoopbackBroker()
+    host_session = await Session.host(broker.listen(), name="yard", kind="simulation", epoch=1)
+    host = SceneHost(host_session)
+    host.load(yard_records() if records is None else records)
+    session = await Session.join(broker.connect(), kind="editor")
+    model = EditorModel(session)
+    running = asyncio.create_task(model.run())
+    stage = Stage(broker, host, model)
+    try:
+        await stage.until(lambda: model.scene.is_known)
+        host.publish_status()
+        await stage.until(lambda: model.status is not None)
+        yield stage
+    finally:
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
+        await session.close()
+        await host_session.close()
+
+
+@pytest.fixture
+def on_stage() -> Callable[..., None]:
+    """Runs `await scenario(stage)` with a host and a model."""
+
+    def play(scenario: Callable[[Stage], Awaitable[None]], records: list[EntityRecord] | None = None) -> None:
+        async def main() -> None:
+            async with open_stage(records) as stage:
+                await scenario(stage)
+
+        asyncio.run(main())
+
+    return play
+
+
+@pytest.fixture
+def scene_tree() -> Callable[[SceneMirror], list[Any]]:
+    return tree_of
+
+
+@pytest.fixture
+def screenshot_directory(tmp_path: Path) -> Path:
+    """Where pictures of the editor go: kept when ELYS_SCREENSHOTS names a directory."""
+    chosen = os.environ.get("ELYS_SCREENSHOTS")
+    return Path(chosen) if chosen else tmp_path
