@@ -49,7 +49,9 @@ def open_asset_cache(*, max_size: int = CACHE_SIZE) -> AssetStore:
     """A store over the cache directory, first brought below `max_size` bytes. Raises AssetError if it cannot be made."""
     folder = cache_directory()
     store = AssetStore(folder)
-    files = sorted(((path.stat(), path) for path in folder.iterdir() if path.is_file()), key=lambda one: one[0].st_mtime)
+    files = sorted(
+        ((path.stat(), path) for path in folder.iterdir() if path.is_file()), key=lambda one: one[0].st_mtime
+    )
     size = sum(stat.st_size for stat, _ in files)
     for stat, path in files:
         if size <= max_size:
@@ -90,9 +92,7 @@ class AssetClient:
                 return await asyncio.to_thread(self._store.get, reference)
             except AssetError as error:
                 _log.warning("%s; asking the host for it", error)
-        data = await self._session.request(
-            topics.ASSET, b"", key=reference.removeprefix(PREFIX), timeout=ASSET_TIMEOUT
-        )
+        data = await self._session.request(topics.ASSET, b"", key=reference.removeprefix(PREFIX), timeout=ASSET_TIMEOUT)
         if reference_of(data) != reference:
             raise MessageError(f"the host answered {reference} with other content ({reference_of(data)})")
         await asyncio.to_thread(self._store.put, data, kind=kind)

@@ -29,7 +29,12 @@ _msgpack = msgspec.msgpack.Encoder()
 
 def encode(message: Any, encoding: Encoding) -> bytes:
     """A message as it travels: prefix and body."""
-    return _PREFIXES[encoding] + encode_body(message, encoding)
+    return with_prefix(encode_body(message, encoding), encoding)
+
+
+def with_prefix(body: bytes, encoding: Encoding) -> bytes:
+    """A body, as recordings keep it, as it travels."""
+    return _PREFIXES[encoding] + body
 
 
 def encode_body(message: Any, encoding: Encoding) -> bytes:
@@ -65,7 +70,7 @@ def decode_body(body: bytes, message: type[M], encoding: Encoding, *, offset: in
     if encoding is Encoding.RAW:
         return bytes(view)  # type: ignore[return-value]
     try:
-        return _decoder(message, encoding).decode(view)  # type: ignore[no-any-return]
+        return _decoder(message, encoding).decode(view)  # type: ignore[no-any-return, arg-type]
     except (msgspec.DecodeError, msgspec.ValidationError, RecursionError, UnicodeDecodeError) as error:
         raise MessageError(f"not a {message.__name__}: {error}") from error
 

@@ -1,6 +1,6 @@
 """Sessions on this machine: each host writes a small file into a directory of the user's, and takes it away at the end.
 
-    $ELYS_RUNTIME_DIR or the user's runtime directory / sessions / {process}-{port or name}.json
+$ELYS_RUNTIME_DIR or the user's runtime directory / sessions / {process}-{port or name}.json
 """
 
 from __future__ import annotations
@@ -9,12 +9,12 @@ import asyncio
 import logging
 import os
 import re
+import tempfile
 import time
 from pathlib import Path
 from typing import Final
 
 import msgspec
-import platformdirs
 
 from elys.bus.session import Session
 from elys.bus.transports.transport import Closer
@@ -43,8 +43,11 @@ class SessionRecord(msgspec.Struct, frozen=True, kw_only=True):
 
 def runtime_directory() -> Path:
     """Where the sessions of this user on this machine are written down."""
-    chosen = os.environ.get("ELYS_RUNTIME_DIR")
-    return Path(chosen) if chosen else Path(platformdirs.user_runtime_dir("elys"))
+    if chosen := os.environ.get("ELYS_RUNTIME_DIR"):
+        return Path(chosen)
+    if given := os.environ.get("XDG_RUNTIME_DIR"):
+        return Path(given) / "elys"
+    return Path(tempfile.gettempdir()) / f"elys-{os.getuid()}"  # no login session: a server, a container
 
 
 def advertise(*, name: str, endpoint: str, kind: str, scene: str) -> Closer:
@@ -102,7 +105,9 @@ def choose_endpoint(connect: str | None = None) -> str:
         raise ConnectionLost(_NO_SESSION)
     if len(sessions) > 1:
         others = ", ".join(f"{record.name} at {record.endpoint}" for record in sessions[1:])
-        _log.info("joining the newest session, %s at %s; there are also %s", sessions[0].name, sessions[0].endpoint, others)
+        _log.info(
+            "joining the newest session, %s at %s; there are also %s", sessions[0].name, sessions[0].endpoint, others
+        )
     return sessions[0].endpoint
 
 

@@ -22,7 +22,9 @@ if TYPE_CHECKING:
     from elys.bus.mirror import MirrorUpdate, SceneMirror
 
 _PAUSE: Final = 0.1  # [s] between two requests, so that a host in trouble is not flooded
-_BUFFER_LIMIT: Final = 10_000  # deltas kept while there is no snapshot; beyond it the oldest go, and a new one is needed
+_BUFFER_LIMIT: Final = (
+    10_000  # deltas kept while there is no snapshot; beyond it the oldest go, and a new one is needed
+)
 _log = logging.getLogger(__name__)
 
 
@@ -55,9 +57,7 @@ async def follow_scene(
     return close
 
 
-def follow_state(
-    session: Session, mirror: SceneMirror, on_frame: Callable[[StateFrame], None] | None = None
-) -> Closer:
+def follow_state(session: Session, mirror: SceneMirror, on_frame: Callable[[StateFrame], None] | None = None) -> Closer:
     """Keeps `mirror.latest_frame` the newest state frame; `on_frame` hears each that is kept."""
 
     def heard(frame: StateFrame, _: str) -> None:

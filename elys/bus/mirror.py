@@ -266,11 +266,11 @@ class SceneMirror:
                     del self.entities[entity]
                 removed.extend(gone)
             case ComponentSet():
-                entity = self._entity(change.entity)
+                owner = self._entity(change.entity)
                 if is_known(change.component):
-                    entity.components[change.component] = _component(change.component, change.values)
+                    owner.components[change.component] = _component(change.component, change.values)
                 if change.component == "Transform":
-                    entity.pose_sequence = sequence
+                    owner.pose_sequence = sequence
             case ComponentRemoved():
                 self._entity(change.entity).components.pop(change.component, None)
             case Renamed():

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from elys.bus.messages.state_frame import StateFrame
-from elys.common.components import Quat, RigidBody, Transform, Vec3
+from elys.common.components import Quat, Transform, Vec3
 
 if TYPE_CHECKING:
     from elys.bus.mirror import SceneMirror
@@ -77,7 +77,11 @@ def place_bodies(mirror: SceneMirror, frame: StateFrame) -> SceneMirror:
     placed.keep_frame(frame)
     placed.entities = dict(mirror.entities)
     placed.tick, placed.simulation_time = frame.tick, frame.simulation_time
-    rotations, linear, angular = frame.rotation.tolist(), frame.linear_velocity.tolist(), frame.angular_velocity.tolist()
+    rotations, linear, angular = (
+        frame.rotation.tolist(),
+        frame.linear_velocity.tolist(),
+        frame.angular_velocity.tolist(),
+    )
     for row, (body, position) in enumerate(zip(frame.entity.tolist(), frame.position.tolist(), strict=True)):
         if body not in mirror.entities or placed.frame_row(body) != row:
             continue
@@ -85,7 +89,7 @@ def place_bodies(mirror: SceneMirror, frame: StateFrame) -> SceneMirror:
         components = dict(entity.components)
         entity.components = components
         placed.entities[body] = entity
-        pose: tuple[Vec3, Quat] = tuple(position), tuple(rotations[row])  # type: ignore[assignment]
+        pose: tuple[Vec3, Quat] = tuple(position), tuple(rotations[row])
         if entity.parent:
             pose = local_pose(*placed.world_pose(entity.parent), *pose)
         before = components.get("Transform", Transform())

@@ -137,7 +137,7 @@ class Session:
     def subscribe_payloads(
         self, topic: Topic[Any], callback: Callable[[str, bytes], None], *, key: str = "*", every: bool = False
     ) -> Closer:
-        """Calls `callback(full key, payload)` on the loop with undecoded payloads; with `every` none of a LATEST topic is skipped."""
+        """Calls `callback(full key, payload)` on the loop with undecoded payloads; with `every`, LATEST topics skip none."""
         mailbox = Mailbox(self._loop, callback, newest_only=topic.delivery is Delivery.LATEST and not every)
         expression = topics.key_of(self.name, topic, key)
         return self._keep(self.transport.subscribe(expression, mailbox.put))

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from elys.common.assets.store import AssetStore, is_reference
 from elys.common.components import FieldDeclaration, component_from, declaration_of, declarations
+from elys.common.components.decimals import FLOAT32_MAX, shortest_decimal
 from elys.common.errors import AssetError, SceneError
 from elys.common.scene_document import (
     ComponentChanges,
@@ -44,7 +43,7 @@ def collapse(
     `prefab_directory` (default: `directory`). Content references become the files they came from.
 
     Raises:
-        SceneError: the records are no tree, or nested deeper than a file may be.
+        SceneError: the records are no tree, or nested deeper than a file may be, or a number is out of all bounds.
         ComponentError: a value is not what its component takes.
     """
     directory = Path(directory).absolute()
@@ -187,7 +186,9 @@ def _tidy(field: FieldDeclaration, value: Any) -> Any:
     if isinstance(value, tuple):
         return [_tidy(field, element) for element in value]
     if isinstance(value, float) and field.dtype == "f4":
-        return float(str(np.float32(value)))
+        if abs(value) > FLOAT32_MAX:
+            raise SceneError(f"{field.name} must fit 32 bits (3.4e38), not {value:g}")
+        return shortest_decimal(value)
     return value
 
 

@@ -11,6 +11,7 @@ from typing import Any, Final, NoReturn
 import msgspec
 
 from elys.common.components import check_value, declaration_of, declarations
+from elys.common.components.decimals import FLOAT32_MAX
 from elys.common.errors import ComponentError, SceneError
 from elys.common.scene_document import (
     SCENE_VERSION,
@@ -197,12 +198,15 @@ def check_fields(component: str, values: Mapping[str, Any], where: str) -> None:
         if field is None:
             _fail(f"{where}.{name}", f"{component} has no such field{_near_miss(name, known)}")
         try:
-            check_value(declaration, field, value)
+            checked = check_value(declaration, field, value)
         except ComponentError as error:
             reason = str(error).removeprefix(f"{component}.{name} ")
             _fail(f"{where}.{name}", reason if len(reason) <= 200 else f"{reason[:197]}...")
         except ValueError:  # a whole number too long to be shown
             _fail(f"{where}.{name}", "the number is too large")
+        for number in checked if isinstance(checked, tuple) else (checked,):
+            if field.dtype == "f4" and abs(number) > FLOAT32_MAX:
+                _fail(f"{where}.{name}", f"must fit 32 bits (3.4e38), not {number:g}")
         _plain_text(value, f"{where}.{name}")
 
 

@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from elys.bus.messages.views import ViewCamera
 from elys.common.math import matrix, quaternion
@@ -36,7 +36,7 @@ class OrbitCamera:
     def rotation(self) -> Vector:
         """world_from_view as a quaternion x y z w."""
         turn = quaternion.from_axis_angle((0.0, 1.0, 0.0), self.yaw)
-        return quaternion.multiply(turn, quaternion.from_axis_angle((1.0, 0.0, 0.0), self.pitch))
+        return _float64(quaternion.multiply(turn, quaternion.from_axis_angle((1.0, 0.0, 0.0), self.pitch)))
 
     @property
     def position(self) -> Vector:
@@ -46,7 +46,7 @@ class OrbitCamera:
     @property
     def backward(self) -> Vector:
         """Away from what it looks at."""
-        return quaternion.rotate(self.rotation, (0.0, 0.0, 1.0))
+        return _float64(quaternion.rotate(self.rotation, (0.0, 0.0, 1.0)))
 
     @property
     def view(self) -> ViewCamera:
@@ -102,7 +102,7 @@ class OrbitCamera:
 def view_from_world(camera: ViewCamera) -> Vector:
     """(4, 4), row by row."""
     world_from_view = matrix.compose_affine(np.array(camera.position), np.array(camera.rotation), np.ones(3))
-    return matrix.affine_to_mat4(matrix.inverse_affine(world_from_view))
+    return _float64(matrix.affine_to_mat4(matrix.inverse_affine(world_from_view)))
 
 
 def clip_from_view(camera: ViewCamera, aspect: float) -> Vector:
@@ -114,6 +114,10 @@ def project(camera: ViewCamera, aspect: float, point: Vector) -> tuple[float, fl
     """Where a point in the world is seen, x and y from -1 to 1 (y up); None behind the camera."""
     clip = clip_from_view(camera, aspect) @ view_from_world(camera) @ np.append(point, 1.0)
     return (float(clip[0] / clip[3]), float(clip[1] / clip[3])) if clip[3] > 1e-9 else None
+
+
+def _float64(values: ArrayLike) -> Vector:
+    return np.asarray(values, dtype=np.float64)
 
 
 def _wrapped(angle: float) -> float:

@@ -128,7 +128,7 @@ def shortest(number: float) -> float:
 def _mark_axis(axis: int) -> None:
     low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
     imgui.get_window_draw_list().add_rect_filled(
-        (low.x, low.y), (low.x + 3.0, high.y), color_code(AXES[axis]), 2.0, imgui.ImDrawFlags_.round_corners_left.value
+        (low.x, low.y), (low.x + 3.0, high.y), color_code(AXES[axis]), 2.0, imgui.ImDrawFlags_.round_left.value
     )
 
 
@@ -177,7 +177,7 @@ def _edit_integer(field: FieldDeclaration, value: int, context: FieldContext) ->
 
 def _edit_switch(value: bool, context: FieldContext) -> FieldEdit:
     edit = FieldEdit()
-    imgui.push_item_flag(imgui.internal.ItemFlagsPrivate_.mixed_value.value, context.mixed[0])
+    imgui.push_item_flag(imgui.ItemFlags_.mixed_value.value, context.mixed[0])
     edit.changed, edit.value = imgui.checkbox("###value", value)
     imgui.pop_item_flag()
     edit.watch()
@@ -206,7 +206,7 @@ def _edit_color(field: FieldDeclaration, value: Sequence[float], context: FieldC
     shown = [srgb_from_linear(min(element, 1.0)) for element in value]
     height = imgui.get_frame_height()
     flags = imgui.ColorEditFlags_.no_tooltip.value | imgui.ColorEditFlags_.no_alpha.value
-    if imgui.color_button("###swatch", imgui.ImVec4(*shown, 1.0), flags, (height * 1.3, height)):
+    if imgui.color_button("###swatch", imgui.ImVec4(shown[0], shown[1], shown[2], 1.0), flags, (height * 1.3, height)):
         imgui.open_popup("picker")
     context.landmarks.note(f"{context.path}/swatch")
     if imgui.begin_popup("picker"):

@@ -15,7 +15,7 @@ import contextlib
 from collections import deque
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 from elys.bus.messages.commands import Command, CommandReply, Despawn, Reparent, Spawn
 from elys.common.errors import BusError, RequestError
@@ -56,6 +56,11 @@ class _Work:
     commands: tuple[Command, ...] = ()
     stroke: object = None
     done: asyncio.Future[Outcome]
+
+    @property
+    def targets(self) -> list[tuple[Any, ...]]:
+        """What it changes."""
+        return [edits.target_of(command) for command in self.commands]
 
 
 class History:
@@ -104,10 +109,9 @@ class History:
         """Makes an edit; its outcome may be awaited. With the `stroke` of the last one it joins that one's entry."""
         last = self._queue[-1] if self._queue else None
         targets = [edits.target_of(command) for command in commands]
-        if last is not None and stroke is not None and last.stroke == stroke:
-            if targets == [edits.target_of(command) for command in last.commands]:
-                last.commands = commands
-                return last.done
+        if last is not None and stroke is not None and last.stroke == stroke and last.targets == targets:
+            last.commands = commands
+            return last.done
         return self._enqueue(_Work(kind="do", label=label, commands=commands, stroke=stroke, done=_future()))
 
     def undo(self) -> asyncio.Future[Outcome]:

@@ -12,7 +12,6 @@ from elys.editor_node.events import (
     CharacterTyped,
     CursorEntered,
     Event,
-    Key,
     KeyPressed,
     KeyReleased,
     MouseMoved,
@@ -22,6 +21,7 @@ from elys.editor_node.events import (
     WindowFocused,
 )
 from elys.editor_node.gpu import WindowContext
+from elys.editor_node.keys import Key
 from elys.editor_node.theme import BACKGROUND, apply_theme, load_fonts
 from elys.editor_node.window import Window
 
@@ -141,7 +141,8 @@ def _imgui_key(key: Key) -> imgui.Key:
     name = key.name.lower().replace("digit_", "_").replace("keypad_", "keypad")
     special = {"keypaddecimal": "keypad_decimal", "keypaddivide": "keypad_divide", "keypadmultiply": "keypad_multiply",
                "keypadsubtract": "keypad_subtract", "keypadadd": "keypad_add", "keypadenter": "keypad_enter"}  # fmt: skip
-    return getattr(imgui.Key, special.get(name, name))
+    named: imgui.Key = getattr(imgui.Key, special.get(name, name))
+    return named
 
 
 _IMGUI_KEYS: Final[dict[int, imgui.Key]] = {key: _imgui_key(key) for key in Key}

@@ -49,9 +49,7 @@ class EditorModel:
         self.console = ConsoleLog()
         self.selection = Selection()
         self.scene = EditorScene(session, on_change=self._scene_changed, on_state=lambda: self.request_redraw(0.1))
-        self.history = History(
-            self._ask, self.scene, on_outcome=self._tell_outcome, on_new_ids=self._follow_new_ids
-        )
+        self.history = History(self._ask, self.scene, on_outcome=self._tell_outcome, on_new_ids=self._follow_new_ids)
         self.edit = Operations(self.scene, self.selection, self.history)
         self.status: SessionStatus | None = None
         self.profiles: deque[TickProfile] = deque(maxlen=240)  # the newest last
@@ -215,5 +213,3 @@ def _shown(status: SessionStatus) -> tuple[Any, ...]:
 def _named(command: Command) -> str:
     words = type(command).__struct_config__.tag
     return str(words).replace("_", " ").capitalize()
-
-

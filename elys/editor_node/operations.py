@@ -129,7 +129,7 @@ class Operations:
         point = np.zeros(3) if at is None else np.asarray(at, dtype=np.float64)
         if parent:
             local_from_world = matrix.inverse_affine(self._scene.world_from_local(parent))
-            point = matrix.transform_points(local_from_world, point)
+            point = np.asarray(matrix.transform_points(local_from_world, point), dtype=np.float64)
         x, y, z = (round(float(value), 4) for value in point)
         record = primitive_record(kind, name=self._free_name(kind, parent), position=(x, y, z))
         return self._spawn(f"Add {record.name}", (Spawn(records=(record,), parent=parent),))

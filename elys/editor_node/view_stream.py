@@ -74,7 +74,9 @@ class ViewStream:
                 picture.upload(pixels, frame.width, frame.height)
         elif frame.jpeg:
             # JPEG rows run downwards, textures upwards.
-            picture.upload(simplejpeg.decode_jpeg(frame.jpeg, colorspace="RGBA")[::-1].copy(), frame.width, frame.height)
+            picture.upload(
+                simplejpeg.decode_jpeg(frame.jpeg, colorspace="RGBA")[::-1].copy(), frame.width, frame.height
+            )
         else:
             return False
         self.shown = frame
@@ -86,9 +88,7 @@ class ViewStream:
         """What is seen at a pixel of the picture shown; raises BusError when the render node does not answer."""
         if self.shown is None or self.renderer is None:
             return PickReply(entity=0)
-        request = PickRequest(
-            camera=self.shown.camera, width=self.shown.width, height=self.shown.height, x=x, y=y
-        )
+        request = PickRequest(camera=self.shown.camera, width=self.shown.width, height=self.shown.height, x=x, y=y)
         return await self._session.request(topics.PICK, request, key=self.renderer.id, timeout=2.0)
 
     def refresh(self) -> None:

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any, Final
 
 import imgui_bundle  # noqa: F401  its libglfw must be the one that is loaded, so it comes before glfw
+
 import glfw  # isort: skip
 
 from elys.common.errors import DisplayError

@@ -13,7 +13,11 @@ from elys.common.math import quaternion
 from elys.common.math.matrix import look_rotation, perspective
 
 Vector = NDArray[np.float64]
-FRAMING_DIRECTION: Final = (-0.55, -0.42, -0.72)  # where an automatic camera looks: down onto the scene, from the front right
+FRAMING_DIRECTION: Final = (
+    -0.55,
+    -0.42,
+    -0.72,
+)  # where an automatic camera looks: down onto the scene, from the front right
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,7 +34,8 @@ class View:
     @classmethod
     def of(cls, camera: ViewCamera, width: int, height: int) -> View:
         """The view of a camera in a picture of `width` by `height` pixels."""
-        world_from_view = quaternion.to_matrix(quaternion.normalize(np.asarray(camera.rotation, np.float64)))
+        rotation = quaternion.normalize(np.asarray(camera.rotation, np.float64))
+        world_from_view: Vector = quaternion.to_matrix(rotation).astype(np.float64, copy=False)
         view_from_relative = np.eye(4)
         view_from_relative[:3, :3] = world_from_view.T
         near = max(camera.near, 1e-5)
@@ -57,14 +62,14 @@ def frustum_planes(clip_from_space: NDArray[np.floating]) -> Vector:
     """Six planes (6, 4) with unit normals that point inwards. Gribb and Hartmann, "Fast Extraction of Viewing Frustum Planes"."""
     m = clip_from_space
     planes = np.stack([m[3] + m[0], m[3] - m[0], m[3] + m[1], m[3] - m[1], m[3] + m[2], m[3] - m[2]])
-    return planes / np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
+    return np.asarray(planes / np.linalg.norm(planes[:, :3], axis=1, keepdims=True))
 
 
 def frustum_corners(clip_from_space: NDArray[np.floating]) -> Vector:
     """The eight corners (8, 3) of what is seen."""
     cube = np.array([(x, y, z, 1.0) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     corners = cube @ np.linalg.inv(clip_from_space).T
-    return corners[:, :3] / corners[:, 3:]
+    return np.asarray(corners[:, :3] / corners[:, 3:])
 
 
 def framing_camera(

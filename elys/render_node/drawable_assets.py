@@ -26,7 +26,9 @@ class DrawableAssets:
     `on_ready` is called, on any thread, when something asked for has come; `version` rises when a mesh came or failed.
     """
 
-    def __init__(self, fetch: Callable[[str], bytes] | None = None, *, on_ready: Callable[[], None] = lambda: None) -> None:
+    def __init__(
+        self, fetch: Callable[[str], bytes] | None = None, *, on_ready: Callable[[], None] = lambda: None
+    ) -> None:
         self._fetch = fetch
         self._on_ready = on_ready
         self._lock = threading.Lock()

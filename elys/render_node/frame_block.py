@@ -1,8 +1,8 @@
 """The uniform block `Frame` of `shaders/frame.glsl`, byte for byte.
 
-Units: a sun's intensity is its illuminance in lx, other lights' intensity is in cd, and a white surface reflects illuminance / pi. The
-exposure is fixed at 1, so a sun of pi lx makes a white surface white on the screen: as glTF viewers do, where lights have
-intensities around 3, not the 100 000 lx of daylight.
+Units: a sun's intensity is its illuminance in lx, other lights' intensity is in cd, and a white surface reflects
+illuminance / pi. The exposure is fixed at 1, so a sun of pi lx makes a white surface white on the screen: as glTF viewers do,
+where lights have intensities around 3, not the 100 000 lx of daylight.
 """
 
 from __future__ import annotations

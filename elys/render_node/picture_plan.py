@@ -23,7 +23,7 @@ class DrawCall(NamedTuple):
 
     batch: Batch
     first: int
-    count: int
+    instance_count: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,7 +106,9 @@ class _RowCollector:
             return []
         bounds = np.append(np.searchsorted(rows, self._starts), len(rows))
         calls = [
-            DrawCall(self._world.batches[batch], self._count + int(bounds[batch]), int(bounds[batch + 1] - bounds[batch]))
+            DrawCall(
+                self._world.batches[batch], self._count + int(bounds[batch]), int(bounds[batch + 1] - bounds[batch])
+            )
             for batch in np.flatnonzero(np.diff(bounds)).tolist()
         ]
         self._keep(rows)

@@ -14,8 +14,8 @@ from elys.render_node.timeline import Timeline, rows_in
 class Placement:
     """World transforms of M items, each an entity that may appear in state frames or ride on one that does.
 
-    Frames give the pose of a body. An item's place follows as `world_from_body @ body_from_item`, of which the second, with all scales,
-    changes only when the scene does.
+    Frames give the pose of a body. An item's place follows as `world_from_body @ body_from_item`, of which the second, with all
+    scales, changes only when the scene does.
 
     Attributes:
         position: [M, 3] f64 m, world. linear: [M, 3, 3] f32, rotation and scale of world_from_item.

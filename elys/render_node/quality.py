@@ -12,8 +12,8 @@ from elys.render_node.gpu import Context
 class Quality:
     """What a Renderer spends.
 
-    `to_screen` has each pass write the screen's colours at once instead of linear light that is tone-mapped at the end: see-through
-    things then blend a little darker.
+    `to_screen` has each pass write the screen's colours at once instead of linear light that is tone-mapped at the end:
+    see-through things then blend a little darker.
     """
 
     samples: int  # per pixel; 0 for one

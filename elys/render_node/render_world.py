@@ -26,7 +26,9 @@ from elys.render_node.scene_tables import Rows, SceneReader, SceneTables, tables
 from elys.render_node.timeline import Timeline
 
 PLAIN: Final = Material()
-MISSING: Final = Material(base_color=(0.0, 0.0, 0.0), emissive=(0.8, 0.0, 0.6))  # what is drawn where a mesh cannot be had
+MISSING: Final = Material(
+    base_color=(0.0, 0.0, 0.0), emissive=(0.8, 0.0, 0.6)
+)  # what is drawn where a mesh cannot be had
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,13 +107,17 @@ class RenderWorld:
         self.timeline.forget()
         self._place_anew()
 
-    def place(self, now: float | None = None) -> None:
-        """Moves everything to where it is at `now` [s], between the newest two frames; None for exactly the newest frame."""
+    def place(self, now: float | None = None, *, simulation_time: float | None = None) -> None:
+        """Moves everything to where it is between the newest two frames: at `now` [s] by the clock of `take_state`, or at a
+        simulation time [s]; without either, exactly where the newest frame says.
+        """
         self.place_if_assets_came()
         newest = self.timeline.newest
         if newest is None:
             return
         fraction = 1.0 if now is None else self.timeline.fraction(now)
+        if simulation_time is not None:
+            fraction = self.timeline.fraction_at(simulation_time)
         moment = (newest.published_at, fraction)
         if moment == self._placed:
             return
@@ -188,7 +194,7 @@ class RenderWorld:
         return self._camera is not None
 
     def bounds(self, rows: Rows | None = None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Corners (3,) of a box around instances, all by default. What dwarfs all the others, as a floor does, counts only alone."""
+        """Corners (3,) of a box around instances, all by default, but without what dwarfs the others, as a floor does."""
         chosen = np.arange(self.instance_count) if rows is None else rows
         if not len(chosen):
             return np.full(3, np.inf), np.full(3, -np.inf)
@@ -234,12 +240,11 @@ class RenderWorld:
                 mesh, material = "box", MISSING
             key = (material.alpha_mode == "blend", mesh, material, bool(mirrored[row]))
             grouped.setdefault(key, []).append(row)
-        batches, rows = [], []
+        batches: list[Batch] = []
+        rows: list[int] = []
         for key in sorted(grouped, key=lambda key: key[0]):
             members = grouped[key]
-            batches.append(
-                Batch(mesh=key[1], material=key[2], mirrored=key[3], first=len(rows), count=len(members))
-            )
+            batches.append(Batch(mesh=key[1], material=key[2], mirrored=key[3], first=len(rows), count=len(members)))
             rows += members
         self.batches = tuple(batches)
         self._rows = np.array(rows, np.intp)

@@ -1,6 +1,6 @@
 """A picture of a RenderWorld: a library that runs in any process with a Context, without a bus or a window.
 
-    RenderWorld ──plan_picture──> PicturePlan ──passes──> light (RGBA16F, 4 samples) ──tonemap──> picture (RGBA8)
+RenderWorld ──plan_picture──> PicturePlan ──passes──> light (RGBA16F, 4 samples) ──tonemap──> picture (RGBA8)
 """
 
 from __future__ import annotations
@@ -37,7 +37,9 @@ class Targets:
         samples = min(quality.samples, context.max_samples)
         form: Format = "rgba8" if quality.to_screen else "rgba16f"
         self.light = Framebuffer(context, width, height, (form,), depth=not samples, smooth=False)
-        self.drawn = Framebuffer(context, width, height, (form,), depth=True, samples=samples) if samples else self.light
+        self.drawn = (
+            Framebuffer(context, width, height, (form,), depth=True, samples=samples) if samples else self.light
+        )
         self.picture = (
             self.light if quality.to_screen else Framebuffer(context, width, height, ("rgba8",), smooth=False)
         )

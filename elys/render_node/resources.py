@@ -8,7 +8,7 @@ import numpy as np
 
 from elys.common.assets import Mesh
 from elys.common.components import Material
-from elys.render_node.gpu import TEXTURE_UNITS, Buffer, Context, Program, Texture, VertexArray
+from elys.render_node.gpu import TEXTURE_UNITS, Buffer, Context, Format, Program, Texture, VertexArray
 from elys.render_node.render_world import RenderWorld
 
 # Fields of Material that name an image: the definition that compiles its use in, and whether it holds colours as eyes see them.
@@ -129,7 +129,7 @@ class Resources:
                 step = -(-max(width, height) // largest)
                 pixels = np.ascontiguousarray(pixels[::step, ::step])
                 height, width = pixels.shape[:2]
-            form = "srgba8" if is_color else "rgba8"
+            form: Format = "srgba8" if is_color else "rgba8"
             self._textures[key] = Texture(self.context, (width, height), form, data=pixels, mipmaps=True, repeat=True)
         return self._textures[key]
 

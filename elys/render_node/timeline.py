@@ -30,7 +30,12 @@ class Timeline:
     def take(self, frame: StateFrame, now: float) -> bool:
         """Keeps a frame that arrived at `now` [s]; False for one that is older than what is here already."""
         newest = self.newest
-        if newest is not None and frame.epoch == newest.epoch and frame.tick == newest.tick and frame.playing == newest.playing:
+        if (
+            newest is not None
+            and frame.epoch == newest.epoch
+            and frame.tick == newest.tick
+            and frame.playing == newest.playing
+        ):
             if frame.published_at <= newest.published_at:
                 return False
             self.newest = frame  # a pause's edit: the same tick, told again
@@ -53,6 +58,13 @@ class Timeline:
         if self._previous is None:
             return 1.0
         return min(max((now - self._arrived) / self._interval, 0.0), 1.0)
+
+    def fraction_at(self, simulation_time: float) -> float:
+        """The same at a time [s] of the simulation."""
+        if self._previous is None or self.newest is None:
+            return 1.0
+        start, end = self._previous.simulation_time, self.newest.simulation_time
+        return min(max((simulation_time - start) / (end - start), 0.0), 1.0)
 
     def poses(
         self, entities: NDArray[np.uint32], fraction: float

@@ -61,7 +61,7 @@ def check_yard(positions: Mapping[str, Sequence[float]]) -> str:
 def _document(name: str, contents: list[EntityNode]) -> SceneDocument:
     surroundings = [
         sun((-0.55, -0.75, -0.35), intensity=3.2),
-        camera((9.5, 7.4, 12.5), (0.0, 0.8, 0.0), field_of_view=0.75),
+        camera((8.2, 8.0, 15.2), (0.0, 1.0, 0.3), field_of_view=0.7),
         _walls(),
     ]
     return SceneDocument(name=name, settings=SceneSettings(), entities=surroundings + contents)
@@ -75,7 +75,7 @@ def _walls() -> EntityNode:
     return group(
         "Walls",
         [
-            obstacle("Ground", size=(40.0, 1.0, 40.0), position=(0.0, -0.5, 0.0), color=_GROUND, roughness=0.95),
+            obstacle("Ground", size=(60.0, 1.0, 60.0), position=(0.0, -0.5, 0.0), color=_GROUND, roughness=0.95),
             obstacle("North", size=along_x, position=(0.0, height, -middle), color=_WALL),
             obstacle("South", size=along_x, position=(0.0, height, middle), color=_WALL),
             obstacle("West", size=along_z, position=(-middle, height, 0.0), color=_WALL),

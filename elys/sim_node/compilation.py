@@ -40,10 +40,11 @@ def signature_of(*examples: Any) -> tuple[Any, ...]:
 
 
 class _KernelLocator(_CacheLocator):  # type: ignore[misc]
-    """Puts a function's machine code into the folder of the package's present sources."""
+    """Puts a function's machine code into the folder of its package's present sources."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._module = function.__module__
+        self._package = self._module.split(".")[2]  # elys.sim_node.<package>...
         self._line = function.__code__.co_firstlineno
 
     @classmethod
@@ -51,10 +52,10 @@ class _KernelLocator(_CacheLocator):  # type: ignore[misc]
         return cls(py_func)
 
     def get_cache_path(self) -> str:
-        return str(cache_directory() / self._module)
+        return str(cache_directory(self._package))
 
     def get_source_stamp(self) -> str:
-        return source_hash()
+        return source_hash(self._package)
 
     def get_disambiguator(self) -> str:
         return str(self._line)

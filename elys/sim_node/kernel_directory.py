@@ -1,9 +1,9 @@
 """Where compiled kernels live: one folder for each state of their sources, without importing numba.
 
-Numba notices when the file of a cached function changes, but not when a function which that one calls does. So the
-folder is named by a hash over ALL kernel sources, Python and numba: a change anywhere is a new folder, and nothing stale
-can ever be loaded. A kernel may therefore only use what is written in a file counted here: `kernels.py` or `kernels/*.py`
-in a package of the simulation's node, and `compilation.py`.
+Numba notices when the file of a cached function changes, but not when a function which that one calls does. So the folder
+is named by a hash over ALL kernel sources of a package, Python and numba: a change anywhere in them is a new folder, and
+nothing stale can ever be loaded. A kernel may therefore only use what is written in a file counted here: `kernels.py` or
+`kernels/*.py` of its own package in the simulation's node, and `compilation.py`.
 """
 
 from __future__ import annotations
@@ -23,29 +23,36 @@ _NODE = Path(__file__).parent
 
 
 @functools.cache
-def source_files() -> tuple[Path, ...]:
-    """Every file that a kernel may be built from, in a fixed order."""
-    found = [*_NODE.glob("*/kernels.py"), *_NODE.glob("*/kernels/*.py"), _NODE / "compilation.py"]
-    return tuple(sorted(found))
+def kernel_packages() -> tuple[str, ...]:
+    """The packages of the simulation's node that have kernels, in alphabetical order."""
+    return tuple(
+        sorted({path.relative_to(_NODE).parts[0] for path in _NODE.glob("*/kernels*") if path.stem == "kernels"})
+    )
+
+
+def source_files(package: str) -> tuple[Path, ...]:
+    """Every file that the kernels of a package may be built from, in a fixed order."""
+    folder = _NODE / package
+    return tuple(sorted([*folder.glob("kernels.py"), *folder.glob("kernels/*.py"), _NODE / "compilation.py"]))
 
 
 @functools.cache
-def source_hash() -> str:
-    """16 hexadecimal digits over the kernel sources, the Python version and the numba version; costs about a millisecond."""
+def source_hash(package: str) -> str:
+    """16 hexadecimal digits over a package's kernel sources, Python and numba; costs about a millisecond."""
     digest = hashlib.blake2b(digest_size=8)
     digest.update(f"{sys.implementation.cache_tag} numba {metadata.version('numba')}".encode())
-    for path in source_files():
+    for path in source_files(package):
         digest.update(path.relative_to(_NODE).as_posix().encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()
 
 
+def cache_directory(package: str) -> Path:
+    """The folder of a package's compiled kernels; it may not exist yet. Never inside the installed package."""
+    return cache_root() / f"{package}-{source_hash(package)}"
+
+
 @functools.cache
-def cache_directory() -> Path:
-    """The folder of the compiled kernels of these sources; it may not exist yet. Never inside the installed package."""
-    return cache_root() / source_hash()
-
-
 def cache_root() -> Path:
     """The folder over all states of the sources: the user's cache, or the temporary folder where that cannot be written."""
     chosen = os.environ.get(CACHE_VARIABLE)

@@ -63,14 +63,13 @@ class SimulationNode:
         realtime: bool = True,
         playing: bool = True,
         step_limit: int = 0,
-        recorder: BackPressure | None = None,
     ) -> None:
         self.simulation = simulation
         self.session = session
         self.steps_done = 0
+        self.recorder: BackPressure | None = None
         self.tick_times: deque[float] = deque(maxlen=TICK_TIMES_KEPT)  # [ms] of the last ticks, for the report
         self._step_limit = step_limit
-        self._recorder = recorder
         self._clock = FixedStepClock(simulation.settings.tick_rate, playing=playing, rate=1.0 if realtime else 0.0)
         self._waiting: deque[_Waiting] = deque()
         self._steps_asked = 0
@@ -105,8 +104,8 @@ class SimulationNode:
 
     async def _tick_until_done(self) -> None:
         while not self._is_done():
-            if self._recorder is not None:
-                await self._recorder.ready()
+            if self.recorder is not None:
+                await self.recorder.ready()
             await self._until_due()
             for _ in range(self._clock.take_due() if self.playing else 1):
                 if not self._is_done():
@@ -281,8 +280,8 @@ class SimulationNode:
             tick_rate=simulation.settings.tick_rate,
             rate=self.rate,
             realtime_factor=self._clock.realtime_factor,
-            entity_count=len(simulation.world),
-            body_count=simulation.physics.body_count,
+            entity_count=simulation.world.entity_count,
+            body_count=len(simulation.moving_bodies().entity),
         )
         self.session.publish(topics.STATUS, status)
 

@@ -8,6 +8,8 @@ simulation.moving_bodies().position        # [N, 3] m
 
 from __future__ import annotations
 
+import logging
+
 from elys.bus.messages.session import Event
 from elys.common.assets.store import AssetStore
 from elys.common.scene import OpenedScene, SceneSettings
@@ -18,6 +20,8 @@ from elys.sim_node.physics.world import PhysicsWorld
 from elys.sim_node.scene.loading import load_records
 from elys.sim_node.systems.simulate_physics import MovingBodies, RigidBodies
 from elys.sim_node.timing import StageTimes
+
+_log = logging.getLogger(__name__)
 
 
 class Simulation:
@@ -60,16 +64,20 @@ class Simulation:
         """One tick: scripts, physics, transforms, each timed into `stages`."""
         stages = stages if stages is not None else StageTimes()
         self.settle(stages)
-        self.physics.step(1.0 / self.settings.tick_rate, stages.times)
-        self._events += [
-            Event(kind="physics", entity=problem.entity, values={"text": problem.text})
-            for problem in self.physics.take_problems()
-        ]
+        seconds: dict[str, float] = {}
+        self.physics.step(1.0 / self.settings.tick_rate, seconds)
+        stages.times.update({f"physics.{stage}": 1000.0 * time for stage, time in seconds.items()})
         stages.done("simulate_physics")
+        self._report_problems()
         self._bodies.write_back()
         self.world.transforms.propagate()
         stages.done("propagate_transforms")
         self.tick += 1
+
+    def _report_problems(self) -> None:
+        for problem in self.physics.take_problems():
+            _log.error("%s", problem.text)
+            self._events.append(Event(kind="physics", entity=problem.entity, values={"text": problem.text}))
 
     def settle(self, stages: StageTimes | None = None) -> None:
         """Makes bodies and world transforms follow what was changed, without letting time go on."""

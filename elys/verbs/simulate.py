@@ -67,30 +67,24 @@ async def simulate(
         SceneError: the scene is missing or wrong. BusError: the endpoint cannot be listened at. RecordingError: the
             recording cannot be written.
     """
-    from elys.bus.tap import start_recorder
     from elys.sim_node.node import SimulationNode
     from elys.sim_node.simulation import Simulation
     from elys.verbs.kernels import compile_with_progress
+    from elys.verbs.recording_child import RecordingChild
 
-    opened = open_scene_or_sample(scene, assets := AssetStore())
+    assets = AssetStore()
+    opened = open_scene_or_sample(scene, assets)
     compile_with_progress()
     simulation = Simulation.load(opened, assets)
     epoch = time.time_ns()
     async with hosted(listen, name=name or opened.name, kind="simulation", scene=opened.name, epoch=epoch) as session:
         _log.info("simulating %s at %s", opened.name, session.transport.endpoint)
-        recorder = await start_recorder(session, record, lossless=not realtime) if record else None
-        node = SimulationNode(
-            simulation,
-            session,
-            realtime=realtime,
-            playing=not paused,
-            step_limit=step_limit,
-            recorder=recorder,
-        )
+        node = SimulationNode(simulation, session, realtime=realtime, playing=not paused, step_limit=step_limit)
+        recorder = RecordingChild(record) if record else None
+        if recorder is not None:
+            recorder.attach(session, node, assets, lossless=not realtime)
         started = time.perf_counter()
         try:
-            if recorder is not None:
-                recorder.begin(node.snapshot(), assets)
             await node.run()
         finally:
             wall_time = time.perf_counter() - started
@@ -108,8 +102,8 @@ def _report(node: SimulationNode, wall_time: float, record: Path | None, size: i
         simulation_time=simulation.time,
         wall_time=wall_time,
         realtime_factor=ticks / simulation.settings.tick_rate / wall_time if wall_time else 0.0,
-        entity_count=len(simulation.world),
-        body_count=simulation.physics.body_count,
+        entity_count=simulation.world.entity_count,
+        body_count=len(simulation.moving_bodies().entity),
         state_hash=f"{simulation.physics.state_hash():016x}",
         tick_p50=times[len(times) // 2],
         tick_p99=times[len(times) * 99 // 100],

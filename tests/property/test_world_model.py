@@ -114,9 +114,9 @@ class WorldModel(RuleBasedStateMachine):
         entity, parent = self.pick(which), self.pick(above, or_ground=True)
         if parent in self.subtree(entity):
             with pytest.raises(HierarchyError):
-                self.world.reparent(entity, parent)
+                self.world.set_parent(entity, parent)
             return
-        self.world.reparent(entity, parent, index=index, keep_world_pose=False)
+        self.world.set_parent(entity, parent, index=index, keep_world_pose=False)
         self.nodes[self.nodes[entity].parent].children.remove(entity)
         siblings = self.nodes[parent].children
         siblings.insert(len(siblings) if index < 0 else index, entity)

@@ -86,7 +86,7 @@ def test_world_transforms_are_products_of_local_ones_after_any_edits(seed, count
             case _:
                 target = entities[rng.integers(count)]
                 if target not in world.hierarchy.subtree_of(entity):
-                    world.reparent(entity, target, keep_world_pose=False)
+                    world.set_parent(entity, target, keep_world_pose=False)
         assert_all_agree(world)
 
 
@@ -100,7 +100,7 @@ def test_reparenting_keeps_the_world_transform_where_scales_are_even(seed, count
         if not world.has(entity, Transform) or target in world.hierarchy.subtree_of(entity):
             continue
         before = world.transforms.world_from_local(entity)
-        world.reparent(entity, target)
+        world.set_parent(entity, target)
         # Rotation and scale are stored in 32 bits, and multiplied down the chain.
         np.testing.assert_allclose(world.transforms.world_from_local(entity)[:, 3], before[:, 3], rtol=0, atol=1e-4)
         np.testing.assert_allclose(world.transforms.world_from_local(entity)[:, :3], before[:, :3], rtol=0, atol=2e-5)
@@ -117,7 +117,7 @@ def test_an_entity_can_go_under_a_parent_of_any_scale_and_out_again(seed, own_sc
     parent = world.spawn([Transform(position=(1.0, 2.0, 3.0), rotation=turned, scale=parent_scale)])
     child = world.spawn([Transform(position=(4.0, 5.0, 6.0), rotation=turned, scale=own_scale)])
     before = world.transforms.world_from_local(child)
-    world.reparent(child, parent)
+    world.set_parent(child, parent)
     np.testing.assert_allclose(world.transforms.world_from_local(child), before, rtol=0, atol=1e-5)
     world.unparent(child)
     np.testing.assert_allclose(world.transforms.world_from_local(child), before, rtol=0, atol=1e-5)
@@ -131,7 +131,11 @@ def test_set_world_poses_puts_entities_where_they_are_told_whatever_is_above_the
     chosen = np.array([e for e in entities if world.has(e, Transform) and rng.random() < 0.6], np.uint32)
     rng.shuffle(chosen)
     positions = rng.normal(scale=20.0, size=(len(chosen), 3))
-    rotations = Rotation.random(len(chosen), random_state=rng).as_quat().astype(np.float32) if len(chosen) else np.zeros((0, 4), np.float32)
+    rotations = (
+        Rotation.random(len(chosen), random_state=rng).as_quat().astype(np.float32)
+        if len(chosen)
+        else np.zeros((0, 4), np.float32)
+    )
     world.drain_changes()
     world.transforms.set_world_poses(chosen, positions, rotations)
     assert not world.drain_changes()

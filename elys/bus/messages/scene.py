@@ -46,7 +46,9 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
     prefabs: tuple[str, ...]
     strings: tuple[str, ...]
     components: tuple[ComponentColumns, ...]
-    free_entities: bytes = b""  # u32 ids that will be given out next, so that who restores the scene spawns the same ids
+    free_entities: bytes = (
+        b""  # u32 ids that will be given out next, so that who restores the scene spawns the same ids
+    )
 
 
 class SnapshotRequest(msgspec.Struct, frozen=True, kw_only=True):

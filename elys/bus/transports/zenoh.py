@@ -151,9 +151,10 @@ class ZenohTransport:
             if (sample := reply.ok) is not None:
                 if settled.acquire(blocking=False):
                     answer(sample.payload.to_bytes(), "")
-            elif (error := reply.err) is not None and str(error.encoding) == _REFUSAL:
-                if settled.acquire(blocking=False):
-                    answer(None, error.payload.to_bytes().decode(errors="replace"))
+            elif (error := reply.err) is None or str(error.encoding) != _REFUSAL:
+                return  # zenoh's own error: the end of the request follows and says it
+            elif settled.acquire(blocking=False):
+                answer(None, error.payload.to_bytes().decode(errors="replace"))
 
         def ended() -> None:
             if settled.acquire(blocking=False):
@@ -210,7 +211,7 @@ class ZenohTransport:
             self._closed = True
             self._closers.clear()
         self._answering.shutdown(wait=False, cancel_futures=True)
-        self._session.close()
+        self._session.close()  # type: ignore[no-untyped-call]
 
     # --- inside ----------------------------------------------------------------------------------------------------
 

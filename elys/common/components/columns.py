@@ -124,7 +124,7 @@ def pack_array(
     where = f"{declaration.name}.{field.name}"
     shape = (count, field.width) if field.width > 1 else (count,)
     try:
-        column = np.ascontiguousarray(np.broadcast_to(array, shape), np.dtype(field.dtype))
+        rows = np.broadcast_to(array, shape)
     except ValueError:
         raise ComponentError(f"{where} must be an array of shape {shape}, not {np.shape(array)}") from None
     limits = {Kind.CHOICE: len(field.choices), Kind.TEXT: len(strings), Kind.ASSET: len(strings)}
@@ -136,7 +136,7 @@ def pack_array(
         expected = "finite numbers in its range" + (" of length 1" if field.kind is Kind.QUAT else "")
     if not fits:
         raise ComponentError(f"{where} must be an array of {expected}")
-    return column
+    return np.ascontiguousarray(rows, np.dtype(field.dtype))
 
 
 def unpack_values(field: FieldDeclaration, column: Column, strings: StringTable) -> list[Any]:

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-FLOAT32_MAX: Final = float(np.finfo(np.float32).max)
+FLOAT32_MAX: Final = 3.4028235e38  # its shortest decimal, which lies a little above: what is greater overflows
 _EXACT_INTEGERS: Final = float(1 << 24)  # below this a whole float32 is its own shortest decimal
 _DIGITS: Final = (6, 7, 8, 9)
 _POWERS_OF_TEN: Final = np.array([float(10**exponent) for exponent in range(23)])  # all that float64 holds exactly

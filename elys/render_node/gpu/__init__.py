@@ -1,6 +1,6 @@
 """OpenGL, wrapped: the only place that calls it. Everything is released when its owner goes.
 
-    Context ── makes and counts ──> Buffer, Texture, Framebuffer, Program, VertexArray
+Context ── makes and counts ──> Buffer, Texture, Framebuffer, Program, VertexArray
 """
 
 from elys.render_node.gpu.buffer import INSTANCE_DTYPE, VERTEX_ATTRIBUTES, Buffer, VertexArray

@@ -29,7 +29,9 @@ class Buffer:
 
     def __init__(self, context: Context, data: NDArray[Any] | bytes | None = None, *, size: int = 0) -> None:
         self._context = context
-        self.raw = context.gl.buffer(data if data is not None else None, reserve=0 if data is not None else max(size, 16))
+        self.raw = context.gl.buffer(
+            data if data is not None else None, reserve=0 if data is not None else max(size, 16)
+        )
         self._finalizer = context.adopt(self, "buffer", self.raw)
 
     @property

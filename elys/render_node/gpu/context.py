@@ -19,6 +19,7 @@ _BLEND_FUNCTIONS: Final = {
     "add": (moderngl.ONE, moderngl.ONE),
     "none": (moderngl.ONE, moderngl.ZERO),
 }
+_EGL: Final[dict[str, Any]] = {"backend": "egl"}  # typed as moderngl means it, not as it is annotated there
 _PACKAGES: Final = "Debian, Ubuntu: apt install libegl1 libgl1-mesa-dri"
 # What EGL says, and what it means. The first that is found in the message counts.
 _REMEDIES: Final = (
@@ -27,7 +28,10 @@ _REMEDIES: Final = (
     ("found 0 devices", f"EGL knows no vendor: install a driver or Mesa ({_PACKAGES})"),
     ("0x3001", f"EGL found no driver for this machine: install one, or Mesa's software renderer ({_PACKAGES})"),
     ("eglInitialize", f"EGL cannot start the driver: update it, or install Mesa's software renderer ({_PACKAGES})"),
-    ("requested OpenGL", f"the driver offers no OpenGL 3.3: update it, or install Mesa's software renderer ({_PACKAGES})"),
+    (
+        "requested OpenGL",
+        f"the driver offers no OpenGL 3.3: update it, or install Mesa's software renderer ({_PACKAGES})",
+    ),
 )
 
 
@@ -39,6 +43,8 @@ class Context:
         self.live: Counter[str] = Counter()  # GL objects that exist, by kind
         self._dropped: deque[tuple[str, Any]] = deque()
         self._max_size = int(gl.info["GL_MAX_TEXTURE_SIZE"])
+        name = gl.info["GL_RENDERER"].lower()
+        self._is_software = any(software in name for software in ("llvmpipe", "softpipe", "swiftshader", "software"))
 
     @property
     def info(self) -> dict[str, Any]:
@@ -53,8 +59,7 @@ class Context:
     @property
     def is_software(self) -> bool:
         """Whether the processor draws."""
-        name = self.gl.info["GL_RENDERER"].lower()
-        return any(software in name for software in ("llvmpipe", "softpipe", "swiftshader", "software"))
+        return self._is_software
 
     @property
     def max_samples(self) -> int:
@@ -134,7 +139,7 @@ class Context:
 def offscreen_context() -> Context:
     """A context that draws into framebuffers only and needs no display. Raises DisplayError with what to install."""
     try:
-        return Context(moderngl.create_context(standalone=True, backend="egl", require=GL_VERSION))
+        return Context(moderngl.create_context(standalone=True, require=GL_VERSION, **_EGL))
     except Exception as error:  # glcontext and moderngl raise plain Exception
         raise DisplayError(_explain("nothing can be drawn offscreen", str(error))) from error
 

@@ -39,7 +39,9 @@ class Framebuffer:
         self._finalizers = []
         if samples:
             raw_colors = [self._renderbuffer(size, form) for form in colors]
-            raw_depth = self._adopted("renderbuffer", context.gl.depth_renderbuffer(size, samples=samples)) if depth else None
+            raw_depth = (
+                self._adopted("renderbuffer", context.gl.depth_renderbuffer(size, samples=samples)) if depth else None
+            )
         else:
             self.colors = tuple(Texture(context, size, form, smooth=smooth) for form in colors)
             self.depth = Texture(context, size, "depth", compare=compare) if depth else None

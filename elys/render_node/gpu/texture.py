@@ -23,7 +23,7 @@ FORMATS: Final[dict[str, tuple[int, str, int]]] = {
     "rgba32f": (4, "f4", 0),
     "r32ui": (1, "u4", 0),
 }
-ANISOTROPY: Final = 4.0  # enough for floors; more costs software renderers dearly
+ANISOTROPY: Final = 1.0
 
 
 class Texture:
@@ -55,7 +55,7 @@ class Texture:
         if mipmaps:
             self.raw.build_mipmaps()
             self.raw.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
-            self.raw.anisotropy = ANISOTROPY
+            self.raw.anisotropy = 1.0 if context.is_software else ANISOTROPY
         else:
             nearest = not smooth or form == "r32ui"
             self.raw.filter = (moderngl.NEAREST, moderngl.NEAREST) if nearest else (moderngl.LINEAR, moderngl.LINEAR)

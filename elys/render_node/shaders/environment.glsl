@@ -6,11 +6,11 @@ vec3 ambient_from(float up) {
 
 vec3 sky(vec3 direction) {
     float up = direction.y;
-    vec3 zenith = background.rgb * vec3(0.62, 0.72, 0.88);
-    vec3 horizon = mix(background.rgb, vec3(dot(background.rgb, vec3(0.2126, 0.7152, 0.0722))), 0.35) * 1.45;
-    vec3 above = mix(horizon, zenith, pow(clamp(up, 0.0, 1.0), 0.55));
-    vec3 below = mix(horizon * 0.62, background.rgb * 0.34, smoothstep(0.0, 0.35, -up));
-    return mix(below, above, smoothstep(-0.015, 0.015, up));
+    float grey = dot(background.rgb, vec3(0.2126, 0.7152, 0.0722));
+    vec3 zenith = background.rgb * vec3(0.66, 0.75, 0.9);
+    vec3 horizon = mix(background.rgb, vec3(grey), 0.4) * 1.4;
+    vec3 nadir = mix(background.rgb, vec3(grey), 0.55) * 0.5;
+    return up > 0.0 ? mix(horizon, zenith, pow(up, 0.5)) : mix(horizon, nadir, smoothstep(0.0, 0.5, -up));
 }
 
 // What a surface of that roughness mirrors. Its two ends are known; between them it goes by the width of the lobe.

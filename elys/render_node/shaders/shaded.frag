@@ -57,14 +57,20 @@ mat3 relative_from_tangent(vec3 normal, float side) {
 }
 #endif
 
+float seen_side() {
+    return reflection.w > 0.0 && !gl_FrontFacing ? -1.0 : 1.0;
+}
+
+vec3 smooth_normal() {
+    // Interpolated normals may vanish; the maximum keeps them finite.
+    return vertex_normal * (seen_side() * inversesqrt(max(dot(vertex_normal, vertex_normal), 1e-20)));
+}
+
 vec3 shading_normal() {
-    // Interpolated normals may vanish; the sum keeps them finite.
-    vec3 normal = vertex_normal * inversesqrt(max(dot(vertex_normal, vertex_normal), 1e-20));
-    float side = reflection.w > 0.0 && !gl_FrontFacing ? -1.0 : 1.0;
-    normal *= side;
+    vec3 normal = smooth_normal();
 #ifdef NORMAL_TEXTURE
     vec3 bump = texture(normal_texture, vertex_uv).xyz * 2.0 - 1.0;
-    return normalize(relative_from_tangent(normal, side) * bump);
+    return normalize(relative_from_tangent(normal, seen_side()) * bump);
 #else
     return normal;
 #endif
@@ -120,7 +126,7 @@ void main() {
     if (sun_direction.w > 0.0) {
         vec3 sun = reflected(normal, to_view, sun_direction.xyz, color.rgb, metallic, roughness) * sun_illuminance.rgb;
 #ifdef SHADOWS
-        if (sun != vec3(0.0)) sun *= sunlight(relative, normalize(vertex_normal));
+        if (sun != vec3(0.0)) sun *= sunlight(relative, smooth_normal());
 #endif
         light += sun;
     }

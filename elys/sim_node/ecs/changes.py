@@ -29,12 +29,13 @@ class EntityDespawned(NamedTuple):
     entity: Entity
 
 
-class EntityReparented(NamedTuple):
-    """An entity was taken from its place and put at `sibling_index` among the children of `parent`."""
+@dataclass(frozen=True, slots=True)  # no tuple, for a tuple's `index` is something else
+class EntityReparented:
+    """An entity was taken from its place and put at `index` among the children of `parent`."""
 
     entity: Entity
     parent: Entity
-    sibling_index: int
+    index: int
 
 
 StructuralChange = EntitySpawned | EntityDespawned | EntityReparented

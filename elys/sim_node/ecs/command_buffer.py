@@ -42,9 +42,9 @@ class CommandBuffer:
         """As `World.remove`."""
         self._record(entity, self._world.remove, entity, component)
 
-    def reparent(self, entity: Entity, parent: Entity, *, keep_world_pose: bool = True) -> None:
+    def set_parent(self, entity: Entity, parent: Entity, *, keep_world_pose: bool = True) -> None:
         """As `World.reparent`."""
-        self._record(entity, self._world.reparent, entity, parent, keep_world_pose=keep_world_pose)
+        self._record(entity, self._world.set_parent, entity, parent, keep_world_pose=keep_world_pose)
 
     def set_enabled(self, entity: Entity, enabled: bool) -> None:
         """As `World.set_enabled`."""

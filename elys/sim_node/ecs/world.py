@@ -263,7 +263,7 @@ class World:
 
     # The tree
 
-    def reparent(self, entity: Entity, parent: Entity, *, index: int = -1, keep_world_pose: bool = True) -> None:
+    def set_parent(self, entity: Entity, parent: Entity, *, index: int = -1, keep_world_pose: bool = True) -> None:
         """Moves an entity under another, or with NO_ENTITY to the roots, at `index` among its children (-1: last).
 
         With `keep_world_pose` its Transform is rewritten so that it stays where it is in the world.
@@ -282,11 +282,11 @@ class World:
 
     def unparent(self, entity: Entity, *, keep_world_pose: bool = True) -> None:
         """Makes an entity a root."""
-        self.reparent(entity, NO_ENTITY, keep_world_pose=keep_world_pose)
+        self.set_parent(entity, NO_ENTITY, keep_world_pose=keep_world_pose)
 
     def set_sibling_index(self, entity: Entity, index: int) -> None:
         """Moves an entity to `index` among its siblings (-1: last)."""
-        self.reparent(entity, self.hierarchy.parent_of(entity), index=index)
+        self.set_parent(entity, self.hierarchy.parent_of(entity), index=index)
 
     def rename(self, entity: Entity, name: str) -> None:
         """Gives an entity another name."""

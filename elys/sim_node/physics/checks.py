@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from elys.common.errors import PhysicsError
-from elys.common.ids import generation_of, index_of
+from elys.common.ids import MAX_ENTITIES, generation_of, index_of
 
 Array = np.ndarray[Any, Any]
 
@@ -82,4 +82,21 @@ def refuse(bad: Array, entities: Array, values: Array, rule: str) -> None:
         first = int(np.flatnonzero(bad)[0])
         more = int(bad.sum()) - 1
         others = f" (and {more} more)" if more else ""
-        raise PhysicsError(f"{rule}: {named(entities[first])} has {np.array2string(values[first], precision=6)}{others}")
+        raise PhysicsError(
+            f"{rule}: {named(entities[first])} has {np.array2string(values[first], precision=6)}{others}"
+        )
+
+
+def index_column(entities: Array) -> Array:
+    """The places in the tables that ids (N,) name."""
+    return np.asarray(entities & MAX_ENTITIES)
+
+
+def saved_table(snapshot: dict[str, Array], name: str, dtype: np.dtype[Any]) -> Array:
+    """A copy of one table of a snapshot; PhysicsError when it is not there or laid out otherwise."""
+    table = snapshot.get(name)
+    if table is None or table.dtype != dtype:
+        raise PhysicsError(
+            f"This is not a snapshot of this version: its table {name!r} is missing or of another layout"
+        )
+    return table.copy()

@@ -49,7 +49,9 @@ def quaternions(matrix: Array) -> Array:
     """
     m = matrix
     diagonal = np.stack([m[:, 0, 0], m[:, 1, 1], m[:, 2, 2]], axis=1)
-    squares = np.concatenate([1.0 + 2.0 * diagonal - diagonal.sum(1, keepdims=True), 1.0 + diagonal.sum(1)[:, None]], axis=1)
+    squares = np.concatenate(
+        [1.0 + 2.0 * diagonal - diagonal.sum(1, keepdims=True), 1.0 + diagonal.sum(1)[:, None]], axis=1
+    )
     off = np.empty((len(m), 4, 4))
     for k in range(4):
         off[:, k, k] = squares[:, k]

@@ -47,8 +47,8 @@ def _structural(world: World, change: EntitySpawned | EntityDespawned | EntityRe
             return _spawned(world, entity, parent)
         case EntityDespawned(entity):
             return Despawned(entity=entity)
-        case EntityReparented(entity, parent, sibling_index):
-            return Reparented(entity=entity, parent=parent, index=sibling_index)
+        case EntityReparented(entity, parent, index):
+            return Reparented(entity=entity, parent=parent, index=index)
 
 
 def _spawned(world: World, entity: Entity, parent: Entity) -> Spawned:

@@ -194,12 +194,14 @@ class Hierarchy:
             HierarchyError: `parent` is the entity itself or below it.
         """
         place, target = self.require(entity), self.require_parent(parent)
+        if target == place:
+            raise HierarchyError(f"{self.describe(entity)} cannot stand under itself; choose another parent")
         above = target
         while above != GROUND:
             if above == place:
                 raise HierarchyError(
-                    f"{self.describe(entity)} cannot stand under {self.describe(parent)}, which is "
-                    f"{'itself' if above == target else 'below it'}; move the latter out first"
+                    f"{self.describe(entity)} cannot stand under {self.describe(parent)}, which is below it; "
+                    "move the latter out first"
                 )
             above = int(self.parent[above])
         self._unlink(place)

@@ -47,7 +47,7 @@ def load_records(
     if index >= 0:
         roots = [entity for entity, record in zip(entities, records, strict=True) if record.parent < 0]
         for place, root in enumerate(roots, start=index):
-            world.reparent(root, parent, index=place, keep_world_pose=False)
+            world.set_parent(root, parent, index=place, keep_world_pose=False)
     return entities
 
 

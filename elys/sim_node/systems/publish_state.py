@@ -72,7 +72,7 @@ def publish_profile(
     session: Session, simulation: Simulation, stages: dict[str, float], *, total: float, late: float
 ) -> None:
     """What the tick cost [ms]."""
-    counts = {"bodies": simulation.physics.body_count, "contacts": simulation.physics.contact_count}
+    counts = {"bodies": simulation.physics.body_count, "contacts": simulation.physics.touching_count}
     session.publish(
         topics.PROFILE, TickProfile(tick=simulation.tick, total=total, stages=stages, counts=counts, late=late)
     )

@@ -76,9 +76,9 @@ class RigidBodies:
         return MovingBodies(
             entity=bodies.entity[rows],
             position=bodies.position[rows],
-            rotation=bodies.rotation[rows].astype(np.float32),
-            linear_velocity=bodies.linear_velocity[rows].astype(np.float32),
-            angular_velocity=bodies.angular_velocity[rows].astype(np.float32),
+            rotation=bodies.rotation[rows],
+            linear_velocity=bodies.linear_velocity[rows],
+            angular_velocity=bodies.angular_velocity[rows],
         )
 
     def write_back(self) -> None:
@@ -94,7 +94,9 @@ class RigidBodies:
 
     def _rows_of_moving(self) -> NDArray[np.intp]:
         if self._moving_rows is None:
-            self._moving_rows = np.flatnonzero(self._physics.bodies.motion != STATIC)
+            table = self._world.table(RigidBody)
+            rows = table.rows(self._physics.bodies.entity)
+            self._moving_rows = np.flatnonzero(_rows_or(table.column("motion"), rows, STATIC) != STATIC)
         return self._moving_rows
 
     # --- which bodies there shall be -------------------------------------------------------------------------------
@@ -184,11 +186,12 @@ class RigidBodies:
         body_from_world = quaternion.conjugate(rotations[of_body].astype(np.float64))
         self._physics.add_colliders(
             owners[of_body],
+            owners=entities,
             shape=table.column("shape")[rows],
             size=table.column("size")[rows] * stretch,
             radius=table.column("radius")[rows] * stretch.max(axis=1),
             position=quaternion.rotate(body_from_world, centre - positions[of_body]),
-            rotation=quaternion.multiply(body_from_world, poses.rotation.astype(np.float64)).astype(np.float32),
+            rotation=quaternion.multiply(body_from_world, poses.rotation.astype(np.float64)),
             friction=table.column("friction")[rows],
             restitution=table.column("restitution")[rows],
         )

@@ -88,7 +88,8 @@ class PlainScene:
     def _spawn(self) -> SceneChange:
         entity, self.next_id = self.next_id, self.next_id + 1
         parent = self.random.choice([0, *sorted(self.parent)])
-        values = {"Collider": {"shape": "sphere", "radius": round(self.random.uniform(0.1, 1.0), 3)}, "MeshRenderer": {"mesh": "box"}}
+        radius = round(self.random.uniform(0.1, 1.0), 3)
+        values = {"Collider": {"shape": "sphere", "radius": radius}, "MeshRenderer": {"mesh": "box"}}
         self.children[entity] = []
         self.children[parent].append(entity)
         self.parent[entity], self.names[entity], self.enabled[entity] = parent, f"entity {entity}", True
@@ -238,7 +239,8 @@ def test_world_poses_are_products_of_matrices_and_bodies_stand_where_the_frame_s
     mirror = empty_mirror()
     locals_of = {entity: random_transform(source) for entity in range(1, 7)}
     changes = tuple(
-        Spawned(entity=e, name="", parent=e - 1, enabled=True, components={"Transform": t}) for e, t in locals_of.items()
+        Spawned(entity=e, name="", parent=e - 1, enabled=True, components={"Transform": t})
+        for e, t in locals_of.items()
     )
     mirror.apply_delta(SceneDelta(epoch=1, sequence=1, tick=0, changes=changes))
     world = np.eye(4)
@@ -267,7 +269,11 @@ def test_a_snapshot_with_a_frame_puts_bodies_where_they_are() -> None:
     mirror = empty_mirror()
     changes = tuple(
         Spawned(
-            entity=e, name="", parent=e - 1, enabled=True, components={"Transform": random_transform(source), "RigidBody": {}}
+            entity=e,
+            name="",
+            parent=e - 1,
+            enabled=True,
+            components={"Transform": random_transform(source), "RigidBody": {}},
         )
         for e in (1, 2, 3)
     )

@@ -326,7 +326,8 @@ def test_an_endpoint_that_is_none_is_refused(endpoint: str) -> None:
 
 
 parts = st.sampled_from(["a", "b", "*"])
-expressions = st.builds(lambda head, tail: "/".join([*head, *tail]), st.lists(parts, min_size=1, max_size=4), st.sampled_from([[], ["**"]]))
+heads, tails = st.lists(parts, min_size=1, max_size=4), st.sampled_from([[], ["**"]])
+expressions = st.builds(lambda head, tail: "/".join([*head, *tail]), heads, tails)
 
 
 @given(expressions, expressions)

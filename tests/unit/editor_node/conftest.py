@@ -226,7 +226,12 @@ def yard_records(count: int = 6) -> list[EntityRecord]:
         EntityRecord(name="Ground", components={"Transform": {"scale": [20, 0.1, 20]}, "Collider": {}}),
         EntityRecord(
             name="Crate",
-            components={"Transform": {"position": [1, 2, 3]}, "RigidBody": {"mass": 5.0}, "Collider": {}, "Material": {}},
+            components={
+                "Transform": {"position": [1, 2, 3]},
+                "RigidBody": {"mass": 5.0},
+                "Collider": {},
+                "Material": {},
+            },
         ),
         EntityRecord(name="Lid", parent=1, components={"Transform": {"position": [0, 0.5, 0]}}),
         EntityRecord(name="Handle", parent=2, components={"Transform": {"position": [0, 0.1, 0]}}),

@@ -11,8 +11,7 @@ from elys.common.scene import SceneSettings
 ACTIONS = st.lists(
     st.tuples(
         st.sampled_from(
-            ["rename", "reparent", "place", "enable", "move", "turn", "mass", "add", "remove", "spawn", "duplicate"]
-            + ["delete", "settings", "undo", "redo"]
+            "rename reparent place enable move turn mass add remove spawn duplicate delete settings undo redo".split()
         ),
         st.integers(0, 1000),
         st.integers(0, 1000),

@@ -51,7 +51,7 @@ def least_overlap(a, b, margin):
     a0, a1, a2 = half[0], half[1], half[2]
     half = b.half_extents
     b0, b1, b2 = half[0], half[1], half[2]
-    slack = 0.01 * min(min(min(a0, a1), min(a2, b0)), min(b1, b2))
+    slack = 0.01 * min(a0, a1, a2, b0, b1, b2)
 
     c00 = dot(u[0], u[1], u[2], v[0], v[1], v[2])
     c01 = dot(u[0], u[1], u[2], v[3], v[4], v[5])

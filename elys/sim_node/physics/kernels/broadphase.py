@@ -12,9 +12,7 @@ from elys.sim_node.physics.kernels.tree import LEAF
 
 @inner
 def boxes_overlap(a, b):
-    return (
-        (a[0] <= b[3]) & (b[0] <= a[3]) & (a[1] <= b[4]) & (b[1] <= a[4]) & (a[2] <= b[5]) & (b[2] <= a[5])
-    )
+    return (a[0] <= b[3]) & (b[0] <= a[3]) & (a[1] <= b[4]) & (b[1] <= a[4]) & (a[2] <= b[5]) & (b[2] <= a[5])
 
 
 @kernel
@@ -30,10 +28,10 @@ def index_pairs(pairs, pair_count, row_start):
 @inner
 def is_known(pairs, row_start, a, b):
     """Whether (a, b) is a pair already: a scan over the few pairs of a."""
-    for p in range(row_start[a], row_start[a + 1]):
-        if pairs[p].b == b:
-            return True
-    return False
+    p = row_start[a]
+    while p < row_start[a + 1] and pairs[p].b != b:
+        p += 1
+    return p < row_start[a + 1]
 
 
 @inner

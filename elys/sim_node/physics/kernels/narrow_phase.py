@@ -25,7 +25,7 @@ def pair_margin(first, second, a, b, constants):
         squared += relative * relative
     h = constants.substep * constants.substeps
     way = h * math.sqrt(squared) + surface_travel(first, a, h) + surface_travel(second, b, h)
-    return constants.margin + min(way, min(a.reach, b.reach))
+    return constants.margin + min(way, a.reach, b.reach)
 
 
 @kernel

@@ -143,9 +143,7 @@ def prepare_material(row, a, b, body_a, body_b, constants):
 
 
 @kernel
-def prepare_contacts(
-    bodies, colliders, pairs, touching, row_count, manifolds, points, rows, row_points, all_constants
-):
+def prepare_contacts(bodies, colliders, pairs, touching, row_count, manifolds, points, rows, row_points, all_constants):
     """Fills the first `row_count` rows, each with its points, from the touching pairs."""
     constants = all_constants[0]
     for r in range(row_count):

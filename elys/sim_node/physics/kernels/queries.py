@@ -30,8 +30,8 @@ def meets_box(box, ox, oy, oz, ix, iy, iz, limit):
     x0, x1 = slab(ox, ix, box[0], box[3])
     y0, y1 = slab(oy, iy, box[1], box[4])
     z0, z1 = slab(oz, iz, box[2], box[5])
-    enter = max(max(x0, y0), max(z0, 0.0))
-    return enter <= min(min(x1, y1), min(z1, limit))
+    enter = max(x0, y0, z0, 0.0)
+    return enter <= min(x1, y1, z1, limit)
 
 
 @inner

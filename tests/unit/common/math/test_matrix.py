@@ -41,6 +41,8 @@ def test_products_and_inverses_are_those_of_whole_matrices() -> None:
     whole = matrix.affine_to_mat4(a) @ matrix.affine_to_mat4(b)
     assert np.allclose(matrix.affine_to_mat4(matrix.multiply_affine(a, b)), whole)
     assert np.allclose(matrix.affine_to_mat4(matrix.inverse_affine(a)), np.linalg.inv(matrix.affine_to_mat4(a)))
+    with pytest.raises(np.linalg.LinAlgError, match="scale of 0"):
+        matrix.inverse_affine(matrix.compose_affine(np.zeros(3), quaternion.IDENTITY, (1.0, 0.0, 1.0)))
     points = np.random.default_rng(4).normal(size=(30, 3))
     assert np.allclose(matrix.transform_points(a, points), (whole_points(a, points)))
 

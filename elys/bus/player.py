@@ -1,0 +1,285 @@
+"""A recording as a session: the same topics and queries as the simulation had, on a timeline that can be wound.
+
+Frames go out with the recorded columns bit for bit; of their header the player sets its own epoch, the delta number and the
+time of sending. Deltas are numbered anew: winding back must not make numbers fall.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import math
+import time
+from typing import Any, Final
+
+import msgspec
+import numpy as np
+
+from elys.bus import codec, topics
+from elys.bus.messages.commands import (
+    Command,
+    CommandReply,
+    CommandRequest,
+    Seek,
+    SetLoop,
+    SetPlaying,
+    SetRate,
+    StepTicks,
+)
+from elys.bus.messages.scene import SceneDelta, Snapshot, SnapshotRequest
+from elys.bus.messages.session import EventBatch, SessionStatus
+from elys.bus.messages.state_frame import HEADER, PLAYING
+from elys.bus.recording import Recording
+from elys.bus.session import Session
+from elys.bus.topics import Encoding
+from elys.bus.transports.mcap_reading import RecordedMessage
+from elys.common.assets.store import PREFIX
+from elys.common.errors import MessageError, RecordingError, RequestError
+
+STATUS_INTERVAL: Final = 0.25  # [s]
+LOWEST_RATE: Final = 0.01
+HIGHEST_RATE: Final = 100.0
+_SHOWN_IN_A_ROW: Final = 4  # frames published one by one; of more that are due at once only the last is shown
+_TOLD_ONE_BY_ONE: Final = 100  # deltas after a seek; more are said with one resync
+_NOT_EDITABLE: Final = "this is a recording: it cannot be edited; run its scene with `elys run` to change it"
+_log = logging.getLogger(__name__)
+
+
+class Player:
+    """Plays a recording in a session that it hosts (`kind` "replay"). `run` goes on until it is cancelled."""
+
+    def __init__(
+        self, recording: Recording, session: Session, *, playing: bool = True, loop: bool = False, rate: float = 1.0
+    ) -> None:
+        """Raises RequestError if `rate` is out of range, RecordingError if the first frame cannot be read."""
+        self.recording = recording
+        self.session = session
+        self.playing = playing
+        self.loop = loop
+        self.rate = _checked_rate(rate)
+        self.position = 0
+        self._mirror = recording.mirror_at(0)
+        self._sequence = 0
+        self._ticks = np.unique(recording.tick)
+        self._anchor = (
+            time.monotonic(),
+            float(recording.time[0]),
+        )  # wall clock and simulation time that belong together
+        self._measured = (time.monotonic(), float(recording.time[0]))
+        self._realtime_factor = 0.0
+        self._wake = asyncio.Event()
+
+    @property
+    def tick(self) -> int:
+        """The tick that is shown."""
+        return int(self.recording.tick[self.position])
+
+    @property
+    def time(self) -> float:
+        """The simulation time that is shown [s]."""
+        return float(self.recording.time[self.position])
+
+    async def run(self) -> None:
+        """Serves the session and plays."""
+        self.session.serve(topics.SNAPSHOT, self._give_snapshot)
+        self.session.serve(topics.ASSET, self._give_asset)
+        self.session.serve(topics.COMMAND, self._take_command)
+        self._set_anchor()
+        self._publish_frame()
+        async with asyncio.TaskGroup() as group:
+            group.create_task(self._heartbeat())
+            group.create_task(self._play())
+
+    async def _play(self) -> None:
+        while True:
+            if self.playing:
+                try:
+                    self._catch_up()
+                except RecordingError as error:
+                    _log.error("the replay stops here: %s", error)
+                    self._set_playing(False)
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._wake.wait(), self._seconds_until_due())
+            self._wake.clear()
+
+    async def _heartbeat(self) -> None:
+        while True:
+            self._publish_status()
+            if not self.playing:
+                self._publish_frame()  # for who has joined meanwhile
+            await asyncio.sleep(STATUS_INTERVAL)
+
+    # --- time ------------------------------------------------------------------------------------------------------
+
+    def _set_anchor(self) -> None:
+        self._anchor = (time.monotonic(), self.time)
+
+    def _due_time(self) -> float:
+        wall, simulated = self._anchor
+        return simulated + (time.monotonic() - wall) * self.rate
+
+    def _seconds_until_due(self) -> float | None:
+        if not self.playing:
+            return None
+        following = min(self.position + 1, len(self.recording) - 1)
+        return max(0.0, (float(self.recording.time[following]) - self._due_time()) / self.rate)
+
+    def _catch_up(self) -> None:
+        due = int(np.searchsorted(self.recording.time, self._due_time(), side="right")) - 1
+        while self.position < due:
+            is_far = due - self.position > _SHOWN_IN_A_ROW
+            self._go_on(due if is_far else self.position + 1)
+        if self.position < len(self.recording) - 1:
+            return
+        if self.loop and len(self._ticks) > 1:
+            self._jump(0)
+        else:
+            self._set_playing(False)
+
+    def _set_playing(self, playing: bool) -> None:
+        if playing and self.position == len(self.recording) - 1:
+            self._jump(0)
+        self.playing = playing
+        self._set_anchor()
+        self._publish_status()
+        self._publish_frame()
+        self._wake.set()
+
+    # --- moving along the recording --------------------------------------------------------------------------------
+
+    def _go_on(self, position: int) -> None:
+        """Forward, with everything that was said on the way."""
+        self._tell_scene(self.recording.advance(self._mirror, position), one_by_one=True)
+        for message in self.recording.messages_between(self.position, position):
+            self._republish(message)
+        self.position = position
+        self._publish_frame()
+
+    def _jump(self, position: int) -> None:
+        """Anywhere, with nothing but the scene and the frame that are there."""
+        if self.recording.needs_rebuilding(self._mirror, position):
+            self._mirror = self.recording.mirror_at(position)
+            self._tell_scene(None)
+        else:
+            self._tell_scene(self.recording.advance(self._mirror, position))
+        self.position = position
+        self._set_anchor()
+        self._publish_frame()
+
+    def _step(self, count: int) -> None:
+        here = int(np.searchsorted(self._ticks, self.tick))
+        there = min(max(here + count, 0), len(self._ticks) - 1)
+        position = self.recording.last_of_tick(int(np.searchsorted(self.recording.tick, self._ticks[there])))
+        if there == here + 1:
+            self._go_on(position)
+        else:
+            self._jump(position)
+
+    def _tell_scene(self, deltas: list[SceneDelta] | None, *, one_by_one: bool = False) -> None:
+        if deltas is None or (len(deltas) > _TOLD_ONE_BY_ONE and not one_by_one):
+            self._publish_delta(SceneDelta(epoch=0, sequence=0, tick=self._mirror.tick, resync=True))
+            return
+        for delta in deltas:
+            self._publish_delta(delta)
+
+    # --- publishing ------------------------------------------------------------------------------------------------
+
+    def _publish_delta(self, delta: SceneDelta) -> None:
+        self._sequence += 1
+        self.session.publish(
+            topics.DELTA, msgspec.structs.replace(delta, epoch=self.session.epoch, sequence=self._sequence)
+        )
+
+    def _publish_frame(self) -> None:
+        body = self.recording.frame_body(self.position)
+        _, tick, simulated, _, _, state_hash, count, flags = HEADER.unpack_from(body)
+        flags = flags | PLAYING if self.playing else flags & ~PLAYING
+        header = HEADER.pack(
+            self.session.epoch, tick, simulated, time.time_ns(), self._sequence, state_hash, count, flags
+        )
+        payload = codec.with_prefix(header + body[HEADER.size :], Encoding.STATE)
+        self.session.publish_payload(topics.STATE, payload)
+
+    def _republish(self, message: RecordedMessage) -> None:
+        if message.channel == topics.STATUS.name:
+            return  # the player says itself how it goes
+        topic = topics.topic_named(message.channel)
+        body = message.body
+        if topic is topics.EVENTS:
+            try:
+                events = codec.decode_body(body, EventBatch, Encoding.JSON)
+            except MessageError as error:
+                _log.warning("events at tick %d are left out: %s", self.tick, error)
+                return
+            body = codec.encode_body(msgspec.structs.replace(events, epoch=self.session.epoch), Encoding.JSON)
+        self.session.publish_payload(topic, codec.with_prefix(body, topic.encoding))
+
+    def _publish_status(self) -> None:
+        wall, simulated = time.monotonic(), self.time
+        elapsed = wall - self._measured[0]
+        if elapsed >= STATUS_INTERVAL:
+            self._realtime_factor = max(0.0, (simulated - self._measured[1]) / elapsed)
+            self._measured = (wall, simulated)
+        status = SessionStatus(
+            epoch=self.session.epoch,
+            kind="replay",
+            scene=self._mirror.scene,
+            tick=self.tick,
+            simulation_time=simulated,
+            playing=self.playing,
+            tick_rate=self._mirror.settings.tick_rate,
+            rate=self.rate,
+            realtime_factor=self._realtime_factor,
+            loop=self.loop,
+            start_time=float(self.recording.time[0]),
+            end_time=float(self.recording.time[-1]),
+            entity_count=len(self._mirror.entities),
+            body_count=int(self.recording.body_count[self.position]),
+        )
+        self.session.publish(topics.STATUS, status)
+
+    # --- answering -------------------------------------------------------------------------------------------------
+
+    async def _give_snapshot(self, request: SnapshotRequest, key: str) -> Snapshot:
+        snapshot = self._mirror.to_snapshot(frame=self.recording.frame(self.position))
+        return msgspec.structs.replace(snapshot, epoch=self.session.epoch, sequence=self._sequence)
+
+    async def _give_asset(self, request: bytes, key: str) -> bytes:
+        return self.recording.asset(PREFIX + key)
+
+    async def _take_command(self, request: CommandRequest, key: str) -> CommandReply:
+        try:
+            self._apply(request.command)
+        except (RequestError, RecordingError) as error:
+            return CommandReply(accepted=False, tick=self.tick, reason=str(error))
+        return CommandReply(accepted=True, tick=self.tick)
+
+    def _apply(self, command: Command) -> None:
+        match command:
+            case SetPlaying(playing=playing):
+                self._set_playing(playing)
+                return
+            case StepTicks(count=count):
+                if self.playing:
+                    raise RequestError("pause before stepping")
+                self._step(count)
+            case Seek(time=seconds):
+                if not math.isfinite(seconds):
+                    raise RequestError(f"{seconds} is no time to go to")
+                self._jump(self.recording.position_at(seconds))
+            case SetRate(rate=rate):
+                self.rate = _checked_rate(rate)
+                self._set_anchor()
+            case SetLoop(loop=loop):
+                self.loop = loop
+            case _:
+                raise RequestError(_NOT_EDITABLE)
+        self._publish_status()
+        self._wake.set()
+
+
+def _checked_rate(rate: Any) -> float:
+    if not LOWEST_RATE <= rate <= HIGHEST_RATE:
+        raise RequestError(f"the rate of a replay must lie between {LOWEST_RATE:g} and {HIGHEST_RATE:g}, not {rate:g}")
+    return float(rate)

@@ -1,0 +1,266 @@
+"""A recording as a timeline: frames by tick, and the scene as it was at any of them.
+
+Opening reads where the state frames stand, not the frames. If the recorded host started anew, or was itself a replay that
+was wound back, the file holds several runs; the timeline is the longest.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elys.bus import codec
+from elys.bus.messages.scene import SceneDelta, Snapshot
+from elys.bus.messages.state_frame import HEADER, StateFrame, unpack_frame
+from elys.bus.mirror import SceneMirror
+from elys.bus.topics import PROTOCOL_VERSION, Encoding
+from elys.bus.transports.mcap import METADATA_NAME
+from elys.bus.transports.mcap_index import (
+    DELTA_CHANNEL,
+    SCENE_INDEX,
+    SCENE_INDEX_NAME,
+    SNAPSHOT_CHANNEL,
+    STATE_CHANNEL,
+    STATE_INDEX,
+    STATE_INDEX_NAME,
+    IndexBuilder,
+)
+from elys.bus.transports.mcap_reading import McapReader, Place, RecordedMessage
+from elys.common.assets.store import is_reference, reference_of
+from elys.common.errors import MessageError, RecordingError
+
+_log = logging.getLogger(__name__)
+
+
+class Recording:
+    """An open recording of a session. Positions number its frames from 0.
+
+    Attributes:
+        tick: [F] u64. time: [F] f64 s of simulation, never falling. body_count: [F] u32.
+
+    Raises:
+        RecordingError: it cannot be read, was made by another version, or holds no scene or no frame.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.reader = McapReader(path)
+        try:
+            self._check_version()
+            all_frames, scene = self._read_indexes()
+            frames = _longest_run(all_frames, path)
+            self._scene = _SceneIndex(scene[scene["epoch"] == frames["epoch"][0]], path)
+        except BaseException:
+            self.reader.close()
+            raise
+        self.path = path
+        self.tick: NDArray[np.uint64] = frames["tick"]
+        self.time: NDArray[np.float64] = frames["time"]
+        self.body_count: NDArray[np.uint32] = frames["body_count"]
+        self._sequences: NDArray[np.uint64] = frames["delta_sequence"]
+        self._places = [Place(*pair) for pair in zip(frames["chunk"].tolist(), frames["message"].tolist(), strict=True)]
+
+    def close(self) -> None:
+        """Closes the file."""
+        self.reader.close()
+
+    def __enter__(self) -> Recording:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    # --- frames ----------------------------------------------------------------------------------------------------
+
+    def position_at(self, time: float) -> int:
+        """The frame nearest to a simulation time [s]; of several at one tick the last."""
+        after = int(np.searchsorted(self.time, time, side="right"))
+        if after == 0:
+            return self.last_of_tick(0)
+        if after < len(self) and self.time[after] - time < time - self.time[after - 1]:
+            return self.last_of_tick(after)
+        return after - 1
+
+    def last_of_tick(self, position: int) -> int:
+        """The last frame of the tick that the frame at `position` shows."""
+        return int(np.searchsorted(self.tick, self.tick[position], side="right")) - 1
+
+    def frame_body(self, position: int) -> bytes:
+        """A frame as it was recorded, header and columns."""
+        body = self.reader.message_at(self._places[position]).body
+        if len(body) < HEADER.size or HEADER.unpack_from(body)[1] != int(self.tick[position]):
+            raise RecordingError(f"the index of {self.path} is wrong: there is no frame of tick {self.tick[position]}")
+        return body
+
+    def frame(self, position: int) -> StateFrame:
+        """A frame, decoded."""
+        try:
+            return unpack_frame(self.frame_body(position))
+        except MessageError as error:
+            raise RecordingError(f"a frame in {self.path} is damaged: {error}") from error
+
+    def messages_between(self, position: int, end: int) -> Iterator[RecordedMessage]:
+        """Everything recorded after the frame at `position` up to the frame at `end`, frames and scene left out."""
+        after = self._places[position]
+        start = Place(after.chunk, after.message + 1)
+        for message in self.reader.messages(start=start, end=self._places[end]):
+            if message.channel not in (STATE_CHANNEL, SNAPSHOT_CHANNEL, DELTA_CHANNEL):
+                yield message
+
+    # --- the scene -------------------------------------------------------------------------------------------------
+
+    def mirror_at(self, position: int) -> SceneMirror:
+        """The scene as it was at a frame, with that frame."""
+        mirror = SceneMirror()
+        target = int(self._sequences[position])
+        # What was recorded from outside may begin with frames that are older than its first snapshot.
+        self._become(mirror, self._scene.snapshot_between(-2, target) or self._scene.first_snapshot())
+        self.advance(mirror, position)
+        mirror.keep_frame(self.frame(position))
+        return mirror
+
+    def needs_rebuilding(self, mirror: SceneMirror, position: int) -> bool:
+        """Whether the mirror's scene is later than that of the frame at `position`, so that `advance` cannot lead there."""
+        return mirror.sequence > max(int(self._sequences[position]), self._scene.first_sequence)
+
+    def advance(self, mirror: SceneMirror, position: int) -> list[SceneDelta] | None:
+        """Brings a mirror of an earlier frame to a later one, the frame itself left out.
+
+        Returns the deltas that did it; None when it took a snapshot, so that everything may have changed.
+        """
+        target = int(self._sequences[position])
+        followed: list[SceneDelta] | None = []
+        while mirror.sequence < target:
+            delta = self._follow(mirror)
+            if delta is not None:
+                if followed is not None:
+                    followed.append(delta)
+                continue
+            # A gap or a resync: the recorder asked for a snapshot then. Until there is one, the scene is the last known.
+            place = self._scene.snapshot_between(mirror.sequence, target)
+            if place is None:
+                break
+            self._become(mirror, place)
+            followed = None
+        return followed
+
+    def _follow(self, mirror: SceneMirror) -> SceneDelta | None:
+        """Applies the next delta, if there is one that can be."""
+        place = self._scene.deltas.get(mirror.sequence + 1)
+        if place is None:
+            return None
+        try:
+            delta = codec.decode_body(self.reader.message_at(place).body, SceneDelta, Encoding.JSON)
+            if delta.resync:
+                return None
+            mirror.apply_delta(delta)
+        except MessageError as error:
+            _log.warning("a delta in %s cannot be followed: %s", self.path, error)
+            return None
+        return delta
+
+    def _become(self, mirror: SceneMirror, place: Place) -> None:
+        try:
+            mirror.apply_snapshot(codec.decode_body(self.reader.message_at(place).body, Snapshot, Encoding.JSON))
+        except MessageError as error:
+            raise RecordingError(f"a snapshot in {self.path} cannot be used: {error}") from error
+
+    # --- assets ----------------------------------------------------------------------------------------------------
+
+    def asset_references(self) -> list[str]:
+        """The assets the recording carries."""
+        return [name for name in self.reader.attachments if is_reference(name)]
+
+    def asset(self, reference: str) -> bytes:
+        """The content named `reference`; RecordingError if the recording lacks it or it is damaged."""
+        data = self.reader.attachment(reference)
+        if reference_of(data) != reference:
+            raise RecordingError(f"the asset {reference} in {self.path} is damaged")
+        return data
+
+    # --- opening ---------------------------------------------------------------------------------------------------
+
+    def _check_version(self) -> None:
+        made = self.reader.metadata.get(METADATA_NAME)
+        if made is None:
+            raise RecordingError(f"{self.path} is an MCAP file, but no recording of ELYS")
+        if made.get("protocol") != str(PROTOCOL_VERSION):
+            raise RecordingError(
+                f"{self.path} was recorded by ELYS {made.get('elys', '?')} in protocol version {made.get('protocol', '?')}; "
+                f"this one reads version {PROTOCOL_VERSION}: open it with that release"
+            )
+
+    def _read_indexes(self) -> tuple[NDArray[Any], NDArray[Any]]:
+        reader = self.reader
+        try:
+            frames = _array(reader.attachment(STATE_INDEX_NAME), STATE_INDEX)
+            scene = _array(reader.attachment(SCENE_INDEX_NAME), SCENE_INDEX)
+            for index in (frames, scene):
+                if np.any(index["chunk"] >= reader.chunk_count):
+                    raise RecordingError(f"the index of {self.path} names chunks that are not there")
+        except RecordingError as error:
+            if not reader.mended:
+                _log.warning("%s: reading the whole file instead", error)
+            builder = IndexBuilder()
+            for message in reader.messages((STATE_CHANNEL, DELTA_CHANNEL, SNAPSHOT_CHANNEL)):
+                builder.add(message.channel, message.body, *message.place)
+            frames, scene = builder.frames(), builder.scene()
+        return frames, scene
+
+
+class _SceneIndex:
+    """Where the snapshots and deltas of one run stand, by their number."""
+
+    def __init__(self, entries: NDArray[Any], path: Path) -> None:
+        self._snapshots: list[tuple[int, Place]] = []
+        self.deltas: dict[int, Place] = {}
+        for entry in entries:
+            place = Place(int(entry["chunk"]), int(entry["message"]))
+            if entry["is_snapshot"]:
+                self._snapshots.append((int(entry["sequence"]), place))
+            else:
+                self.deltas[int(entry["sequence"])] = place
+        if not self._snapshots:
+            raise RecordingError(f"{path} holds no scene: it was cut before the first snapshot")
+        self._snapshots.sort(key=lambda snapshot: snapshot[0])
+        self.first_sequence = self._snapshots[0][0]
+
+    def first_snapshot(self) -> Place:
+        return self._snapshots[0][1]
+
+    def snapshot_between(self, after: int, until: int) -> Place | None:
+        """The latest snapshot numbered above `after` and not above `until`."""
+        found = [place for sequence, place in self._snapshots if after < sequence <= until]
+        return found[-1] if found else None
+
+
+def _array(data: bytes, dtype: np.dtype[Any]) -> NDArray[Any]:
+    if len(data) % dtype.itemsize:
+        raise RecordingError("an index in the recording is damaged")
+    return np.frombuffer(data, dtype)
+
+
+def _longest_run(frames: NDArray[Any], path: Path) -> NDArray[Any]:
+    """The longest stretch of one epoch in which neither tick nor time goes back."""
+    if not len(frames):
+        raise RecordingError(f"{path} holds no state frame: nothing was recorded of any tick")
+    earlier, later = frames[:-1], frames[1:]
+    breaks = (
+        (earlier["epoch"] != later["epoch"]) | (earlier["tick"] > later["tick"]) | ~(earlier["time"] <= later["time"])
+    )
+    bounds = [0, *(np.flatnonzero(breaks) + 1).tolist(), len(frames)]
+    runs = list(pairwise(bounds))
+    first, last = max(runs, key=lambda run: run[1] - run[0])
+    if len(runs) > 1:
+        _log.warning(
+            "%s holds %d runs; this is the longest, %d of %d frames", path, len(runs), last - first, len(frames)
+        )
+    return frames[first:last]

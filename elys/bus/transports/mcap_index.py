@@ -1,0 +1,79 @@
+"""Where frames and scene stand in a recording: built while writing, kept as attachments, rebuilt by reading if they are lost."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from elys.bus import topics
+from elys.bus.messages.state_frame import BODY_SIZE, HEADER
+
+SNAPSHOT_CHANNEL: Final = topics.SNAPSHOT.name
+STATE_CHANNEL: Final = topics.STATE.name
+DELTA_CHANNEL: Final = topics.DELTA.name
+STATE_INDEX_NAME: Final = "elys/state_index.v1"
+SCENE_INDEX_NAME: Final = "elys/scene_index.v1"
+# `chunk` and `message`: the chunk's number in the file, and the message's in the chunk.
+STATE_INDEX: Final = np.dtype(
+    [
+        ("epoch", "<u8"),
+        ("tick", "<u8"),
+        ("time", "<f8"),
+        ("delta_sequence", "<u8"),
+        ("body_count", "<u4"),
+        ("chunk", "<u4"),
+        ("message", "<u4"),
+    ]
+)
+SCENE_INDEX: Final = np.dtype(
+    [("epoch", "<u8"), ("sequence", "<i8"), ("is_snapshot", "?"), ("chunk", "<u4"), ("message", "<u4")]
+)
+
+
+class _Head(msgspec.Struct):
+    """What both a snapshot and a delta start with, as far as the index wants it."""
+
+    epoch: int
+    sequence: int
+
+
+_heads: Final = msgspec.json.Decoder(_Head)
+
+
+class IndexBuilder:
+    """Collects an entry for each state frame, snapshot and delta; what is none of them, or is damaged, gets none."""
+
+    def __init__(self) -> None:
+        self._frames: list[tuple[int, int, float, int, int, int, int]] = []
+        self._scene: list[tuple[int, int, bool, int, int]] = []
+
+    def add(self, channel: str, body: bytes | memoryview, chunk: int, message: int) -> None:
+        """Looks at a message at its place."""
+        if channel == STATE_CHANNEL:
+            self._add_frame(body, chunk, message)
+        elif channel in (SNAPSHOT_CHANNEL, DELTA_CHANNEL):
+            try:
+                head = _heads.decode(body)
+            except (msgspec.DecodeError, UnicodeDecodeError):
+                return
+            if 0 <= head.epoch < 1 << 64 and -1 <= head.sequence < 1 << 63:
+                self._scene.append((head.epoch, head.sequence, channel == SNAPSHOT_CHANNEL, chunk, message))
+
+    def _add_frame(self, body: bytes | memoryview, chunk: int, message: int) -> None:
+        if len(body) < HEADER.size:
+            return
+        epoch, tick, time, _, sequence, _, count, _ = HEADER.unpack_from(body)
+        if len(body) == HEADER.size + count * BODY_SIZE and math.isfinite(time):
+            self._frames.append((epoch, tick, time, sequence, count, chunk, message))
+
+    def frames(self) -> NDArray[np.void]:
+        """[F] STATE_INDEX, in the order of the file."""
+        return np.array(self._frames, STATE_INDEX)
+
+    def scene(self) -> NDArray[np.void]:
+        """[S] SCENE_INDEX, in the order of the file."""
+        return np.array(self._scene, SCENE_INDEX)

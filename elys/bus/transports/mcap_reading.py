@@ -1,0 +1,354 @@
+"""Reading a recording: through its summary, or, where a kill left none, through what can be found from its beginning.
+
+Nothing in the file is believed before it has been compared with the file: offsets, lengths and sizes of chunks are checked,
+so that a damaged or a hostile file costs a sentence, not the memory or the process.
+"""
+
+from __future__ import annotations
+
+import io
+import logging
+import os
+import struct
+import zlib
+from collections import Counter, OrderedDict
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Attachment, AttachmentIndex, Channel, ChunkIndex, Header, Metadata, MetadataIndex, Statistics
+from mcap.stream_reader import StreamReader
+
+from elys.common.errors import RecordingError
+
+MAX_CHUNK_SIZE: Final = 512 << 20  # [bytes] of a chunk unpacked
+_MAGIC: Final = b"\x89MCAP0\r\n"
+_RECORD: Final = struct.Struct("<BQ")
+_FOOTER: Final = struct.Struct("<BQQQI")
+_CHUNK_HEAD: Final = struct.Struct("<QQQI")
+_MESSAGE: Final = struct.Struct("<HIQQ")
+_CACHED_CHUNKS: Final = 4
+# What the library raises on bytes that are no MCAP.
+_UNREADABLE: Final = (
+    McapError,
+    struct.error,
+    zstandard.ZstdError,
+    ValueError,
+    LookupError,
+    OverflowError,
+    MemoryError,
+    RuntimeError,
+)
+_log = logging.getLogger(__name__)
+
+
+class Place(NamedTuple):
+    """Where a message stands: the number of its chunk in the file and its own in the chunk."""
+
+    chunk: int
+    message: int
+
+
+BEGINNING: Final = Place(0, 0)
+
+
+class RecordedMessage(NamedTuple):
+    """A message as it was written, with its place; `body` has no protocol prefix."""
+
+    channel: str
+    body: bytes
+    log_time: int  # [ns]
+    place: Place
+
+
+@dataclass(slots=True)
+class _Chunk:
+    offset: int
+    length: int
+    channels: frozenset[int] | None  # None: not known
+
+
+@dataclass(slots=True)
+class _Contents:
+    """What a file holds, from its summary or found record by record."""
+
+    channels: dict[int, str] = field(default_factory=dict)
+    chunks: list[_Chunk] = field(default_factory=list)
+    counts: Counter[int] = field(default_factory=Counter)
+    attachments: dict[str, tuple[int, int]] = field(default_factory=dict)
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    start_time: int = 0
+    end_time: int = 0
+
+
+class McapReader:
+    """An open recording. `mended` says that it was never finished and has been read as far as it goes.
+
+    Raises:
+        RecordingError: there is no such file, it is no MCAP file, or nothing in it can be read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            self._file = path.open("rb")
+        except OSError as error:
+            raise RecordingError(f"the recording {path} cannot be opened: {error.strerror}") from error
+        try:
+            self.size = os.fstat(self._file.fileno()).st_size
+            self._check_magic()
+            summary = self._read_summary()
+            self.mended = summary is None
+            contents = self._find_contents() if summary is None else summary
+        except BaseException:
+            self._file.close()
+            raise
+        if self.mended:
+            _log.warning("the recording %s was never finished: it is read as far as it is whole", path)
+        self._contents = contents
+        self.metadata = contents.metadata
+        self.attachments = contents.attachments
+        self.start_time, self.end_time = contents.start_time, contents.end_time  # [ns]
+        self.chunk_count = len(contents.chunks)
+        self._unpacked: OrderedDict[int, list[RecordedMessage]] = OrderedDict()
+
+    def close(self) -> None:
+        """Closes the file."""
+        self._file.close()
+
+    def __enter__(self) -> McapReader:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def message_counts(self) -> dict[str, int]:
+        """How many messages each channel holds, those with none included."""
+        return {name: self._contents.counts.get(number, 0) for number, name in self._contents.channels.items()}
+
+    def messages(
+        self, channels: Collection[str] | None = None, *, start: Place = BEGINNING, end: Place | None = None
+    ) -> Iterator[RecordedMessage]:
+        """Messages in the order of the file, from `start` on and before `end`; of some channels or of all.
+
+        Raises:
+            RecordingError: a chunk is damaged.
+        """
+        wanted = None if channels is None else {n for n, name in self._contents.channels.items() if name in channels}
+        last = self.chunk_count if end is None else min(end.chunk + 1, self.chunk_count)
+        for number in range(start.chunk, last):
+            within = self._contents.chunks[number].channels
+            if wanted is not None and within is not None and not wanted & within:
+                continue
+            for message in self.chunk(number):
+                if message.place < start or (channels is not None and message.channel not in channels):
+                    continue
+                if end is not None and message.place >= end:
+                    return
+                yield message
+
+    def message_at(self, place: Place) -> RecordedMessage:
+        """The message at a place; RecordingError if there is none."""
+        if 0 <= place.chunk < self.chunk_count and 0 <= place.message < len(messages := self.chunk(place.chunk)):
+            return messages[place.message]
+        raise RecordingError(f"{self.path} has no message {place.message} in a chunk {place.chunk}")
+
+    def attachment(self, name: str) -> bytes:
+        """The content of an attachment; RecordingError if there is none or it is damaged."""
+        if name not in self.attachments:
+            raise RecordingError(f"{self.path} has no attachment {name!r}")
+        offset, length = self.attachments[name]
+        try:
+            data = Attachment.read(ReadDataStream(io.BytesIO(self._read(offset, length)[_RECORD.size :]))).data
+        except _UNREADABLE as error:
+            raise RecordingError(f"the attachment {name!r} of {self.path} is damaged: {error}") from error
+        assert isinstance(data, bytes)
+        return data
+
+    def chunk(self, number: int) -> list[RecordedMessage]:
+        """All messages of a chunk; the last few chunks are remembered."""
+        if number in self._unpacked:
+            self._unpacked.move_to_end(number)
+            return self._unpacked[number]
+        chunk = self._contents.chunks[number]
+        try:
+            data = self._unpack(self._read(chunk.offset, chunk.length))
+            messages = list(_messages_in(data, number, self._contents.channels))
+        except _UNREADABLE as error:
+            raise RecordingError(f"chunk {number} of {self.path} is damaged: {error}") from error
+        self._unpacked[number] = messages
+        if len(self._unpacked) > _CACHED_CHUNKS:
+            self._unpacked.popitem(last=False)
+        return messages
+
+    # --- opening ---------------------------------------------------------------------------------------------------
+
+    def _check_magic(self) -> None:
+        if self.size == 0:
+            raise RecordingError(f"the recording {self.path} is empty")
+        if os.pread(self._file.fileno(), len(_MAGIC), 0) != _MAGIC:
+            raise RecordingError(f"{self.path} is no recording: it does not start as an MCAP file does")
+
+    def _read(self, offset: int, length: int) -> bytes:
+        if offset < 0 or length < 0 or offset + length > self.size:
+            raise RecordingError(f"{self.path} is damaged: it names bytes {offset} to {offset + length} of {self.size}")
+        data = os.pread(self._file.fileno(), length, offset)
+        while len(data) < length:  # Linux reads at most 2 GiB at once
+            more = os.pread(self._file.fileno(), length - len(data), offset + len(data))
+            if not more:
+                raise RecordingError(f"{self.path} became shorter while it was read")
+            data += more
+        return data
+
+    def _read_summary(self) -> _Contents | None:
+        """The summary at the end of the file; None if there is none that can be used."""
+        tail = _FOOTER.size + len(_MAGIC)
+        if self.size < len(_MAGIC) + tail or os.pread(self._file.fileno(), len(_MAGIC), self.size - 8) != _MAGIC:
+            return None
+        opcode, _, start, _, checksum = _FOOTER.unpack(self._read(self.size - tail, _FOOTER.size))
+        if opcode != Opcode.FOOTER or not 0 < start <= self.size - tail:
+            return None
+        data = self._read(start, self.size - len(_MAGIC) - start)
+        if checksum and zlib.crc32(data[:-4]) != checksum:
+            return None
+        try:
+            return self._collect(data)
+        except (*_UNREADABLE, RecordingError) as error:
+            _log.warning("the summary of %s cannot be used (%s)", self.path, error)
+            return None
+
+    def _collect(self, summary: bytes) -> _Contents:
+        contents = _Contents()
+        for record in StreamReader(
+            io.BytesIO(summary + _MAGIC), skip_magic=True, record_size_limit=len(summary)
+        ).records:
+            if isinstance(record, Channel):
+                contents.channels[record.id] = record.topic
+            elif isinstance(record, ChunkIndex):
+                known = frozenset(record.message_index_offsets) or None
+                contents.chunks.append(_Chunk(record.chunk_start_offset, record.chunk_length, known))
+            elif isinstance(record, AttachmentIndex):
+                contents.attachments[record.name] = (record.offset, record.length)
+            elif isinstance(record, MetadataIndex):
+                raw = self._read(record.offset, record.length)[_RECORD.size :]
+                contents.metadata[record.name] = Metadata.read(ReadDataStream(io.BytesIO(raw))).metadata
+            elif isinstance(record, Statistics):
+                contents.counts.update(record.channel_message_counts)
+                contents.start_time, contents.end_time = record.message_start_time, record.message_end_time
+        contents.chunks.sort(key=lambda chunk: chunk.offset)
+        for chunk in contents.chunks:
+            if chunk.offset < len(_MAGIC) or chunk.offset + chunk.length > self.size:
+                raise RecordingError(f"a chunk at {chunk.offset} lies outside the file")
+        return contents
+
+    def _find_contents(self) -> _Contents:
+        """What can be read from the beginning on, up to where the file was cut or is damaged."""
+        contents = _Contents()
+        for opcode, offset, length in self._records():
+            if opcode == Opcode.DATA_END:
+                break
+            try:
+                self._find(contents, opcode, offset, length)
+            except _UNREADABLE as error:
+                _log.warning("%s is damaged at byte %d, which is left out: %s", self.path, offset, error)
+        if not contents.chunks:
+            raise RecordingError(
+                f"{self.path} holds nothing that can be read: it ends before the first second was written"
+            )
+        return contents
+
+    def _records(self) -> Iterator[tuple[int, int, int]]:
+        """Opcode, offset and whole length of each record that lies within the file."""
+        offset = len(_MAGIC)
+        while offset + _RECORD.size <= self.size:
+            opcode, length = _RECORD.unpack(self._read(offset, _RECORD.size))
+            if opcode == 0 or offset + _RECORD.size + length > self.size:
+                return
+            yield opcode, offset, _RECORD.size + length
+            offset += _RECORD.size + length
+
+    def _find(self, contents: _Contents, opcode: int, offset: int, length: int) -> None:
+        if opcode not in (Opcode.CHUNK, Opcode.ATTACHMENT, Opcode.METADATA, Opcode.HEADER):
+            return
+        raw = self._read(offset, length)
+        if opcode == Opcode.CHUNK:
+            data = self._unpack(raw)
+            contents.channels.update(_channels_in(data))
+            messages = list(_messages_in(data, len(contents.chunks), contents.channels))
+            numbers = {name: number for number, name in contents.channels.items()}
+            contents.counts.update(numbers[message.channel] for message in messages)
+            contents.chunks.append(_Chunk(offset, length, frozenset(numbers[m.channel] for m in messages)))
+            if times := [message.log_time for message in messages]:
+                contents.start_time = min(times) if not contents.start_time else min(contents.start_time, *times)
+                contents.end_time = max(contents.end_time, *times)
+            return
+        stream = ReadDataStream(io.BytesIO(raw[_RECORD.size :]))
+        if opcode == Opcode.ATTACHMENT:
+            contents.attachments[Attachment.read(stream).name] = (offset, length)
+        elif opcode == Opcode.METADATA:
+            record = Metadata.read(stream)
+            contents.metadata[record.name] = record.metadata
+        else:
+            Header.read(stream)
+
+    def _unpack(self, raw: bytes) -> bytes:
+        """The records of a chunk record."""
+        view = memoryview(raw)[_RECORD.size :]
+        _, _, size, checksum = _CHUNK_HEAD.unpack_from(view)
+        place = _CHUNK_HEAD.size
+        (name_length,) = struct.unpack_from("<I", view, place)
+        compression = bytes(view[place + 4 : place + 4 + name_length])
+        place += 4 + name_length
+        (packed_size,) = struct.unpack_from("<Q", view, place)
+        packed = view[place + 8 : place + 8 + packed_size]
+        if size > MAX_CHUNK_SIZE:
+            raise ValueError(f"a chunk claims to unpack to {size} bytes")
+        data = _decompress(compression, packed, size)
+        if len(data) != size or (checksum and zlib.crc32(data) != checksum):
+            raise ValueError("a chunk's checksum or size is wrong")
+        return data
+
+
+def _decompress(compression: bytes, packed: memoryview, size: int) -> bytes:
+    if compression == b"":
+        return bytes(packed)
+    if compression != b"zstd":
+        raise ValueError(f"compressed with {compression!r}: only zstd is read here")
+    if zstandard.frame_content_size(packed) not in (-1, size):
+        raise ValueError("a chunk unpacks to another size than it says")
+    return zstandard.ZstdDecompressor().decompress(packed, max_output_size=max(size, 1))
+
+
+def _records_in(data: bytes) -> Iterator[tuple[int, int, int]]:
+    """Opcode, start and end of each record's content."""
+    offset = 0
+    while offset < len(data):
+        opcode, length = _RECORD.unpack_from(data, offset)
+        start = offset + _RECORD.size
+        if start + length > len(data):
+            raise ValueError("a record reaches beyond its chunk")
+        yield opcode, start, start + length
+        offset = start + length
+
+
+def _messages_in(data: bytes, number: int, channels: dict[int, str]) -> Iterator[RecordedMessage]:
+    ordinal = 0
+    for opcode, start, end in _records_in(data):
+        if opcode != Opcode.MESSAGE:
+            continue
+        channel, _, log_time, _ = _MESSAGE.unpack_from(data, start)
+        body = data[start + _MESSAGE.size : end]
+        yield RecordedMessage(channels[channel], body, log_time, Place(number, ordinal))
+        ordinal += 1
+
+
+def _channels_in(data: bytes) -> Iterator[tuple[int, str]]:
+    for opcode, start, end in _records_in(data):
+        if opcode == Opcode.CHANNEL:
+            record: Any = Channel.read(ReadDataStream(io.BytesIO(data[start:end])))
+            yield record.id, record.topic

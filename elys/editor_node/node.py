@@ -1,0 +1,113 @@
+"""The editor's node: a window onto a session that somebody else hosts."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from pathlib import Path
+from types import TracebackType
+from typing import Final, Self
+
+import platformdirs
+
+from elys.bus.session import Session
+from elys.editor_node.application import Application
+from elys.editor_node.camera import OrbitCamera
+from elys.editor_node.gpu import WindowContext, save_picture
+from elys.editor_node.imgui_layer import ImGuiLayer
+from elys.editor_node.model import EditorModel
+from elys.editor_node.panels.viewport import ViewportPanel
+from elys.editor_node.shortcuts import ShortcutLayer
+from elys.editor_node.ui import Ui
+from elys.editor_node.view_stream import ViewStream
+from elys.editor_node.viewport_layer import ViewportLayer
+from elys.editor_node.window import Window
+from elys.editor_node.workspace import Workspace
+
+TEXT_CURSOR_BLINK: Final = 0.4  # [s]
+
+
+async def run_editor(
+    session: Session,
+    *,
+    null_platform: bool = False,
+    frames: int | None = None,
+    size: tuple[int, int] = (1600, 900),
+    screenshot: str | Path | None = None,
+) -> None:
+    """Shows the editor until its window is closed, or for `frames` frames; then writes `screenshot`, if one is named.
+
+    Raises:
+        DisplayError: there is no display, or no OpenGL on it.
+    """
+    with Editor(session, null_platform=null_platform, size=size) as editor:
+        await editor.run(frames=frames)
+        if screenshot is not None:
+            editor.screenshot(screenshot)
+
+
+class Editor:
+    """Model, window and layers put together. A context manager: leaving it closes the window, not the session."""
+
+    def __init__(self, session: Session, *, null_platform: bool = False, size: tuple[int, int] = (1600, 900)) -> None:
+        self.window = Window("ELYS", size, null_platform=null_platform)
+        self.context = WindowContext()
+        self.application = Application(self.window)
+        self.model = EditorModel(session, request_redraw=self.application.request_redraw)
+        self.stream = ViewStream(session, on_frame=self.application.request_redraw)
+        self._picture = self.context.picture()
+        self.panel = ViewportPanel(self.stream, self._picture, OrbitCamera())
+        self.widgets = ImGuiLayer(
+            self.window,
+            self.context,
+            draw=self._draw,
+            reserves=lambda event: self.panel.takes_mouse,
+            layout_file=None if self.window.null_platform else _layout_file(),
+        )
+        self.ui = Ui(self.model, self.widgets.fonts)
+        self.workspace = Workspace(self.ui, self.panel, close=self.application.close)
+        navigation = ViewportLayer(self.model, self.panel)
+        self.application.push_layer(ShortcutLayer(self.ui, self.workspace.hierarchy, navigation))
+        self.application.push_layer(navigation)
+        self.application.push_layer(self.widgets)
+        session.on_link(self._link_changed)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.stream.close()
+        self._picture.release()
+        self.widgets.close()
+        self.context.release()
+        self.window.close()
+
+    async def run(self, *, frames: int | None = None) -> None:
+        """Follows the session and draws, until the window is closed or `frames` frames were drawn."""
+        async with asyncio.TaskGroup() as group:
+            following = group.create_task(self.model.run())
+            await self.application.run(frames=frames)
+            following.cancel()
+
+    def screenshot(self, path: str | Path) -> None:
+        """Writes what the window shows as a picture."""
+        self.widgets.update(0.0)  # what was swapped away need not be there any more
+        save_picture(self.context.read_window(*self.window.framebuffer_size), path)
+
+    def _draw(self, elapsed: float) -> None:
+        self.workspace.frame_time = self.application.frame_time
+        self.workspace.draw(elapsed)
+        if self.widgets.is_typing:
+            self.application.request_redraw(TEXT_CURSOR_BLINK)
+
+    def _link_changed(self, connected: bool) -> None:
+        if connected:
+            self.stream.refresh()
+        self.application.request_redraw()
+
+
+def _layout_file() -> Path:
+    directory = os.environ.get("ELYS_CONFIG_DIR")
+    return (Path(directory) if directory else platformdirs.user_config_path("elys")) / "editor.ini"

@@ -1,0 +1,160 @@
+"""The toolbar along the top and the line of facts along the bottom."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from imgui_bundle import imgui
+
+from elys.editor_node.theme import ACCENT, ERROR, GOOD, TEXT_DIM, WARNING, Rgba, icons
+from elys.editor_node.ui import Tool, Ui, color_code, dim_text, icon_button
+
+_TOOLS: Final[tuple[tuple[Tool, str, str], ...]] = (
+    ("select", icons.ICON_FA_ARROW_POINTER, "Select (Q)"),
+    ("move", icons.ICON_FA_UP_DOWN_LEFT_RIGHT, "Move (W); Ctrl snaps"),
+    ("rotate", icons.ICON_FA_ROTATE, "Rotate (E); Ctrl snaps"),
+    ("scale", icons.ICON_FA_UP_RIGHT_AND_DOWN_LEFT_FROM_CENTER, "Scale (R); Ctrl snaps"),
+)
+_RATES: Final = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 0.0)
+_BAR_FLAGS: Final = (
+    imgui.WindowFlags_.no_scrollbar.value
+    | imgui.WindowFlags_.no_saved_settings.value
+    | imgui.WindowFlags_.no_docking.value
+    | imgui.WindowFlags_.no_nav.value
+)
+
+
+class Toolbar:
+    """Undo and tools on the left, time in the middle, how the session does on the right."""
+
+    def draw(self, ui: Ui) -> None:
+        """Draws the bar below the menu; it takes its place from what panels are docked in."""
+        viewport = imgui.get_main_viewport()
+        height = imgui.get_frame_height() + 2.0 * imgui.get_style().window_padding.y - 2.0
+        if imgui.internal.begin_viewport_side_bar("###toolbar", viewport, imgui.Dir.up, height, _BAR_FLAGS):
+            self._draw_edits(ui)
+            imgui.same_line(0.0, 14.0)
+            self._draw_tools(ui)
+            self._draw_time(ui)
+            self._draw_health(ui)
+        imgui.end()
+
+    def _draw_edits(self, ui: Ui) -> None:
+        model, history = ui.model, ui.model.history
+        tooltip = f"Undo {history.undo_label} (Ctrl+Z)" if history.undo_label else "Nothing to undo"
+        if icon_button(icons.ICON_FA_ROTATE_LEFT, "undo", tooltip, enabled=bool(history.undo_label)):
+            model.undo()
+        ui.landmarks.note("toolbar/undo")
+        imgui.same_line(0.0, 2.0)
+        tooltip = f"Redo {history.redo_label} (Ctrl+Y)" if history.redo_label else "Nothing to redo"
+        if icon_button(icons.ICON_FA_ROTATE_RIGHT, "redo", tooltip, enabled=bool(history.redo_label)):
+            model.redo()
+        ui.landmarks.note("toolbar/redo")
+
+    def _draw_tools(self, ui: Ui) -> None:
+        tools = ui.tools
+        for tool, icon, tooltip in _TOOLS:
+            if icon_button(icon, tool, tooltip, active=tools.tool == tool):
+                tools.tool = tool
+            ui.landmarks.note(f"toolbar/{tool}")
+            imgui.same_line(0.0, 2.0)
+        imgui.same_line(0.0, 10.0)
+        icon = icons.ICON_FA_CUBE if tools.is_local else icons.ICON_FA_GLOBE
+        if icon_button(icon, "space", "Along the entity's own axes" if tools.is_local else "Along the world's axes"):
+            tools.is_local = not tools.is_local
+        imgui.same_line(0.0, 2.0)
+        if icon_button(icons.ICON_FA_BORDER_ALL, "grid", "Grid", active=tools.shows_grid):
+            tools.shows_grid = not tools.shows_grid
+
+    def _draw_time(self, ui: Ui) -> None:
+        model, status = ui.model, ui.model.status
+        height = imgui.get_frame_height()
+        combo = height * 3.4
+        imgui.same_line((imgui.get_window_width() - height * 2.3 - combo) / 2.0)
+        can_play = model.connected and status is not None
+        icon = icons.ICON_FA_PAUSE if model.is_playing else icons.ICON_FA_PLAY
+        color = WARNING if model.is_playing else GOOD
+        tooltip = "Pause (Space)" if model.is_playing else "Play (Space)"
+        if icon_button(icon, "play", tooltip, enabled=can_play, color=color):
+            model.toggle_playing()
+        ui.landmarks.note("toolbar/play")
+        imgui.same_line(0.0, 2.0)
+        if icon_button(icons.ICON_FA_FORWARD_STEP, "step", "One tick (.)", enabled=can_play):
+            model.step()
+        ui.landmarks.note("toolbar/step")
+        imgui.same_line(0.0, 6.0)
+        imgui.set_next_item_width(combo)
+        rate = status.rate if status is not None else 1.0
+        imgui.begin_disabled(not can_play)
+        if imgui.begin_combo("###rate", _rate_label(rate)):
+            for offer in _RATES:
+                if imgui.selectable(_rate_label(offer), offer == rate)[0]:
+                    model.set_rate(offer)
+            imgui.end_combo()
+        imgui.end_disabled()
+        imgui.set_item_tooltip("Simulated seconds in a second")
+
+    def _draw_health(self, ui: Ui) -> None:
+        status = ui.model.status
+        lamp, word = _lamp_of(ui)
+        texts = []
+        if status is not None:
+            texts = [f"tick {status.tick:,}".replace(",", " "), f"{status.simulation_time:.2f} s"]
+            if status.playing:
+                texts.append(f"{status.realtime_factor:.2f}x real time")
+        texts.append(word)
+        line = "     ".join(texts)
+        width = imgui.calc_text_size(line).x + imgui.get_frame_height()
+        imgui.same_line(imgui.get_window_width() - width - imgui.get_style().window_padding.x)
+        imgui.align_text_to_frame_padding()
+        dim_text(line)
+        place = imgui.get_item_rect_max()
+        radius = imgui.get_font_size() * 0.28
+        middle = (imgui.get_item_rect_min().y + place.y) / 2.0
+        imgui.get_window_draw_list().add_circle_filled((place.x + radius * 2.5, middle), radius, color_code(lamp))
+
+
+class StatusBar:
+    """What went wrong last, or what is selected; and the picture's pace."""
+
+    def draw(self, ui: Ui, *, frame_time: float, view_latency: float) -> None:
+        """Draws the bar along the bottom; times in seconds."""
+        viewport = imgui.get_main_viewport()
+        imgui.push_style_var(imgui.StyleVar_.window_padding, (10.0, 3.0))
+        height = imgui.get_text_line_height() + 8.0
+        if imgui.internal.begin_viewport_side_bar("###status", viewport, imgui.Dir.down, height, _BAR_FLAGS):
+            self._draw_message(ui)
+            right = f"picture {view_latency * 1e3:.0f} ms     interface {frame_time * 1e3:.1f} ms"
+            width = imgui.calc_text_size(right).x
+            imgui.same_line(imgui.get_window_width() - width - 10.0)
+            dim_text(right)
+        imgui.end()
+        imgui.pop_style_var()
+
+    def _draw_message(self, ui: Ui) -> None:
+        model = ui.model
+        if model.error:
+            imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*ERROR))
+            imgui.text_unformatted(f"{icons.ICON_FA_TRIANGLE_EXCLAMATION}  {model.error}")
+            imgui.pop_style_color()
+            if imgui.is_item_clicked():
+                model.error = ""
+            return
+        count = len(model.selection)
+        selected = model.scene.name_of(model.selection.primary) if count == 1 else f"{count} selected"
+        dim_text(f"{len(model.scene.mirror.entities)} entities" + (f"     {selected}" if count else ""))
+
+
+def _rate_label(rate: float) -> str:
+    return f"{rate:g}x" if rate else "max"
+
+
+def _lamp_of(ui: Ui) -> tuple[Rgba, str]:
+    status = ui.model.status
+    if not ui.model.connected:
+        return ERROR, "reconnecting"
+    if status is None:
+        return TEXT_DIM, "waiting"
+    if status.kind == "replay":
+        return ACCENT, "replay"
+    return (GOOD, "playing") if status.playing else (WARNING, "paused")

@@ -1,0 +1,127 @@
+"""The viewport: the newest picture a render node sent, and over it what belongs to the editor alone."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from imgui_bundle import imgui
+
+from elys.bus.messages.views import ViewCamera
+from elys.common.math import quaternion
+from elys.editor_node.camera import OrbitCamera
+from elys.editor_node.gpu import ViewportPicture
+from elys.editor_node.panels.gizmo import Gizmo
+from elys.editor_node.theme import AXES, ERROR, PANEL_LOW, TEXT, TEXT_DIM, WARNING, Rgba, icons
+from elys.editor_node.ui import Ui, color_code
+from elys.editor_node.view_stream import View, ViewStream
+
+TITLE: Final = f"{icons.ICON_FA_EXPAND}  Viewport###Viewport"
+_AXIS_NAMES: Final = ("X", "Y", "Z")
+
+
+class ViewportPanel:
+    """Asks for pictures of its own size and shows them with the camera they were stamped with."""
+
+    def __init__(self, stream: ViewStream, picture: ViewportPicture, camera: OrbitCamera) -> None:
+        self.stream = stream
+        self.camera = camera
+        self.gizmo = Gizmo()
+        self.rectangle = (0.0, 0.0, 1.0, 1.0)  # x, y, width, height of the picture in the window
+        self.is_hovered = False
+        self._picture = picture
+
+    @property
+    def takes_mouse(self) -> bool:
+        """Whether what the pointer does belongs to the scene and not to a widget."""
+        return self.is_hovered and not self.gizmo.is_over and not self.gizmo.is_used
+
+    @property
+    def aspect(self) -> float:
+        """Width over height."""
+        return self.rectangle[2] / max(self.rectangle[3], 1.0)
+
+    def draw(self, ui: Ui) -> None:
+        """Draws the panel."""
+        self.stream.upload(self._picture)
+        imgui.push_style_var(imgui.StyleVar_.window_padding, (0.0, 0.0))
+        flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse | imgui.WindowFlags_.no_nav
+        is_visible = imgui.begin(TITLE, None, flags.value)[0]
+        imgui.pop_style_var()
+        self.is_hovered = False
+        if is_visible:
+            self._draw_picture(ui)
+            self._draw_over(ui)
+        imgui.end()
+
+    def _draw_picture(self, ui: Ui) -> None:
+        low, size = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
+        self.rectangle = (low.x, low.y, max(size.x, 1.0), max(size.y, 1.0))
+        scale = imgui.get_io().display_framebuffer_scale
+        width, height = int(self.rectangle[2] * scale.x), int(self.rectangle[3] * scale.y)
+        selection = ui.model.selection.entities
+        self.stream.want(View(self.camera.view, width, height, selection, ui.tools.shows_grid))
+        draw_list = imgui.get_window_draw_list()
+        high = (low.x + self.rectangle[2], low.y + self.rectangle[3])
+        draw_list.add_rect_filled(low, high, color_code(PANEL_LOW))
+        if self.stream.shown is not None and self._picture.name:
+            # Rows run upwards in GL.
+            draw_list.add_image(imgui.ImTextureRef(self._picture.name), low, high, (0.0, 1.0), (1.0, 0.0))
+        imgui.set_next_item_allow_overlap()
+        buttons = imgui.ButtonFlags_.mouse_button_left | imgui.ButtonFlags_.mouse_button_right
+        imgui.invisible_button("###picture", (self.rectangle[2], self.rectangle[3]), buttons.value)
+        self.is_hovered = imgui.is_item_hovered(imgui.HoveredFlags_.allow_when_overlapped.value)
+        ui.landmarks.note("viewport/picture")
+
+    def _draw_over(self, ui: Ui) -> None:
+        shown = self.stream.shown
+        if shown is not None:
+            imgui.push_clip_rect(
+                self.rectangle[:2],
+                (self.rectangle[0] + self.rectangle[2], self.rectangle[1] + self.rectangle[3]),
+                True,
+            )
+            self.gizmo.draw(ui, shown.camera, self.rectangle)
+            self._draw_axes(shown.camera)
+            imgui.pop_clip_rect()
+        text, color = self._notice(ui)
+        if text:
+            self._draw_notice(text, color, in_middle=shown is None)
+
+    def _notice(self, ui: Ui) -> tuple[str, Rgba]:
+        if not ui.model.connected:
+            return f"{icons.ICON_FA_PLUG_CIRCLE_XMARK}  simulation lost - reconnecting", ERROR
+        if self.stream.renderer is None:
+            lost = self.stream.lost_renderer
+            text = "renderer lost - waiting for another" if lost else "waiting for a render node"
+            return f"{icons.ICON_FA_HOURGLASS_HALF}  {text}", WARNING
+        if self.stream.shown is None:
+            return f"{icons.ICON_FA_HOURGLASS_HALF}  waiting for the first picture", TEXT_DIM
+        return "", TEXT
+
+    def _draw_notice(self, text: str, color: Rgba, *, in_middle: bool) -> None:
+        x, y, width, height = self.rectangle
+        size = imgui.calc_text_size(text)
+        left = x + (width - size.x) / 2.0
+        top = y + (height - size.y) / 2.0 if in_middle else y + 16.0
+        draw_list = imgui.get_window_draw_list()
+        low, high = (left - 16.0, top - 8.0), (left + size.x + 16.0, top + size.y + 8.0)
+        draw_list.add_rect_filled(low, high, color_code((0.07, 0.075, 0.085, 0.92)), 6.0)
+        draw_list.add_rect(low, high, color_code((*color[:3], 0.6)), 6.0)
+        draw_list.add_text((left, top), color_code(color), text)
+
+    def _draw_axes(self, camera: ViewCamera) -> None:
+        """The world's axes as this picture sees them, in its corner; those that point away first."""
+        x, y, width, _ = self.rectangle
+        center, length = np.array((x + width - 44.0, y + 44.0)), 26.0
+        view_from_world = quaternion.conjugate(np.array(camera.rotation))
+        ends = [quaternion.rotate(view_from_world, axis) for axis in np.eye(3)]
+        draw_list = imgui.get_window_draw_list()
+        for axis in sorted(range(3), key=lambda axis: float(ends[axis][2])):
+            tip = center + length * np.array((ends[axis][0], -ends[axis][1]))
+            color = color_code((*AXES[axis][:3], 1.0 if ends[axis][2] > -0.01 else 0.55))
+            draw_list.add_line((center[0], center[1]), (tip[0], tip[1]), color, 2.0)
+            draw_list.add_circle_filled((tip[0], tip[1]), 8.0, color)
+            size = imgui.calc_text_size(_AXIS_NAMES[axis])
+            place = (tip[0] - size.x / 2.0, tip[1] - size.y / 2.0)
+            draw_list.add_text(place, color_code((0.05, 0.05, 0.06, 1.0)), _AXIS_NAMES[axis])

@@ -1,0 +1,163 @@
+"""The layer under the widgets that steers the viewport's camera and picks.
+
+Alt and the left button orbit, the middle one pans, the wheel zooms, the right one with W A S D flies.
+"""
+
+from __future__ import annotations
+
+from typing import Final, Literal
+
+from elys.bus.messages.views import PickReply
+from elys.common.errors import BusError
+from elys.editor_node.events import (
+    Event,
+    KeyPressed,
+    KeyReleased,
+    Modifiers,
+    MouseButton,
+    MouseMoved,
+    MousePressed,
+    MouseReleased,
+    MouseScrolled,
+    WindowFocused,
+)
+from elys.editor_node.keys import Key
+from elys.editor_node.model import EditorModel
+from elys.editor_node.panels.viewport import ViewportPanel
+
+CLICK_DISTANCE: Final = 4.0  # [pixels] the pointer may move between down and up
+_FLY_KEYS: Final = {
+    Key.W: (0.0, 0.0, 1.0),
+    Key.S: (0.0, 0.0, -1.0),
+    Key.A: (-1.0, 0.0, 0.0),
+    Key.D: (1.0, 0.0, 0.0),
+    Key.Q: (0.0, -1.0, 0.0),
+    Key.E: (0.0, 1.0, 0.0),
+}
+_Action = Literal["", "click", "orbit", "pan", "fly"]
+
+
+class ViewportLayer:
+    """Hears of the mouse only where ImGui has no widget, and consumes what it uses."""
+
+    def __init__(self, model: EditorModel, panel: ViewportPanel) -> None:
+        self._model = model
+        self._panel = panel
+        self._action: _Action = ""
+        self._button = -1
+        self._pointer = (0.0, 0.0)
+        self._pressed_at = (0.0, 0.0)
+        self._modifiers = Modifiers.NONE
+        self._held: set[int] = set()
+
+    @property
+    def is_flying(self) -> bool:
+        """Whether the letters steer the camera."""
+        return self._action == "fly"
+
+    def on_event(self, event: Event) -> bool:
+        """Steers and picks."""
+        match event:
+            case MouseMoved(x, y):
+                return self._move(x, y)
+            case MousePressed(button, modifiers) if self._panel.takes_mouse and not self._action:
+                return self._press(button, modifiers)
+            case MouseReleased(button) if self._action and button == self._button:
+                return self._release()
+            case MouseScrolled(_, notches) if self._panel.is_hovered:
+                return self._scroll(notches)
+            case KeyPressed(key):
+                self._held.add(key)
+                return self.is_flying and key in _FLY_KEYS
+            case KeyReleased(key):
+                self._held.discard(key)
+            case WindowFocused(False):
+                self._held.clear()
+                self._action = ""
+        return False
+
+    def update(self, elapsed: float) -> None:
+        """Flies on while keys are held."""
+        if not self.is_flying:
+            return
+        steps = [step for key, step in _FLY_KEYS.items() if key in self._held]
+        if steps:
+            right, up, forward = (sum(step[axis] for step in steps) for axis in range(3))
+            fast = bool({Key.LEFT_SHIFT, Key.RIGHT_SHIFT} & self._held)
+            self._panel.camera.fly(right, up, forward, elapsed, fast=fast)
+            self._model.request_redraw(0.0)
+
+    def frame_selection(self) -> None:
+        """Looks at what is selected; at everything when nothing is."""
+        scene = self._model.scene
+        chosen = list(self._model.selection) or list(scene.mirror.entities)[:2000]
+        below = [entity for top in chosen if scene.exists(top) for entity in scene.mirror.descendants(top)[:500]]
+        ball = self._model.bounds_of(dict.fromkeys(below))
+        if ball is not None:
+            self._panel.camera.frame(*ball)
+            self._model.request_redraw(0.0)
+
+    def _press(self, button: int, modifiers: Modifiers) -> bool:
+        actions: dict[int, _Action] = {MouseButton.MIDDLE: "pan", MouseButton.RIGHT: "fly"}
+        if button == MouseButton.LEFT:
+            self._action = "orbit" if modifiers & Modifiers.ALT else "click"
+        else:
+            self._action = actions.get(button, "")
+        self._button, self._modifiers, self._pressed_at = button, modifiers, self._pointer
+        return bool(self._action)
+
+    def _move(self, x: float, y: float) -> bool:
+        step = (x - self._pointer[0], y - self._pointer[1])
+        self._pointer = (x, y)
+        camera = self._panel.camera
+        match self._action:
+            case "orbit":
+                camera.orbit(*step)
+            case "pan":
+                camera.pan(*step, height=int(self._panel.rectangle[3]))
+            case "fly":
+                camera.look(*step)
+        return self._action not in ("", "click")
+
+    def _release(self) -> bool:
+        action, self._action = self._action, ""
+        moved = max(abs(self._pointer[0] - self._pressed_at[0]), abs(self._pointer[1] - self._pressed_at[1]))
+        if action == "click" and moved < CLICK_DISTANCE:
+            self._model.session.start(self._pick(self._modifiers))
+        return True
+
+    def _scroll(self, notches: float) -> bool:
+        camera = self._panel.camera
+        if self.is_flying:
+            camera.fly_speed = min(max(camera.fly_speed * 1.2**notches, 0.1), 1000.0)
+            return True
+        x, y, width, height = self._panel.rectangle
+        toward = (2.0 * (self._pointer[0] - x) / width - 1.0, 1.0 - 2.0 * (self._pointer[1] - y) / height)
+        camera.zoom(notches, toward, self._panel.aspect)
+        return True
+
+    async def _pick(self, modifiers: Modifiers) -> None:
+        """Asks the render node what is under the pointer, and selects it."""
+        shown = self._panel.stream.shown
+        if shown is None:
+            return
+        x, y, width, height = self._panel.rectangle
+        pixel_x = int((self._pressed_at[0] - x) / width * shown.width)
+        pixel_y = int((self._pressed_at[1] - y) / height * shown.height)
+        try:
+            reply = await self._panel.stream.pick(pixel_x, pixel_y)
+        except BusError as error:
+            self._model.say("error", f"cannot pick: {error}")
+            return
+        self._select(reply, modifiers)
+        self._model.request_redraw(0.0)
+
+    def _select(self, reply: PickReply, modifiers: Modifiers) -> None:
+        selection = self._model.selection
+        if not self._model.scene.exists(reply.entity):
+            if not modifiers & (Modifiers.CTRL | Modifiers.SHIFT):
+                selection.clear()
+        elif modifiers & (Modifiers.CTRL | Modifiers.SHIFT):
+            selection.toggle(reply.entity)
+        else:
+            selection.replace((reply.entity,))

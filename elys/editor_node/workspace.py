@@ -1,0 +1,172 @@
+"""All panels together: the menu, the docking layout and its default, and which panels are open."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from imgui_bundle import imgui
+
+import elys
+from elys.editor_node.panels import console, hierarchy, inspector, profiler, timeline, viewport
+from elys.editor_node.panels.hierarchy import HierarchyPanel, draw_add_menu
+from elys.editor_node.panels.toolbar import StatusBar, Toolbar
+from elys.editor_node.panels.viewport import ViewportPanel
+from elys.editor_node.shortcuts import SHORTCUTS
+from elys.editor_node.ui import Ui, dim_text
+
+_DOCK_NAME: Final = "editor"
+# Left, right and lower panels take these shares of the window; the viewport has the rest.
+_LEFT_SHARE: Final = 0.19
+_RIGHT_SHARE: Final = 0.29
+_LOWER_SHARE: Final = 0.27
+
+
+class Workspace:
+    """Draws a whole frame of the editor's widgets."""
+
+    def __init__(self, ui: Ui, viewport_panel: ViewportPanel, *, close: Callable[[], None]) -> None:
+        self.ui = ui
+        self.hierarchy = HierarchyPanel()
+        self.viewport = viewport_panel
+        self._close = close
+        self._toolbar = Toolbar()
+        self._status_bar = StatusBar()
+        self._panels = {
+            "Viewport": self.viewport.draw,
+            "Hierarchy": self.hierarchy.draw,
+            "Inspector": inspector.InspectorPanel().draw,
+            "Console": console.ConsolePanel().draw,
+            "Timeline": timeline.TimelinePanel().draw,
+            "Profiler": profiler.ProfilerPanel().draw,
+        }
+        self._hidden: set[str] = set()
+        self._resets_layout = False
+        self._opens_help = False
+        self.frame_time = 0.0  # [s] of the last frame, for the status bar
+
+    def draw(self, elapsed: float) -> None:
+        """One frame."""
+        self._draw_menu()
+        self._toolbar.draw(self.ui)
+        self._status_bar.draw(self.ui, frame_time=self.frame_time, view_latency=self.viewport.stream.latency)
+        self._dock()
+        for name, draw in self._panels.items():
+            if name not in self._hidden:
+                draw(self.ui)
+        self._draw_help()
+
+    def reset_layout(self) -> None:
+        """All panels back to where they were at first."""
+        self._resets_layout = True
+        self._hidden.clear()
+
+    def _dock(self) -> None:
+        """Before the first frame without a saved layout, and when asked for, the default is built."""
+        dock = imgui.get_id(_DOCK_NAME)
+        is_new = imgui.internal.dock_builder_get_node(dock) is None
+        if is_new or self._resets_layout:
+            self._resets_layout = False
+            _build_layout(dock)
+        imgui.dock_space_over_viewport(dock, imgui.get_main_viewport())
+
+    def _draw_menu(self) -> None:
+        if not imgui.begin_main_menu_bar():
+            return
+        imgui.push_font(self.ui.fonts.bold, 0.0)
+        imgui.text_unformatted("ELYS")
+        imgui.pop_font()
+        self._draw_file_menu()
+        self._draw_edit_menu()
+        if imgui.begin_menu("Add###Add"):
+            draw_add_menu(self.ui, parent=0)
+            imgui.end_menu()
+        self._draw_view_menu()
+        if imgui.begin_menu("Help###Help"):
+            if imgui.menu_item("Keys and mouse", "", False)[0]:
+                self._opens_help = True
+            imgui.end_menu()
+        status = self.ui.model.status
+        if status is not None:
+            text = f"{status.scene}  -  {self.ui.model.session.name}"
+            imgui.same_line(imgui.get_window_width() - imgui.calc_text_size(text).x - 16.0)
+            dim_text(text)
+        imgui.end_main_menu_bar()
+
+    def _draw_file_menu(self) -> None:
+        if imgui.begin_menu("File###File"):
+            if imgui.menu_item("Quit", "", False)[0]:
+                self._close()
+            imgui.end_menu()
+
+    def _draw_edit_menu(self) -> None:
+        model, history = self.ui.model, self.ui.model.history
+        self.ui.landmarks.note("menu/edit")
+        if not imgui.begin_menu("Edit###Edit"):
+            return
+        if imgui.menu_item(f"Undo {history.undo_label}###undo", "Ctrl+Z", False, bool(history.undo_label))[0]:
+            model.undo()
+        if imgui.menu_item(f"Redo {history.redo_label}###redo", "Ctrl+Y", False, bool(history.redo_label))[0]:
+            model.redo()
+        imgui.separator()
+        any_selected = len(model.selection) > 0
+        if imgui.menu_item("Duplicate", "Ctrl+D", False, any_selected)[0]:
+            model.edit.duplicate()
+        if imgui.menu_item("Rename", "F2", False, any_selected)[0]:
+            self.hierarchy.start_renaming(self.ui, model.selection.primary)
+        if imgui.menu_item("Delete", "Del", False, any_selected)[0]:
+            model.edit.delete()
+        imgui.end_menu()
+
+    def _draw_view_menu(self) -> None:
+        if not imgui.begin_menu("View###View"):
+            return
+        for name in self._panels:
+            pressed, _ = imgui.menu_item(name, "", name not in self._hidden)
+            if pressed:
+                self._hidden ^= {name}
+        imgui.separator()
+        pressed, self.ui.tools.shows_grid = imgui.menu_item("Grid", "", self.ui.tools.shows_grid)
+        if imgui.menu_item("Reset layout", "", False)[0]:
+            self.reset_layout()
+        imgui.end_menu()
+
+    def _draw_help(self) -> None:
+        if self._opens_help:
+            imgui.open_popup("Keys and mouse###help")
+            self._opens_help = False
+        center = imgui.get_main_viewport().get_center()
+        imgui.set_next_window_pos(center, imgui.Cond_.appearing.value, (0.5, 0.5))
+        flags = imgui.WindowFlags_.always_auto_resize.value
+        is_open, _ = imgui.begin_popup_modal("Keys and mouse###help", True, flags)
+        if not is_open:
+            return
+        if imgui.begin_table("keys", 2):
+            for keys, meaning in SHORTCUTS:
+                imgui.table_next_column()
+                imgui.text_unformatted(f"{keys}    ")
+                imgui.table_next_column()
+                dim_text(meaning)
+            imgui.end_table()
+        imgui.spacing()
+        dim_text(f"ELYS {elys.__version__}")
+        if imgui.is_key_pressed(imgui.Key.escape):
+            imgui.close_current_popup()
+        imgui.end_popup()
+
+
+def _build_layout(dock: int) -> None:
+    builder = imgui.internal
+    builder.dock_builder_remove_node(dock)
+    builder.dock_builder_add_node(dock, imgui.internal.DockNodeFlagsPrivate_.dock_space.value)
+    builder.dock_builder_set_node_pos(dock, imgui.get_main_viewport().work_pos)
+    builder.dock_builder_set_node_size(dock, imgui.get_main_viewport().work_size)
+    left = builder.dock_builder_split_node(dock, imgui.Dir.left, _LEFT_SHARE)
+    right = builder.dock_builder_split_node(left.id_at_opposite_dir, imgui.Dir.right, _RIGHT_SHARE)
+    lower = builder.dock_builder_split_node(right.id_at_opposite_dir, imgui.Dir.down, _LOWER_SHARE)
+    builder.dock_builder_dock_window(hierarchy.TITLE, left.id_at_dir)
+    builder.dock_builder_dock_window(inspector.TITLE, right.id_at_dir)
+    for title in (console.TITLE, timeline.TITLE, profiler.TITLE):
+        builder.dock_builder_dock_window(title, lower.id_at_dir)
+    builder.dock_builder_dock_window(viewport.TITLE, lower.id_at_opposite_dir)
+    builder.dock_builder_finish(dock)

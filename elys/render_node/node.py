@@ -1,0 +1,240 @@
+"""The render node: follows a session's scene and draws the views that others ask for.
+
+VIEW_REQUEST ──> ViewDesk ──due──> place ──> draw ──> ring or JPEG ──> VIEW_FRAME
+STATE, DELTA ──> mirror ──> RenderWorld ──^
+PICK ──────────> draw one pixel ──> entity
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from collections.abc import Callable
+from typing import Final
+
+from elys.bus import topics
+from elys.bus.asset_service import AssetClient, open_asset_cache
+from elys.bus.messages.state_frame import StateFrame
+from elys.bus.messages.views import PickReply, PickRequest, ViewFrame, ViewRequest
+from elys.bus.mirror import MirrorUpdate, SceneMirror, follow_scene, follow_state
+from elys.bus.session import Node, Session
+from elys.common.assets import AssetStore
+from elys.common.errors import ElysError
+from elys.render_node.drawable_assets import DrawableAssets
+from elys.render_node.gpu import Context, offscreen_context
+from elys.render_node.quality import Quality, interactive_quality
+from elys.render_node.render_world import RenderWorld
+from elys.render_node.renderer import Renderer
+from elys.render_node.scene_tables import SceneReader
+from elys.render_node.view_desk import View, ViewDesk, sane_camera, sane_size
+
+SLOW_STATES: Final = 1.0 / 40.0  # [s] between state frames above which views glide from one to the next
+_log = logging.getLogger(__name__)
+
+
+async def serve_views(
+    session: Session,
+    *,
+    context: Context | None = None,
+    quality: Quality | None = None,
+    measure: Callable[[ViewFrame], None] | None = None,
+) -> None:
+    """Draws views for whoever asks this node, until cancelled.
+
+    `measure` hears of every picture when it has been sent, for measurements of latency.
+
+    Raises:
+        DisplayError: nothing can be drawn on this machine.
+    """
+    own_context = context is None
+    drawing = context if context is not None else offscreen_context()
+    follower = SceneFollower(session)
+    desk = ViewDesk(session.node.id)
+    try:
+        renderer = Renderer(drawing, quality=quality or interactive_quality(drawing))
+        server = _ViewServer(session, follower, renderer, desk, measure)
+        session.subscribe(topics.VIEW_REQUEST, server.requested, key=session.node.id)
+        session.serve(topics.PICK, server.pick, key=session.node.id)
+        session.on_nodes(server.node_changed)
+        await follower.start()
+        _log.info("drawing views on %s", drawing.info["GL_RENDERER"])
+        await server.run()
+    finally:
+        follower.close()
+        desk.close()
+        if own_context:
+            drawing.release()
+
+
+class SceneFollower:
+    """Keeps a RenderWorld what a session's scene is. `changed` is set whenever a new picture would differ."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self.mirror = SceneMirror()
+        self._reader = SceneReader(self.mirror)
+        self._loop = asyncio.get_running_loop()
+        self._assets = AssetClient(session, _asset_store())
+        self.world = RenderWorld(DrawableAssets(self._fetch, on_ready=self._asset_arrived))
+        self.changed = asyncio.Event()
+        self.revision = 0  # rises with every change
+        self.state_arrived_at = 0.0  # [s] by the monotonic clock
+        self._closed = False
+        session.on_link(self._link_changed)
+
+    async def start(self) -> None:
+        """Returns when the scene is there for the first time."""
+        await follow_scene(self._session, self.mirror, self._scene_changed)
+        follow_state(self._session, self.mirror, self._state_arrived)
+
+    def refresh(self, now: float | None) -> None:
+        """Brings the world up to date and to the moment `now` [s]; None for the newest state."""
+        self.world.read_scene(self._reader)
+        self.world.place(now)
+
+    def close(self) -> None:
+        """Stops following."""
+        self._closed = True
+        self._reader.close()
+        self.world.assets.close()
+
+    @property
+    def tick(self) -> int:
+        """Of what is shown: of the newest state, or of the snapshot of a scene that has not moved since."""
+        return self.world.tick if self.world.tick >= 0 else self.mirror.tick
+
+    def touch(self) -> None:
+        """Says that a new picture would differ."""
+        self.revision += 1
+        self.changed.set()
+
+    def _scene_changed(self, update: MirrorUpdate) -> None:
+        newest = self.world.timeline.newest
+        if update.reset and newest is not None and newest.epoch != self.mirror.epoch:
+            self.world.forget_state()
+        self.touch()
+
+    def _state_arrived(self, frame: StateFrame) -> None:
+        self.state_arrived_at = time.monotonic()
+        # Of another run than the scene that is here: its ids mean other things.
+        if frame.epoch == self.mirror.epoch and self.world.take_state(frame, self.state_arrived_at):
+            self.touch()
+
+    def _link_changed(self, connected: bool) -> None:
+        if connected:
+            self.world.assets.retry_failed()
+        self.touch()
+
+    def _asset_arrived(self) -> None:
+        if not self._closed:
+            self._loop.call_soon_threadsafe(self.touch)
+
+    def _fetch(self, reference: str) -> bytes:
+        """On a thread of the assets' pool: asks the bus, which lives on the loop."""
+        return asyncio.run_coroutine_threadsafe(self._assets.fetch(reference), self._loop).result(timeout=60.0)
+
+
+class _ViewServer:
+    """Answers requests for views, one picture at a time."""
+
+    def __init__(
+        self,
+        session: Session,
+        follower: SceneFollower,
+        renderer: Renderer,
+        desk: ViewDesk,
+        measure: Callable[[ViewFrame], None] | None,
+    ) -> None:
+        self._session = session
+        self._follower = follower
+        self._renderer = renderer
+        self._desk = desk
+        self._measure = measure
+
+    def requested(self, request: ViewRequest, _: str) -> None:
+        """Notes what somebody wants to see."""
+        if self._desk.take(request, time.monotonic()):
+            self._follower.changed.set()
+
+    def node_changed(self, node: Node, alive: bool) -> None:
+        """Forgets the views of who is gone."""
+        if not alive:
+            self._desk.forget(node.id)
+
+    async def pick(self, request: PickRequest, _: str) -> PickReply:
+        """What is seen at a pixel."""
+        self._follower.refresh(self._moment())
+        width, height, _ = sane_size(request.width, request.height)
+        world = self._follower.world
+        entity, position = self._renderer.pick(world, sane_camera(request.camera), width, height, request.x, request.y)
+        return PickReply(entity=entity, position=position, tick=self._follower.tick)
+
+    async def run(self) -> None:
+        """Draws what is due, again and again."""
+        follower, desk = self._follower, self._desk
+        while True:
+            now = time.monotonic()
+            for view in desk.due(now, follower.revision, gliding=self._is_gliding(now)):
+                self._draw(view)
+                await asyncio.sleep(0)  # messages and questions between two pictures
+            desk.forget_silent(now)
+            follower.changed.clear()
+            pause = desk.pause(time.monotonic(), follower.revision, gliding=self._is_gliding(now))
+            try:
+                async with asyncio.timeout(pause):
+                    await follower.changed.wait()
+            except TimeoutError:
+                pass
+
+    def _draw(self, view: View) -> None:
+        start = time.perf_counter()
+        request, revision = view.request, self._follower.revision
+        try:
+            self._follower.refresh(self._moment())
+            camera = sane_camera(request.camera)
+            picture = self._renderer.draw(
+                self._follower.world,
+                camera,
+                view.width,
+                view.height,
+                selection=request.selection,
+                grid=request.grid,
+            )
+            slot, jpeg = view.put(picture)
+        except ElysError as error:
+            _log.error("view %s cannot be drawn: %s", request.view, error)
+            view.answered(revision, time.monotonic())
+            return
+        frame = ViewFrame(
+            view=request.view,
+            sequence=request.sequence,
+            tick=self._follower.tick,
+            state_published_at=self._follower.world.state_published_at,
+            camera=camera,
+            width=view.width,
+            height=view.height,
+            slot=slot,
+            jpeg=jpeg,
+            render_time=(time.perf_counter() - start) * 1e3,
+        )
+        self._session.publish(topics.VIEW_FRAME, frame, key=request.view)
+        view.answered(revision, time.monotonic())
+        if self._measure is not None:
+            self._measure(frame)
+
+    def _moment(self) -> float | None:
+        """When to show: the newest state, or between two that come too seldom to look like motion."""
+        return time.monotonic() if self._follower.world.timeline.interval > SLOW_STATES else None
+
+    def _is_gliding(self, now: float) -> bool:
+        timeline = self._follower.world.timeline
+        return timeline.interval > SLOW_STATES and timeline.fraction(now) < 1.0
+
+
+def _asset_store() -> AssetStore:
+    try:
+        return open_asset_cache()
+    except (ElysError, OSError) as error:
+        _log.warning("assets are kept in memory only: %s", error)
+        return AssetStore()

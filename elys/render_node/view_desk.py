@@ -1,0 +1,169 @@
+"""Who wants to see what: the newest request of each view, when it may be drawn, and where its pictures go."""
+
+from __future__ import annotations
+
+import logging
+import math
+import re
+from typing import Final
+
+import msgspec
+import numpy as np
+import simplejpeg
+
+from elys.bus.messages.views import SharedRing, ViewCamera, ViewRequest
+from elys.common.errors import BusError
+from elys.render_node.gpu import Framebuffer
+from elys.render_node.picture_ring import PictureRing
+
+MIN_INTERVAL: Final = 1.0 / 62.0  # [s] between two pictures of a view
+SILENCE: Final = 10.0  # [s] without a request after which a view is forgotten
+MAX_VIEWS: Final = 64
+MAX_SIZE: Final = 8192  # [pixels] of an edge
+MAX_PIXELS: Final = 4096 * 4096
+JPEG_QUALITY: Final = 85
+_NAME: Final = re.compile(r"[A-Za-z0-9_.-]{1,128}\Z")
+_log = logging.getLogger(__name__)
+
+
+class View:
+    """One view: its newest request and what became of it."""
+
+    def __init__(self, request: ViewRequest) -> None:
+        self.request = request
+        self.width, self.height = 1, 1
+        self._ring: PictureRing | None = None
+        self._ring_address: SharedRing | None = None
+        self._is_answered = True
+        self._shown: tuple[object, ...] | None = None
+        self._shown_revision = -1
+        self.asked_at = 0.0
+        self.drawn_at = -1.0
+
+    def ask(self, request: ViewRequest, now: float) -> None:
+        """Takes a newer request."""
+        self.request, self.asked_at, self._is_answered = request, now, False
+        self.width, self.height, reason = sane_size(request.width, request.height)
+        if reason:
+            _log.warning("view %s: %s", request.view, reason)
+        if request.ring != self._ring_address:
+            self._open_ring(request.ring)
+
+    def is_due(self, revision: int, *, gliding: bool) -> bool:
+        """Whether the request wants a picture now: at once, or only if it would show something else than the last one."""
+        if self._is_answered:
+            return False
+        waits = self.request.newer_than_tick >= 0 and self._wanted() == self._shown
+        return not waits or gliding or revision != self._shown_revision
+
+    def answered(self, revision: int, now: float) -> None:
+        """Notes that the request's picture has been sent."""
+        self._is_answered, self.drawn_at = True, now
+        self._shown, self._shown_revision = self._wanted(), revision
+
+    def put(self, picture: Framebuffer) -> tuple[int, bytes]:
+        """Puts a picture into the ring or into a JPEG: the slot (-1: none) and the JPEG (empty: none)."""
+        if self._ring is not None and self._ring.holds(picture.width, picture.height):
+            slot = self._ring.next_slot()
+            with self._ring.pixels(slot, picture.width, picture.height) as pixels:
+                picture.read_into(pixels)
+            return slot, b""
+        rows = np.ascontiguousarray(picture.read()[::-1])
+        return -1, simplejpeg.encode_jpeg(rows, quality=JPEG_QUALITY, colorspace="RGBX", fastdct=True)
+
+    def close(self) -> None:
+        """Lets go of the ring."""
+        if self._ring is not None:
+            self._ring.close()
+            self._ring = None
+
+    def _wanted(self) -> tuple[object, ...]:
+        request = self.request
+        return (request.camera, self.width, self.height, request.selection, request.grid, request.ring)
+
+    def _open_ring(self, address: SharedRing | None) -> None:
+        self.close()
+        self._ring_address = address
+        if address is None:
+            return
+        try:
+            self._ring = PictureRing(address)
+        except BusError as error:
+            _log.info("view %s gets its pictures as JPEG: %s", self.request.view, error)
+
+
+class ViewDesk:
+    """All views of a render node."""
+
+    def __init__(self, node: str) -> None:
+        self._node = node
+        self._views: dict[str, View] = {}
+
+    def take(self, request: ViewRequest, now: float) -> bool:
+        """Takes a request; False for one that is older than what is here or names a view as none can be named."""
+        if not _NAME.match(request.view):
+            _log.warning(
+                "refused a request for view %r: names hold letters, digits, '.', '_' and '-'", request.view[:40]
+            )
+            return False
+        view = self._views.get(request.view)
+        if view is None:
+            if len(self._views) >= MAX_VIEWS:
+                _log.warning("refused view %s: %d views are being drawn already", request.view, MAX_VIEWS)
+                return False
+            view = self._views[request.view] = View(request)
+        elif request.sequence < view.request.sequence and now - view.asked_at < SILENCE / 2:
+            return False
+        view.ask(request, now)
+        return True
+
+    def due(self, now: float, revision: int, *, gliding: bool) -> list[View]:
+        """The views to draw now, the one that has waited longest first."""
+        ready = [view for view in self._views.values() if view.is_due(revision, gliding=gliding)]
+        ready = [view for view in ready if now - view.drawn_at >= MIN_INTERVAL]
+        return sorted(ready, key=lambda view: view.drawn_at)
+
+    def pause(self, now: float, revision: int, *, gliding: bool) -> float:
+        """Seconds until a view may be drawn that is only held back by its rate; else until silent ones are to be looked for."""
+        held = [view.drawn_at for view in self._views.values() if view.is_due(revision, gliding=gliding)]
+        return max(0.0, min(held) + MIN_INTERVAL - now) if held else SILENCE / 10
+
+    def forget(self, name: str) -> None:
+        """Ends a view."""
+        view = self._views.pop(name, None)
+        if view is not None:
+            view.close()
+
+    def forget_silent(self, now: float) -> None:
+        """Ends the views of who asks no more."""
+        for name in [name for name, view in self._views.items() if now - view.asked_at > SILENCE]:
+            self.forget(name)
+
+    def close(self) -> None:
+        """Ends all views."""
+        for name in list(self._views):
+            self.forget(name)
+
+
+def sane_size(width: int, height: int) -> tuple[int, int, str]:
+    """A size that can be drawn, and why it is not the one asked for ("" if it is)."""
+    sane_width, sane_height = min(max(width, 1), MAX_SIZE), min(max(height, 1), MAX_SIZE)
+    if sane_width * sane_height > MAX_PIXELS:
+        shrink = math.sqrt(MAX_PIXELS / (sane_width * sane_height))
+        sane_width, sane_height = int(sane_width * shrink), int(sane_height * shrink)
+    if (sane_width, sane_height) == (width, height):
+        return width, height, ""
+    return sane_width, sane_height, f"{width} x {height} pixels cannot be drawn, {sane_width} x {sane_height} are"
+
+
+def sane_camera(camera: ViewCamera) -> ViewCamera:
+    """A camera that can be drawn with: finite, with an opening angle and a depth; else the nearest that is."""
+    numbers = (*camera.position, *camera.rotation, camera.field_of_view, camera.near, camera.far)
+    if not all(math.isfinite(number) and abs(number) < 1e12 for number in numbers):
+        return ViewCamera(position=(0.0, 2.0, 8.0), rotation=(0.0, 0.0, 0.0, 1.0))
+    near = min(max(camera.near, 1e-4), 1e6)
+    field_of_view = min(max(camera.field_of_view, 0.02), 3.0)
+    rotation = camera.rotation if any(camera.rotation) else (0.0, 0.0, 0.0, 1.0)
+    return msgspec.structs.replace(
+        camera, rotation=rotation, field_of_view=field_of_view, near=near, far=max(camera.far, near * 1.01)
+    )

@@ -1,0 +1,174 @@
+"""`elys view`: a window that draws a running session or a replay by itself.
+
+left drag orbit   middle drag pan   wheel zoom   F frame all   C the scene's camera   space play / pause   Esc quit
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from typing import Final
+
+import glfw
+
+from elys.bus import topics
+from elys.bus.messages.commands import CommandRequest, SetPlaying
+from elys.bus.messages.session import SessionStatus
+from elys.bus.messages.views import ViewCamera
+from elys.bus.session import Session
+from elys.common.errors import BusError
+from elys.render_node.gpu import Framebuffer, window_context
+from elys.render_node.node import SceneFollower
+from elys.render_node.orbit import Orbit
+from elys.render_node.quality import interactive_quality
+from elys.render_node.renderer import Renderer
+from elys.render_node.window import Dragged, KeyPressed, Scrolled, Window, WindowEvent
+
+FRAME_TIME: Final = 1.0 / 60.0  # [s]
+IDLE_TIME: Final = 0.1  # [s] between two looks at the window when nothing moves
+TITLE_TIME: Final = 0.25  # [s] between two titles
+SILENCE: Final = 1.5  # [s] without a status, of which four come a second, after which the host counts as hung
+LOST: Final = "simulation lost - waiting"
+_log = logging.getLogger(__name__)
+
+
+async def run_view(session: Session, *, frames: int | None = None, null_platform: bool | None = None) -> None:
+    """Shows the session in a window until it is closed, or until `frames` pictures were shown.
+
+    Raises:
+        DisplayError: no window can be opened here.
+    """
+    window = Window(f"ELYS  {session.name}", null_platform=null_platform)
+    follower = SceneFollower(session)
+    try:
+        context = window_context()
+        viewer = _Viewer(session, window, follower, Renderer(context, quality=interactive_quality(context)))
+        await follower.start()
+        await viewer.run(frames)
+    finally:
+        follower.close()
+        window.close()
+
+
+class _Viewer:
+    """The window's state: from where it looks, and what it says in its title."""
+
+    def __init__(self, session: Session, window: Window, follower: SceneFollower, renderer: Renderer) -> None:
+        self._session = session
+        self._window = window
+        self._follower = follower
+        self._renderer = renderer
+        self._orbit: Orbit | None = None  # None: looks through the scene's camera
+        self._status: SessionStatus | None = None
+        self._heard_at = time.monotonic()
+        self._is_dirty = True
+        self._drawn: tuple[object, ...] | None = None
+        window.on_event = self._on_event
+        session.subscribe(topics.STATUS, self._on_status)
+
+    async def run(self, frame_limit: int | None) -> None:
+        """Polls, draws when something has changed, and waits for the next frame or for news."""
+        shown, titled_at = 0, 0.0
+        while not self._window.is_closing and (frame_limit is None or shown < frame_limit):
+            start = time.monotonic()
+            self._window.poll()
+            if start - titled_at > TITLE_TIME:
+                self._window.set_title(self.title())
+                titled_at = start
+            if self._draw_if_changed(start, always=frame_limit is not None):
+                shown += 1
+            self._follower.changed.clear()
+            await self._wait(start)
+
+    def title(self) -> str:
+        """Scene, tick, and how old what is shown is."""
+        follower = self._follower
+        name = follower.mirror.scene or self._session.name
+        now = time.monotonic()
+        if not self._session.connected or now - self._heard_at > SILENCE:
+            return f"ELYS  {name}  ·  {LOST}"
+        state = "playing" if self._status is None or self._status.playing else "paused"
+        tick = self._status.tick if self._status is not None else follower.mirror.tick
+        age = f"  ·  {max(now - follower.state_arrived_at, 0.0) * 1e3:.0f} ms old" if state == "playing" else ""
+        return f"ELYS  {name}  ·  tick {tick}  ·  {state}{age}"
+
+    def _draw_if_changed(self, now: float, *, always: bool) -> bool:
+        width, height = self._window.framebuffer_size
+        world = self._follower.world
+        gliding = world.timeline.fraction(now) < 1.0
+        what = (self._follower.revision, width, height, gliding)
+        if not (self._is_dirty or gliding or what != self._drawn or always) or not self._window.is_visible:
+            return False
+        self._follower.refresh(now)
+        target = Framebuffer.of_window(self._renderer.context, width, height)
+        self._renderer.draw(world, self._camera(width / height), width, height, target=target)
+        self._window.swap()
+        self._drawn, self._is_dirty = what, False
+        return True
+
+    async def _wait(self, start: float) -> None:
+        await asyncio.sleep(max(0.0, start + FRAME_TIME - time.monotonic()))
+        if self._is_dirty or self._follower.world.timeline.fraction(time.monotonic()) < 1.0:
+            return
+        try:  # idle: only input and news wake us
+            async with asyncio.timeout(IDLE_TIME if not self._follower.changed.is_set() else 0.0):
+                await self._follower.changed.wait()
+        except TimeoutError:
+            pass
+
+    def _camera(self, aspect: float) -> ViewCamera:
+        if self._orbit is None and not self._follower.world.has_camera:
+            self._frame(aspect)
+        return self._orbit.camera() if self._orbit is not None else self._follower.world.camera(aspect)
+
+    def _on_status(self, status: SessionStatus, _: str) -> None:
+        self._status, self._heard_at = status, time.monotonic()
+
+    def _on_event(self, event: WindowEvent) -> None:
+        self._is_dirty = True
+        match event:
+            case Dragged(button=glfw.MOUSE_BUTTON_LEFT, shift=False):
+                self._led().turn(event.x, event.y)
+            case Dragged(button=glfw.MOUSE_BUTTON_LEFT | glfw.MOUSE_BUTTON_MIDDLE | glfw.MOUSE_BUTTON_RIGHT):
+                self._led().pan(event.x, event.y)
+            case Scrolled():
+                self._led().zoom(event.steps)
+            case KeyPressed(key=glfw.KEY_F):
+                width, height = self._window.framebuffer_size
+                self._frame(width / height)
+            case KeyPressed(key=glfw.KEY_C):
+                self._orbit = None
+            case KeyPressed(key=glfw.KEY_SPACE):
+                self._session.start(self._toggle_playing())
+            case KeyPressed(key=glfw.KEY_ESCAPE):
+                self._window.request_close()
+
+    def _led(self) -> Orbit:
+        """The hand's camera, which starts where the scene's stood."""
+        if self._orbit is None:
+            world = self._follower.world
+            camera = world.camera()
+            lower, upper = world.bounds()
+            distance = 5.0
+            if world.instance_count:
+                middle = (lower + upper) / 2
+                distance = float(sum((a - b) ** 2 for a, b in zip(middle, camera.position, strict=True)) ** 0.5)
+            self._orbit = Orbit()
+            self._orbit.take(camera, distance)
+        return self._orbit
+
+    def _frame(self, aspect: float) -> None:
+        self._orbit = self._orbit or Orbit()
+        self._orbit.frame(*self._follower.world.bounds(), aspect=aspect)
+
+    async def _toggle_playing(self) -> None:
+        playing = self._status is None or self._status.playing
+        request = CommandRequest(origin=self._session.node.id, command=SetPlaying(playing=not playing))
+        try:
+            reply = await self._session.request(topics.COMMAND, request)
+        except BusError as error:
+            _log.warning("could not %s: %s", "pause" if playing else "play", error)
+            return
+        if not reply.accepted:
+            _log.warning("could not %s: %s", "pause" if playing else "play", reply.reason)

@@ -1,0 +1,199 @@
+"""A GLFW window with OpenGL in it, on a real display or on none, and what the person does in it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+import glfw
+
+from elys.common.errors import DisplayError
+
+NULL_PLATFORM_VARIABLE: Final = "ELYS_NULL_PLATFORM"  # "1": windows that need no display server and show nothing
+
+
+@dataclass(frozen=True, slots=True)
+class Dragged:
+    """The pointer moved with a button down; `x`, `y` in window heights, right and down."""
+
+    button: int
+    x: float
+    y: float
+    alt: bool
+    shift: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Scrolled:
+    """The wheel was turned; away from the person is positive."""
+
+    steps: float
+
+
+@dataclass(frozen=True, slots=True)
+class KeyPressed:
+    """A key went down, by GLFW's number."""
+
+    key: int
+
+
+WindowEvent = Dragged | Scrolled | KeyPressed
+
+
+class Window:
+    """One window whose context is current on this thread. What it hears goes to `on_event`, from `poll`."""
+
+    def __init__(self, title: str, size: tuple[int, int] = (1280, 720), *, null_platform: bool | None = None) -> None:
+        """Opens it; `null_platform` None asks the environment. Raises DisplayError with what to do."""
+        self.is_null = _is_null(null_platform)
+        self.on_event: Callable[[WindowEvent], None] = lambda event: None
+        self._pointer = (0.0, 0.0)
+        _initialise(null_platform=self.is_null)
+        self._window = _create(title, size, null_platform=self.is_null, visible=True)
+        glfw.make_context_current(self._window)
+        glfw.swap_interval(0)  # waiting for the display here would hold up the bus, and a hidden window's for ever
+        glfw.set_cursor_pos_callback(self._window, self._moved)
+        glfw.set_scroll_callback(self._window, lambda _, x, y: self.on_event(Scrolled(y)))
+        glfw.set_key_callback(self._window, self._key)
+        self._title = title
+
+    @property
+    def framebuffer_size(self) -> tuple[int, int]:
+        """Width and height [pixels], at least 1."""
+        width, height = glfw.get_framebuffer_size(self._window)
+        return max(width, 1), max(height, 1)
+
+    @property
+    def is_closing(self) -> bool:
+        """Whether the person asked to close it."""
+        return bool(glfw.window_should_close(self._window))
+
+    @property
+    def is_visible(self) -> bool:
+        """Whether drawing makes sense."""
+        return self.is_null or not glfw.get_window_attrib(self._window, glfw.ICONIFIED)
+
+    def request_close(self) -> None:
+        """As if the person had pressed the close button."""
+        glfw.set_window_should_close(self._window, True)
+
+    def set_title(self, title: str) -> None:
+        """What the frame around it says."""
+        if title != self._title:
+            glfw.set_window_title(self._window, title)
+            self._title = title
+
+    @property
+    def title(self) -> str:
+        """What the frame around it says now."""
+        return self._title
+
+    def poll(self) -> None:
+        """Takes what the system has for us."""
+        glfw.poll_events()
+
+    def swap(self) -> None:
+        """Shows what was drawn."""
+        glfw.swap_buffers(self._window)
+
+    def close(self) -> None:
+        """Ends window and context. A second call does nothing."""
+        if self._window is not None:
+            glfw.destroy_window(self._window)
+            self._window = None
+            glfw.terminate()
+
+    def _moved(self, _: Any, x: float, y: float) -> None:
+        before, self._pointer = self._pointer, (x, y)
+        height = max(glfw.get_window_size(self._window)[1], 1)
+        for button in (glfw.MOUSE_BUTTON_LEFT, glfw.MOUSE_BUTTON_MIDDLE, glfw.MOUSE_BUTTON_RIGHT):
+            if glfw.get_mouse_button(self._window, button) == glfw.PRESS:
+                self.on_event(
+                    Dragged(
+                        button,
+                        (x - before[0]) / height,
+                        (y - before[1]) / height,
+                        alt=self._is_down(glfw.KEY_LEFT_ALT, glfw.KEY_RIGHT_ALT),
+                        shift=self._is_down(glfw.KEY_LEFT_SHIFT, glfw.KEY_RIGHT_SHIFT),
+                    )
+                )
+                return
+
+    def _key(self, _: Any, key: int, __: int, action: int, ___: int) -> None:
+        if action == glfw.PRESS:
+            self.on_event(KeyPressed(key))
+
+    def _is_down(self, *keys: int) -> bool:
+        return any(glfw.get_key(self._window, key) == glfw.PRESS for key in keys)
+
+
+def probe_display(*, null_platform: bool | None = None) -> str:
+    """What windows would open on, in a few words, found out by opening one that is not shown.
+
+    Raises:
+        DisplayError: there is no display, or no OpenGL 3.3 on it.
+    """
+    null = _is_null(null_platform)
+    _initialise(null_platform=null)
+    window = _create("ELYS", (64, 64), null_platform=null, visible=False)
+    try:
+        platform = _PLATFORMS.get(glfw.get_platform(), "a display")
+        monitor = glfw.get_primary_monitor()
+        mode = glfw.get_video_mode(monitor) if monitor else None
+        return f"{platform}, {mode.size.width} x {mode.size.height}" if mode else platform
+    finally:
+        glfw.destroy_window(window)
+        glfw.terminate()
+
+
+_PLATFORMS: Final = {
+    glfw.PLATFORM_X11: "X11",
+    glfw.PLATFORM_WAYLAND: "Wayland",
+    glfw.PLATFORM_WIN32: "Windows",
+    glfw.PLATFORM_COCOA: "macOS",
+    glfw.PLATFORM_NULL: "no display (null platform)",
+}
+
+
+def _is_null(null_platform: bool | None) -> bool:
+    return os.environ.get(NULL_PLATFORM_VARIABLE) == "1" if null_platform is None else null_platform
+
+
+def _initialise(*, null_platform: bool) -> None:
+    glfw.ERROR_REPORTING = "ignore"  # errors are asked for below and become one sentence
+    glfw.init_hint(glfw.PLATFORM, glfw.PLATFORM_NULL if null_platform else glfw.ANY_PLATFORM)
+    if not glfw.init():
+        raise DisplayError(
+            f"there is no display to open a window on ({_last_error()}): start it from a desktop, forward one with "
+            "ssh -X, or draw without a window with `elys render`"
+        )
+
+
+def _create(title: str, size: tuple[int, int], *, null_platform: bool, visible: bool) -> Any:
+    glfw.default_window_hints()
+    glfw.window_hint(glfw.CONTEXT_VERSION_MAJOR, 3)
+    glfw.window_hint(glfw.CONTEXT_VERSION_MINOR, 3)
+    glfw.window_hint(glfw.OPENGL_PROFILE, glfw.OPENGL_CORE_PROFILE)
+    glfw.window_hint(glfw.OPENGL_FORWARD_COMPAT, True)
+    glfw.window_hint(glfw.VISIBLE, visible)
+    if null_platform:
+        glfw.window_hint(glfw.CONTEXT_CREATION_API, glfw.EGL_CONTEXT_API)
+    else:
+        glfw.window_hint(glfw.SCALE_TO_MONITOR, True)
+    window = glfw.create_window(*size, title, None, None)
+    if not window:  # a NULL pointer, which is not None
+        reason = _last_error()
+        glfw.terminate()
+        raise DisplayError(
+            f"the display offers no OpenGL 3.3 ({reason}): update the graphics driver, or install Mesa's software "
+            "renderer (Debian, Ubuntu: apt install libegl1 libgl1-mesa-dri)"
+        )
+    return window
+
+
+def _last_error() -> str:
+    code, text = glfw.get_error()
+    description = text.decode(errors="replace") if isinstance(text, bytes) else text
+    return str(description or f"GLFW error {code:#x}")

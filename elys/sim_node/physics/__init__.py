@@ -1,0 +1,22 @@
+"""Rigid bodies: `PhysicsWorld` holds them, `PhysicsSettings` says how they are simulated."""
+
+from elys.sim_node.physics.kernels.tables import BOX, DYNAMIC, KINEMATIC, SPHERE, STATIC
+from elys.sim_node.physics.settings import PhysicsSettings
+from elys.sim_node.physics.states import BodyStates, ContactPoints, Energy, Momentum, Problem, RayHits
+from elys.sim_node.physics.world import PhysicsWorld
+
+__all__ = [
+    "BOX",
+    "DYNAMIC",
+    "KINEMATIC",
+    "SPHERE",
+    "STATIC",
+    "BodyStates",
+    "ContactPoints",
+    "Energy",
+    "Momentum",
+    "PhysicsSettings",
+    "PhysicsWorld",
+    "Problem",
+    "RayHits",
+]

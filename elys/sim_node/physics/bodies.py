@@ -1,0 +1,156 @@
+"""The table of bodies: who is in which row, and how a body's frame relates to its entity's.
+
+Rows are ordered by the entity's index, whatever order bodies were added in: the order of impulses, and with it every bit of
+the motion, must not depend on the order of spawning.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from elys.common.errors import PhysicsError
+from elys.common.ids import MAX_ENTITIES
+from elys.sim_node.physics import checks, rotations
+from elys.sim_node.physics.kernels.integrator import publish_poses
+from elys.sim_node.physics.kernels.tables import BODY, DYNAMIC, KINEMATIC, POSE, STATIC
+from elys.sim_node.physics.mass_properties import MassProperties
+
+Array = np.ndarray[Any, Any]
+
+
+class BodyTable:
+    """Bodies by row. `rows` and `poses` are what kernels work on, `mass` [kg] is what was asked for."""
+
+    def __init__(self) -> None:
+        self.rows = np.zeros(0, BODY)
+        self.poses = np.zeros(0, POSE)
+        self.mass = np.zeros(0)
+        self.inertia = np.zeros((0, 3))  # principal moments for 1 kg [m^2]
+        self.axes_room = np.zeros(9)
+        self.faulty_room = np.zeros(0, np.int32)
+        self._index = np.zeros(0, np.int64)  # the entities' indices, ascending
+
+    @property
+    def entities(self) -> Array:
+        """(N,) uint32."""
+        return np.ascontiguousarray(self.rows["entity"])
+
+    def rows_of(self, entities: Array) -> Array:
+        """The rows of entities (M,); PhysicsError for one that has no body."""
+        rows = np.searchsorted(self._index, entities & MAX_ENTITIES)
+        known = rows < len(self.rows)
+        known[known] = self.rows["entity"][rows[known]] == entities[known]
+        if not known.all():
+            raise PhysicsError(
+                f"{checks.named(entities[~known][0])} has no body: add it with add_bodies, or it was removed"
+            )
+        return rows
+
+    def has(self, entities: Array) -> Array:
+        """Which of the entities (M,) have a body."""
+        rows = np.minimum(np.searchsorted(self._index, entities & MAX_ENTITIES), max(len(self.rows) - 1, 0))
+        if not len(self.rows):
+            return np.zeros(len(entities), bool)
+        return np.asarray(self.rows["entity"][rows] == entities)
+
+    def add(self, entities: Array, rows: Array, mass: Array) -> Array:
+        """Inserts rows of new bodies; returns where each old row is now."""
+        taken = np.isin(entities & MAX_ENTITIES, self._index)
+        if taken.any():
+            raise PhysicsError(
+                f"{checks.named(entities[taken][0])} has a body already, or its predecessor still has: remove that first"
+            )
+        old_count = len(self.rows)
+        index = np.concatenate([self._index, (entities & MAX_ENTITIES).astype(np.int64)])
+        order = np.argsort(index, kind="stable")
+        poses = np.zeros(len(entities), POSE)
+        poses["axes"] = rotations.IDENTITY
+        self._index = index[order]
+        self.faulty_room = np.zeros(len(order), np.int32)
+        self.rows = np.concatenate([self.rows, rows])[order]
+        self.poses = np.concatenate([self.poses, poses])[order]
+        self.mass = np.concatenate([self.mass, mass])[order]
+        self.inertia = np.concatenate([self.inertia, np.ones((len(entities), 3))])[order]
+        place = np.empty(len(order), np.int64)
+        place[order] = np.arange(len(order))
+        return place[:old_count]
+
+    def remove(self, removed: Array) -> Array:
+        """Takes rows out; returns where each old row is now, -1 for the removed ones."""
+        keep = np.ones(len(self.rows), bool)
+        keep[removed] = False
+        self.rows, self.poses, self.mass = self.rows[keep], self.poses[keep], self.mass[keep]
+        self.inertia, self._index = self.inertia[keep], self._index[keep]
+        return np.where(keep, np.cumsum(keep) - 1, -1)
+
+    def entity_poses(self, rows: Array) -> tuple[Array, Array]:
+        """Positions (M, 3) and rotations (M, 4) of the entities in rows, in float64."""
+        poses = self.poses[rows]
+        rotation = rotations.multiply(self.rows["rotation"][rows], rotations.conjugate(poses["axes"]))
+        return self.rows["position"][rows] - rotations.rotate(rotation, poses["center"]), rotation
+
+    def place(self, rows: Array, position: Array, rotation: Array) -> None:
+        """Puts the entities in rows at positions (M, 3) with rotations (M, 4)."""
+        self.rows["position"][rows] = position + rotations.rotate(rotation, self.poses["center"][rows])
+        self.rows["rotation"][rows] = rotations.multiply(rotation, self.poses["axes"][rows])
+
+    def set_mass_properties(self, rows: Array, properties: MassProperties) -> None:
+        """Moves the bodies' frames to new centres of mass and axes; the entities stay where they are."""
+        position, rotation = self.entity_poses(rows)
+        self.poses["center"][rows] = properties.center
+        self.poses["axes"][rows] = properties.axes
+        self.inertia[rows] = properties.inertia
+        self.place(rows, position, rotation)
+        self.update_inverses(rows)
+
+    def update_inverses(self, rows: Array) -> None:
+        """Inverse mass and inertia from mass, moments and motion: nothing for what no force moves."""
+        dynamic = self.rows["motion"][rows] == DYNAMIC
+        mass = self.mass[rows]
+        self.rows["inverse_mass"][rows] = np.where(dynamic, 1.0 / mass, 0.0)
+        moments = mass[:, None] * self.inertia[rows]
+        self.rows["inverse_inertia"][rows] = np.where(dynamic[:, None], 1.0 / moments, 0.0)
+        self.rows["world_inverse_inertia"][rows[~dynamic]] = 0.0
+        self.rows["velocity"][rows[self.rows["motion"][rows] == STATIC]] = 0.0
+
+    def load(self, snapshot: dict[str, Array]) -> None:
+        """Takes the bodies of a snapshot."""
+        self.rows = checks.saved_table(snapshot, "bodies", BODY)
+        self.poses = checks.saved_table(snapshot, "poses", POSE)
+        self.faulty_room = np.zeros(len(self.rows), np.int32)
+        self.mass = snapshot["mass"].copy()
+        self.inertia = snapshot["inertia"].copy()
+        self._index = (self.rows["entity"] & MAX_ENTITIES).astype(np.int64)
+
+    def publish(self) -> None:
+        """Brings `poses` up to date after a change from outside."""
+        if len(self.rows):
+            publish_poses(self.rows, self.poses)
+
+
+def new_rows(
+    entities: Array,
+    motion: ArrayLike,
+    position: ArrayLike,
+    rotation: ArrayLike,
+    linear_velocity: ArrayLike,
+    angular_velocity: ArrayLike,
+    linear_damping: ArrayLike,
+    angular_damping: ArrayLike,
+    gravity_scale: ArrayLike,
+) -> Array:
+    """Checked rows of bodies that have no mass yet; PhysicsError names the entity with a bad value."""
+    rows = np.zeros(len(entities), BODY)
+    rows["entity"] = entities
+    rows["motion"] = checks.choice_column("motion", motion, entities, KINEMATIC + 2)
+    rows["position"] = checks.number_column("position", position, entities, width=3)
+    rows["rotation"] = checks.rotation_column("rotation", rotation, entities)
+    rows["velocity"][:, :3] = checks.number_column("linear_velocity", linear_velocity, entities, width=3)
+    rows["velocity"][:, 3:] = checks.number_column("angular_velocity", angular_velocity, entities, width=3)
+    rows["linear_damping"] = checks.number_column("linear_damping", linear_damping, entities, minimum=0.0)
+    rows["angular_damping"] = checks.number_column("angular_damping", angular_damping, entities, minimum=0.0)
+    rows["gravity_scale"] = checks.number_column("gravity_scale", gravity_scale, entities)
+    return rows

@@ -1,0 +1,60 @@
+"""What a world tells about itself."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+Array = np.ndarray[Any, Any]
+
+
+class BodyStates(NamedTuple):
+    """All bodies in the order of their entities' indices: views, valid until the next change of the world."""
+
+    entity: Array  # (N,) uint32
+    motion: Array  # (N,) uint8: 0 dynamic, 1 kinematic, 2 static
+    position: Array  # (N, 3) float64, of the entity [m]
+    rotation: Array  # (N, 4) float32, x y z w
+    linear_velocity: Array  # (N, 3) float32, of the centre of mass [m/s]
+    angular_velocity: Array  # (N, 3) float32 [rad/s]
+
+
+class ContactPoints(NamedTuple):
+    """Where bodies touch, after a step: M points."""
+
+    entity_a: Array  # (M,) uint32
+    entity_b: Array
+    point: Array  # (M, 3) in world space [m]
+    normal: Array  # (M, 3) from a to b
+    depth: Array  # (M,) overlap, negative for a gap [m]
+    normal_impulse: Array  # (M,) of the whole step [N s]
+
+
+class RayHits(NamedTuple):
+    """What R rays met."""
+
+    entity: Array  # (R,) uint32: the entity that carries the collider, 0 for none
+    distance: Array  # (R,) [m], infinity for none
+    normal: Array  # (R, 3) of the surface
+
+
+class Energy(NamedTuple):
+    """Of all dynamic bodies [J]."""
+
+    kinetic: float
+    potential: float  # in the world's gravity, 0 at the origin
+
+
+class Momentum(NamedTuple):
+    """Of all dynamic bodies."""
+
+    linear: Array  # (3,) [kg m/s]
+    angular: Array  # (3,) about the origin [kg m^2/s]
+
+
+class Problem(NamedTuple):
+    """Something that went wrong inside a step, while the world went on."""
+
+    entity: int
+    text: str

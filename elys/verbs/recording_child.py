@@ -1,0 +1,60 @@
+"""The recorder of a run: a process of its own that outlives the simulation, fed through a pipe."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from elys.bus.messages.scene import Snapshot
+from elys.bus.session import Session
+from elys.bus.tap import RecordingTap
+from elys.common.assets.store import AssetStore
+from elys.common.errors import RecordingError
+from elys.sim_node.node import SimulationNode
+
+
+class RecordingChild:
+    """A recorder process, started before the simulation is there, so that both start at the same time."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises RecordingError if the file cannot be written."""
+        self.path = path
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.open("ab").close()
+        except OSError as error:
+            raise RecordingError(f"{path} cannot be written: {error.strerror}") from error
+        reading, self._writing = os.pipe()
+        self._tap: RecordingTap | None = None
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "elys.bus.recorder_process", "--fd", str(reading), "--output", str(path)],
+            pass_fds=[reading],
+            stdin=subprocess.DEVNULL,
+            start_new_session=True,  # Ctrl-C ends the simulation; the recorder ends when the pipe does
+        )
+        os.close(reading)
+
+    def attach(self, session: Session, node: SimulationNode, assets: AssetStore, *, lossless: bool) -> None:
+        """From now on everything that the session publishes is recorded, and a lossless run keeps step with the recorder."""
+
+        def take_snapshot() -> Snapshot:
+            return node.snapshot()
+
+        self._tap = RecordingTap(
+            session, self._writing, take_snapshot=take_snapshot, assets=assets, lossless=lossless
+        )
+        node.recorder = self._tap
+
+    async def finish(self) -> int:
+        """Ends the recording and waits until the file is whole; returns its size [bytes]."""
+        if self._tap is not None:
+            await asyncio.to_thread(self._tap.close)
+        else:
+            os.close(self._writing)
+        status = await asyncio.to_thread(self._process.wait)
+        if status:
+            raise RecordingError(f"the recorder ended with status {status}: what it said stands above")
+        return self.path.stat().st_size
