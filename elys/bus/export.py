@@ -100,12 +100,16 @@ def export_npz(source: Path, target: Path) -> dict[str, tuple[int, ...]]:
 
 def motion_arrays(recording: Recording) -> dict[str, NDArray[Any]]:
     """The arrays that `export_npz` writes; of several frames of one tick the last."""
-    positions = [index for index in range(len(recording)) if recording.last_of_tick(index) == index]
+    is_last = np.append(recording.tick[1:] != recording.tick[:-1], True)
+    positions = np.flatnonzero(is_last).tolist()
     entities = np.unique(np.concatenate([recording.frame(index).entity for index in positions]))
     shape = (len(positions), len(entities))
-    arrays: dict[str, NDArray[Any]] = {
-        name: np.full((*shape, width), np.nan, dtype) for name, (width, dtype) in _COLUMNS.items()
-    }
+    try:
+        arrays: dict[str, NDArray[Any]] = {
+            name: np.full((*shape, width), np.nan, dtype) for name, (width, dtype) in _COLUMNS.items()
+        }
+    except MemoryError as error:
+        raise RecordingError(f"{shape[0]} ticks of {shape[1]} bodies do not fit into the memory as arrays") from error
     for row, index in enumerate(positions):
         frame = recording.frame(index)
         bodies = np.searchsorted(entities, frame.entity)

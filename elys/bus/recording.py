@@ -49,6 +49,7 @@ class Recording:
     """
 
     def __init__(self, path: Path) -> None:
+        self.path = path
         self.reader = McapReader(path)
         try:
             self._check_version()
@@ -58,7 +59,6 @@ class Recording:
         except BaseException:
             self.reader.close()
             raise
-        self.path = path
         self.tick: NDArray[np.uint64] = frames["tick"]
         self.time: NDArray[np.float64] = frames["time"]
         self.body_count: NDArray[np.uint32] = frames["body_count"]
@@ -200,6 +200,8 @@ class Recording:
 
     def _read_indexes(self) -> tuple[NDArray[Any], NDArray[Any]]:
         reader = self.reader
+        if reader.mended:  # what is left of its chunks need not be numbered as they were
+            return self._find_indexes()
         try:
             frames = _array(reader.attachment(STATE_INDEX_NAME), STATE_INDEX)
             scene = _array(reader.attachment(SCENE_INDEX_NAME), SCENE_INDEX)
@@ -207,13 +209,15 @@ class Recording:
                 if np.any(index["chunk"] >= reader.chunk_count):
                     raise RecordingError(f"the index of {self.path} names chunks that are not there")
         except RecordingError as error:
-            if not reader.mended:
-                _log.warning("%s: reading the whole file instead", error)
-            builder = IndexBuilder()
-            for message in reader.messages((STATE_CHANNEL, DELTA_CHANNEL, SNAPSHOT_CHANNEL)):
-                builder.add(message.channel, message.body, *message.place)
-            frames, scene = builder.frames(), builder.scene()
+            _log.warning("%s: reading the whole file instead", error)
+            return self._find_indexes()
         return frames, scene
+
+    def _find_indexes(self) -> tuple[NDArray[Any], NDArray[Any]]:
+        builder = IndexBuilder()
+        for message in self.reader.messages((STATE_CHANNEL, DELTA_CHANNEL, SNAPSHOT_CHANNEL)):
+            builder.add(message.channel, message.body, *message.place)
+        return builder.frames(), builder.scene()
 
 
 class _SceneIndex:

@@ -7,6 +7,7 @@ import math
 import time
 from collections import deque
 from collections.abc import AsyncIterator
+from itertools import pairwise
 from typing import Any
 
 import msgspec
@@ -129,7 +130,7 @@ def plain(message: Any) -> Any:
 
 
 def _report(arrivals: list[tuple[float, int]], total: int) -> RateReport:
-    gaps = [later[0] - earlier[0] for earlier, later in zip(arrivals, arrivals[1:], strict=False)]
+    gaps = [later[0] - earlier[0] for earlier, later in pairwise(arrivals)]
     # Silence is a gap too: a stream that has stopped must not show its old rate for ever.
     span = time.monotonic() - arrivals[0][0] if arrivals else 0.0
     if not gaps or span <= 0.0 or time.monotonic() - arrivals[-1][0] > 10 * max(gaps) + 1.0:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import time
 from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
@@ -99,6 +100,7 @@ class Editor:
     def _draw(self, elapsed: float) -> None:
         self.workspace.frame_time = self.application.frame_time
         self.workspace.draw(elapsed)
+        self.application.request_redraw(max(0.0, self.stream.next_deadline - time.monotonic()))
         if self.widgets.is_typing:
             self.application.request_redraw(TEXT_CURSOR_BLINK)
 

@@ -6,6 +6,7 @@ scene has moved on, so an idle scene costs nothing. A new camera or size overtak
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -98,7 +99,9 @@ class ViewStream:
 
     @property
     def next_deadline(self) -> float:
-        """When, by the monotonic clock, `want` should be called again at the latest."""
+        """When, by the monotonic clock, `want` should be called again at the latest; never without a render node."""
+        if self.renderer is None:
+            return math.inf
         return self._asked_at + (WAIT_TIMEOUT if self._is_waiting else ANSWER_TIMEOUT)
 
     def close(self) -> None:

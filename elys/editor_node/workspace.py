@@ -43,6 +43,7 @@ class Workspace:
         self._hidden: set[str] = set()
         self._resets_layout = False
         self._opens_help = False
+        self._focuses_first = False  # of tabs that share a place the first is to be in front
         self.frame_time = 0.0  # [s] of the last frame, for the status bar
 
     def draw(self, elapsed: float) -> None:
@@ -54,6 +55,10 @@ class Workspace:
         for name, draw in self._panels.items():
             if name not in self._hidden:
                 draw(self.ui)
+        if self._focuses_first:
+            self._focuses_first = False
+            imgui.set_window_focus(console.TITLE)
+            imgui.set_window_focus(viewport.TITLE)
         self._draw_help()
 
     def reset_layout(self) -> None:
@@ -68,6 +73,7 @@ class Workspace:
         if is_new or self._resets_layout:
             self._resets_layout = False
             _build_layout(dock)
+            self._focuses_first = True
         imgui.dock_space_over_viewport(dock, imgui.get_main_viewport())
 
     def _draw_menu(self) -> None:

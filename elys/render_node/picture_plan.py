@@ -149,6 +149,7 @@ def _instances(world: RenderWorld, rows: Rows, eye: NDArray[np.float64]) -> NDAr
     instances = np.empty(len(rows), INSTANCE_DTYPE)
     instances["affine"][:, :, :3] = world.linear[rows]
     instances["affine"][:, :, 3] = world.position[rows] - eye  # in 64 bits, before what is left fits into 32
+    instances["surface"] = world.surface[rows]
     instances["entity"] = world.entity[rows]
     return instances
 

@@ -9,7 +9,8 @@ Instances stand in the order of their batches, opaque ones first, so that what i
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from functools import lru_cache
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,25 +27,39 @@ from elys.render_node.scene_tables import Rows, SceneReader, SceneTables, tables
 from elys.render_node.timeline import Timeline
 
 PLAIN: Final = Material()
+TEXTURE_FIELDS: Final = (
+    "base_color_texture",
+    "metallic_roughness_texture",
+    "normal_texture",
+    "occlusion_texture",
+    "emissive_texture",
+)
 MISSING: Final = Material(
     base_color=(0.0, 0.0, 0.0), emissive=(0.8, 0.0, 0.6)
 )  # what is drawn where a mesh cannot be had
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Batch:
-    """Instances that are drawn together: one mesh, one material, one handedness."""
+class Look(NamedTuple):
+    """What instances must have in common to be drawn together: all of a material but its numbers, and the handedness."""
+
+    alpha_mode: Literal["opaque", "mask", "blend"]
+    textures: tuple[str, ...]  # in the order of TEXTURE_FIELDS, "" for none
+    is_double_sided: bool
+    is_mirrored: bool  # an odd number of negative scales turns the triangles over
+
+
+class Batch(NamedTuple):
+    """Instances that are drawn together."""
 
     mesh: str
-    material: Material
-    mirrored: bool  # an odd number of negative scales turns the triangles over
+    look: Look
     first: int  # instance
-    count: int
+    instance_count: int
 
     @property
     def is_blended(self) -> bool:
         """Whether what is behind shows through."""
-        return self.material.alpha_mode == "blend"
+        return self.look.alpha_mode == "blend"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,7 +75,8 @@ class RenderWorld:
     """What can be drawn of a scene. Feed it with `set_scene` and `take_state`, then `place` it in time and draw.
 
     Attributes:
-        entity: [M] u32. radius: [M] f32 m, around `centre`. casts: [M] throws shadows. Of the M instances.
+        entity: [M] u32. radius: [M] f32 m, around `centre`. casts: [M] throws shadows. surface: [M, 3, 4] f32, the numbers of the
+            materials as `instance.glsl` has them. Of the M instances.
         batches: runs of the instances.
         scene_version: rises when batches change; pose_version when anything stands elsewhere.
     """
@@ -231,25 +247,25 @@ class RenderWorld:
     def _gather_instances(self, tables: SceneTables) -> None:
         """Finds the visible, sorts them into batches and keeps what does not change with time."""
         mirrored = _is_mirrored(tables)
-        grouped: dict[tuple[bool, str, Material, bool], list[int]] = {}
+        grouped: dict[tuple[str, Look], list[tuple[int, Material]]] = {}
         for row, renderer in tables.meshes.items():
             if not (renderer.visible and tables.enabled[row]):
                 continue
             mesh, material = renderer.mesh, tables.materials.get(row, PLAIN)
             if mesh in self.assets.failed:
                 mesh, material = "box", MISSING
-            key = (material.alpha_mode == "blend", mesh, material, bool(mirrored[row]))
-            grouped.setdefault(key, []).append(row)
+            grouped.setdefault((mesh, _look(material, bool(mirrored[row]))), []).append((row, material))
         batches: list[Batch] = []
-        rows: list[int] = []
-        for key in sorted(grouped, key=lambda key: key[0]):
-            members = grouped[key]
-            batches.append(Batch(mesh=key[1], material=key[2], mirrored=key[3], first=len(rows), count=len(members)))
-            rows += members
+        members: list[tuple[int, Material]] = []
+        for mesh, look in sorted(grouped, key=lambda key: key[1].alpha_mode == "blend"):
+            batches.append(Batch(mesh, look, len(members), len(grouped[mesh, look])))
+            members += grouped[mesh, look]
+        rows = [row for row, _ in members]
         self.batches = tuple(batches)
         self._rows = np.array(rows, np.intp)
         self.entity = tables.entity[self._rows]
-        self.batch_of = np.repeat(np.arange(len(batches)), [batch.count for batch in batches])
+        self.batch_of = np.repeat(np.arange(len(batches)), [batch.instance_count for batch in batches])
+        self.surface = _surfaces([material for _, material in members])
         self.casts = np.array([tables.meshes[row].cast_shadows for row in rows], np.bool_)
 
     def _measure_instances(self) -> None:
@@ -287,6 +303,28 @@ def without_giants(centre: NDArray[np.float64], radius: NDArray[np.float64]) -> 
     kept = np.zeros(len(order), np.bool_)
     kept[order[:first_giant]] = True
     return kept
+
+
+@lru_cache(maxsize=4096)
+def _look(material: Material, mirrored: bool) -> Look:
+    textures = tuple(getattr(material, field) for field in TEXTURE_FIELDS)
+    return Look(material.alpha_mode, textures, material.double_sided, mirrored)
+
+
+def _surfaces(materials: list[Material]) -> NDArray[np.float32]:
+    """The numbers (M, 3, 4) of one material an instance; the same material is looked at once."""
+    rows = {material: row for row, material in enumerate(dict.fromkeys(materials))}
+    table = np.array([_surface(material) for material in rows], np.float32).reshape(-1, 3, 4)
+    return table[np.array([rows[material] for material in materials], np.intp)]
+
+
+def _surface(material: Material) -> tuple[tuple[float, ...], ...]:
+    opacity = 1.0 if material.alpha_mode == "opaque" else material.opacity
+    return (
+        (*material.base_color, opacity),
+        (*material.emissive, material.alpha_cutoff),
+        (material.metallic, material.roughness, material.alpha_mode == "mask", material.double_sided),
+    )
 
 
 def _is_mirrored(tables: SceneTables) -> NDArray[np.bool_]:

@@ -156,7 +156,7 @@ class Renderer:
         world.assets.settle(timeout)
         world.place_if_assets_came()
         for batch in world.batches:
-            self.resources.bind_material(world, batch.material)
+            self.resources.bind_textures(world, batch.look)
         world.assets.settle(timeout)
 
     def _show(self, targets: Targets, picture: Framebuffer) -> None:
@@ -173,6 +173,7 @@ class Renderer:
 
     def _upload(self, plan: PicturePlan) -> None:
         self.resources.instances.write(plan.instances)
+        self.resources.forget_unused(plan.world)
         self.resources.frame.write(frame_block(plan))
         self.resources.frame.bind_block(BLOCK_BINDINGS["Frame"])
 

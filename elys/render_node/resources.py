@@ -1,4 +1,4 @@
-"""What pictures share on the card: meshes, images, materials and programs, made when first drawn."""
+"""What pictures share on the card: meshes, images, instances and programs, made when first drawn."""
 
 from __future__ import annotations
 
@@ -7,28 +7,17 @@ from typing import Final
 import numpy as np
 
 from elys.common.assets import Mesh
-from elys.common.components import Material
 from elys.render_node.gpu import TEXTURE_UNITS, Buffer, Context, Format, Program, Texture, VertexArray
-from elys.render_node.render_world import RenderWorld
+from elys.render_node.render_world import TEXTURE_FIELDS, Look, RenderWorld
 
 # Fields of Material that name an image: the definition that compiles its use in, and whether it holds colours as eyes see them.
-MATERIAL_TEXTURES: Final = {
+TEXTURE_USES: Final = {
     "base_color_texture": ("BASE_COLOR_TEXTURE", True),
     "metallic_roughness_texture": ("METALLIC_ROUGHNESS_TEXTURE", False),
     "normal_texture": ("NORMAL_TEXTURE", False),
     "occlusion_texture": ("OCCLUSION_TEXTURE", False),
     "emissive_texture": ("EMISSIVE_TEXTURE", True),
 }
-SURFACE_STRIDE: Final = 256  # [bytes] the largest alignment that GL may ask of a block
-_SURFACE: Final = np.dtype(
-    {
-        "names": ["base_color", "emissive", "reflection"],
-        "formats": [("<f4", 4)] * 3,
-        "offsets": [0, 16, 32],
-        "itemsize": SURFACE_STRIDE,
-    }
-)
-_SURFACE_SIZE: Final = 48
 
 
 class Geometry:
@@ -71,9 +60,7 @@ class Resources:
         self.context = context
         self.instances = Buffer(context, size=1 << 16)
         self.frame = Buffer(context, size=1 << 10)
-        self._surfaces = Buffer(context, size=1 << 12)
-        self._surfaces_of: tuple[RenderWorld, int] | None = None
-        self._surface_rows: dict[Material, int] = {}
+        self._used_by: tuple[RenderWorld, int] | None = None  # a world and its scene, whose names are in use
         self._geometries: dict[str, Geometry] = {}
         self._textures: dict[tuple[str, bool], Texture] = {}
         self._programs: dict[tuple[str, str, tuple[str, ...]], Program] = {}
@@ -95,24 +82,25 @@ class Resources:
             geometry = self._geometries[mesh] = Geometry(self.context, arrays)
         return None if geometry.is_empty else geometry
 
-    def bind_material(self, world: RenderWorld, material: Material) -> tuple[str, ...]:
-        """Shows a material to the shaders; returns the definitions for what it has of textures."""
-        self._upload_surfaces(world)
-        offset = self._surface_rows[material] * SURFACE_STRIDE
-        self._surfaces.bind_block(1, offset=offset, size=_SURFACE_SIZE)
+    def bind_textures(self, world: RenderWorld, look: Look) -> tuple[str, ...]:
+        """Shows the images of a look to the shaders; returns the definitions for those that are here."""
         defines = []
-        for field, (define, is_color) in MATERIAL_TEXTURES.items():
-            reference = getattr(material, field)
-            texture = self._texture(world, reference, is_color) if reference else None
+        for field, reference in zip(TEXTURE_FIELDS, look.textures, strict=True):
+            if not reference:
+                continue
+            define, is_color = TEXTURE_USES[field]
+            texture = self._texture(world, reference, is_color)
             if texture is not None:
                 texture.use(TEXTURE_UNITS[field])
                 defines.append(define)
         return tuple(defines)
 
     def forget_unused(self, world: RenderWorld) -> None:
-        """Frees what no material or mesh of the world names any more."""
-        materials = [batch.material for batch in world.batches]
-        named = {getattr(material, field) for material in materials for field in MATERIAL_TEXTURES}
+        """Frees what the world does not name any more; does nothing while its scene is the same as last time."""
+        if self._used_by == (world, world.scene_version):
+            return
+        self._used_by = (world, world.scene_version)
+        named = {reference for batch in world.batches for reference in batch.look.textures}
         self._textures = {key: texture for key, texture in self._textures.items() if key[0] in named}
         meshes = {batch.mesh for batch in world.batches}
         self._geometries = {name: geometry for name, geometry in self._geometries.items() if name in meshes}
@@ -132,18 +120,3 @@ class Resources:
             form: Format = "srgba8" if is_color else "rgba8"
             self._textures[key] = Texture(self.context, (width, height), form, data=pixels, mipmaps=True, repeat=True)
         return self._textures[key]
-
-    def _upload_surfaces(self, world: RenderWorld) -> None:
-        if self._surfaces_of == (world, world.scene_version):
-            return
-        materials = list(dict.fromkeys(batch.material for batch in world.batches))
-        rows = np.zeros(max(len(materials), 1), _SURFACE)
-        for row, material in zip(rows, materials, strict=False):
-            row["base_color"] = (*material.base_color, 1.0 if material.alpha_mode == "opaque" else material.opacity)
-            row["emissive"] = (*material.emissive, material.alpha_cutoff)
-            masked, two_sided = material.alpha_mode == "mask", material.double_sided
-            row["reflection"] = (material.metallic, material.roughness, masked, two_sided)
-        self._surfaces.write(rows)
-        self._surface_rows = {material: row for row, material in enumerate(materials)}
-        self._surfaces_of = (world, world.scene_version)
-        self.forget_unused(world)

@@ -19,7 +19,7 @@ from elys.samples.entities import PALETTE, STONE, Color, body, camera, group, ob
 
 BODY_COUNT: Final = 200
 HALF_WIDTH: Final = 6.0  # [m] from the middle to the inside of a wall
-WALL_HEIGHT: Final = 1.2  # [m]
+WALL_HEIGHT: Final = 1.6  # [m]
 _WALL_THICKNESS: Final = 0.4  # [m]
 _SPACING: Final = 1.2  # [m] between the middles of neighbours in a layer: more than any body's diameter
 _LAYER_HEIGHT: Final = 1.3  # [m]
@@ -120,7 +120,7 @@ def _lantern() -> EntityNode:
 def _rain(height: float) -> EntityNode:
     """The bodies, in layers of a grid, each turned and coloured by chance (always the same)."""
     chance = random.Random(2024)
-    columns = int(2.0 * (HALF_WIDTH - _SPACING / 2.0) / _SPACING) + 1
+    columns = 8  # leaves a margin in which what bounces off the pile still meets a wall
     places = [
         ((x - (columns - 1) / 2.0) * _SPACING, (z - (columns - 1) / 2.0) * _SPACING)
         for x in range(columns)
@@ -148,7 +148,7 @@ def _drop(number: int, position: tuple[float, float, float], chance: random.Rand
             size=(diameter,) * 3,
             position=position,
             friction=0.5,
-            restitution=0.35,
+            restitution=0.25,
             **looks,  # type: ignore[arg-type]
         )
     # The diagonal stays below the grid's spacing, so that no two touch, however they are turned.

@@ -6,9 +6,11 @@ part of every kernel that uses them.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import Any, TypeVar
 
+import numpy as np
 from numba import njit, typeof
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 from numba.core.dispatcher import Dispatcher
@@ -24,14 +26,26 @@ _OPTIONS = {"error_model": "numpy", "nogil": True}
 def kernel(function: Function) -> Function:
     """Compiles a function that Python calls, and keeps the machine code in the kernel cache."""
     dispatcher = njit(**_OPTIONS)(function)
-    if isinstance(dispatcher, Dispatcher):  # with the compiler switched off, njit gives the function back
-        dispatcher._cache = _KernelCache(function)
+    if not isinstance(dispatcher, Dispatcher):
+        return _interpreted(function)
+    dispatcher._cache = _KernelCache(function)
     return dispatcher  # type: ignore[no-any-return]
 
 
 def inner(function: Function) -> Function:
     """Compiles a function that only kernels call."""
     return njit(**_OPTIONS)(function)  # type: ignore[no-any-return]
+
+
+def _interpreted(function: Function) -> Function:
+    """A kernel with the compiler switched off (NUMBA_DISABLE_JIT): Python reads `row.field` of record arrays only."""
+
+    @functools.wraps(function)
+    def run(*arguments: Any) -> Any:
+        tables = [isinstance(a, np.ndarray) and a.dtype.names is not None for a in arguments]
+        return function(*(a.view(np.recarray) if t else a for a, t in zip(arguments, tables, strict=True)))
+
+    return run  # type: ignore[return-value]
 
 
 def signature_of(*examples: Any) -> tuple[Any, ...]:

@@ -108,8 +108,6 @@ class McapReader:
         except BaseException:
             self._file.close()
             raise
-        if self.mended:
-            _log.warning("the recording %s was never finished: it is read as far as it is whole", path)
         self._contents = contents
         self.metadata = contents.metadata
         self.attachments = contents.attachments
@@ -219,7 +217,7 @@ class McapReader:
         try:
             return self._collect(data)
         except (*_UNREADABLE, RecordingError) as error:
-            _log.warning("the summary of %s cannot be used (%s)", self.path, error)
+            _log.debug("the summary of %s cannot be used: %s", self.path, error)
             return None
 
     def _collect(self, summary: bytes) -> _Contents:
@@ -249,17 +247,20 @@ class McapReader:
     def _find_contents(self) -> _Contents:
         """What can be read from the beginning on, up to where the file was cut or is damaged."""
         contents = _Contents()
+        damage: list[str] = []
         for opcode, offset, length in self._records():
             if opcode == Opcode.DATA_END:
                 break
             try:
                 self._find(contents, opcode, offset, length)
             except _UNREADABLE as error:
-                _log.warning("%s is damaged at byte %d, which is left out: %s", self.path, offset, error)
+                damage.append(f"at byte {offset} ({error})")
         if not contents.chunks:
             raise RecordingError(
                 f"{self.path} holds nothing that can be read: it ends before the first second was written"
             )
+        reason = f"is damaged {damage[0]}" if damage else "was never finished"
+        _log.warning("the recording %s %s: it is read as far as it is whole", self.path, reason)
         return contents
 
     def _records(self) -> Iterator[tuple[int, int, int]]:

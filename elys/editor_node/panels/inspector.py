@@ -15,8 +15,8 @@ from imgui_bundle import imgui
 from elys.common.components import Component, ComponentDeclaration, FieldDeclaration, Kind, declarations
 from elys.common.errors import ComponentError
 from elys.editor_node.fields import FieldContext, edit_field, rotation_from
-from elys.editor_node.theme import TEXT_DIM, icons
-from elys.editor_node.ui import Ui, centered_text, color_code, dim_text
+from elys.editor_node.theme import icons
+from elys.editor_node.ui import Ui, centered_text, dim_text
 
 TITLE: Final = f"{icons.ICON_FA_SLIDERS}  Inspector###Inspector"
 _ICONS: Final = {
@@ -109,18 +109,16 @@ class InspectorPanel:
     ) -> None:
         imgui.push_style_color(imgui.Col_.header, imgui.ImVec4(1.0, 1.0, 1.0, 0.045))
         flags = imgui.TreeNodeFlags_.default_open | imgui.TreeNodeFlags_.allow_overlap
+        icon = _ICONS.get(declaration.name, icons.ICON_FA_PUZZLE_PIECE)
+        right = imgui.get_cursor_pos_x() + imgui.get_content_region_avail().x
         imgui.push_font(ui.fonts.bold, 0.0)
-        is_open = imgui.collapsing_header(f"      {declaration.name}###header", flags.value)
+        is_open = imgui.collapsing_header(f"{icon}   {declaration.name}###header", flags.value)
         imgui.pop_font()
         imgui.pop_style_color()
         ui.landmarks.note(f"inspector/{declaration.name}")
-        low = imgui.get_item_rect_min()
-        icon_place = (low.x + imgui.get_frame_height() * 1.05, low.y + imgui.get_style().frame_padding.y)
-        icon = _ICONS.get(declaration.name, icons.ICON_FA_PUZZLE_PIECE)
-        imgui.get_window_draw_list().add_text(icon_place, color_code(TEXT_DIM), icon)
         if imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip) and declaration.text:
             imgui.set_tooltip(declaration.text)
-        self._draw_component_menu(ui, declaration, entities)
+        self._draw_component_menu(ui, declaration, entities, right)
         if is_open and imgui.begin_table("fields", 2, imgui.TableFlags_.sizing_stretch_prop.value):
             imgui.table_setup_column("label", imgui.TableColumnFlags_.width_stretch.value, _LABEL_SHARE)
             imgui.table_setup_column("value", imgui.TableColumnFlags_.width_stretch.value, 1.0 - _LABEL_SHARE)
@@ -131,8 +129,10 @@ class InspectorPanel:
             imgui.end_table()
             imgui.spacing()
 
-    def _draw_component_menu(self, ui: Ui, declaration: ComponentDeclaration, entities: Sequence[int]) -> None:
-        imgui.same_line(imgui.get_window_width() - imgui.get_style().window_padding.x - imgui.get_frame_height())
+    def _draw_component_menu(
+        self, ui: Ui, declaration: ComponentDeclaration, entities: Sequence[int], right: float
+    ) -> None:
+        imgui.same_line(right - imgui.get_frame_height())
         imgui.push_style_color(imgui.Col_.button, imgui.ImVec4(0.0, 0.0, 0.0, 0.0))
         if imgui.button(f"{icons.ICON_FA_ELLIPSIS_VERTICAL}###menu", (imgui.get_frame_height(), 0.0)):
             imgui.open_popup("component")

@@ -19,9 +19,12 @@ VERTEX_ATTRIBUTES: Final[Mapping[str, tuple[int, int]]] = {
     "tangents": (3, 4),
     "colors": (4, 4),
 }
-# One row an instance: three rows of relative_from_local and the entity, whose bits travel as they are.
-INSTANCE_DTYPE: Final = np.dtype([("affine", "<f4", (3, 4)), ("entity", "<u4")])
-_FIRST_INSTANCE_LOCATION: Final = 5
+# One row an instance: three rows of relative_from_local, three of its material's numbers (see `instance.glsl`), and the entity,
+# whose bits travel as they are.
+INSTANCE_DTYPE: Final = np.dtype([("affine", "<f4", (3, 4)), ("surface", "<f4", (3, 4)), ("entity", "<u4")])
+_AFFINE_LOCATION: Final = 5
+_SURFACE_LOCATION: Final = 8
+_ENTITY_LOCATION: Final = 11
 
 
 class Buffer:
@@ -73,6 +76,7 @@ class VertexArray:
         """`attributes` by their names in VERTEX_ATTRIBUTES; `count` indices, or vertices when there are none."""
         self._kept = (program, dict(attributes), indices)  # what the card reads while this lives
         self._count = count
+        self._shades, self._identifies = program.reads("base_color"), program.reads("entity")
         mode = context.gl.TRIANGLE_STRIP if strip else context.gl.TRIANGLES
         self.raw = context.gl.vertex_array(program.raw, [], None if indices is None else indices.raw, mode=mode)
         self._finalizer = context.adopt(self, "vertex array", self.raw)
@@ -83,10 +87,14 @@ class VertexArray:
     def use_instances(self, buffer: Buffer, first: int) -> None:
         """Takes instances from row `first` of a buffer of INSTANCE_DTYPE on."""
         stride = INSTANCE_DTYPE.itemsize
+        offset = first * stride
         for row in range(3):
-            location = _FIRST_INSTANCE_LOCATION + row
-            self.raw.bind(location, "f", buffer.raw, "4f4", first * stride + 16 * row, stride, 1)
-        self.raw.bind(_FIRST_INSTANCE_LOCATION + 3, "i", buffer.raw, "1u4", first * stride + 48, stride, 1)
+            self.raw.bind(_AFFINE_LOCATION + row, "f", buffer.raw, "4f4", offset + 16 * row, stride, 1)
+        if self._shades:
+            for row in range(3):
+                self.raw.bind(_SURFACE_LOCATION + row, "f", buffer.raw, "4f4", offset + 48 + 16 * row, stride, 1)
+        if self._identifies:
+            self.raw.bind(_ENTITY_LOCATION, "i", buffer.raw, "1u4", offset + 96, stride, 1)
 
     def draw(self, instance_count: int = 1) -> None:
         """Draws the mesh so many times."""

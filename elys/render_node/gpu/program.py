@@ -15,7 +15,7 @@ from elys.render_node.gpu.context import Context
 
 SHADERS: Final = "elys.render_node.shaders"
 # Uniform blocks stand at the same binding in every program.
-BLOCK_BINDINGS: Final[Mapping[str, int]] = {"Frame": 0, "Surface": 1}
+BLOCK_BINDINGS: Final[Mapping[str, int]] = {"Frame": 0}
 # And so do textures.
 TEXTURE_UNITS: Final[Mapping[str, int]] = {
     "base_color_texture": 0,
@@ -65,6 +65,10 @@ class Program:
             self.raw[name].write(np.ascontiguousarray(value.T, np.float32))
         else:
             self.raw[name].value = value
+
+    def reads(self, name: str) -> bool:
+        """Whether it makes use of a vertex attribute or uniform of that name."""
+        return name in self.raw
 
     def release(self) -> None:
         """Frees it now rather than with this object."""

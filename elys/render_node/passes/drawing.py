@@ -4,33 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from elys.common.components import Material
 from elys.render_node.gpu import Program
 from elys.render_node.picture_plan import DrawCall, PicturePlan
+from elys.render_node.render_world import Look
 from elys.render_node.resources import Geometry, Resources
 
-ChooseProgram = Callable[[Geometry, Material], Program]
+ChooseProgram = Callable[[Geometry, Look], Program]
 
 
 def draw_calls(
     resources: Resources, plan: PicturePlan, calls: Sequence[DrawCall], choose: ChooseProgram, *, cull: bool = True
 ) -> None:
-    """Draws each call with the program that `choose` picks for its mesh and material. State but culling is the pass' own."""
+    """Draws each call with the program that `choose` picks for its mesh and look. State but culling is the pass' own."""
     for batch, first, count in calls:
         geometry = resources.geometry(plan.world, batch.mesh)
         if geometry is None:
             continue
-        program = choose(geometry, batch.material)
-        resources.context.set_culling(cull and not batch.material.double_sided, mirrored=batch.mirrored)
+        program = choose(geometry, batch.look)
+        resources.context.set_culling(cull and not batch.look.is_double_sided, mirrored=batch.look.is_mirrored)
         array = geometry.vertex_array(program)
         array.use_instances(resources.instances, first)
         array.draw(count)
 
 
-def depth_program(resources: Resources, plan: PicturePlan, material: Material, *defines: str) -> Program:
-    """The program that draws only places, with the holes that a masked material has."""
-    if material.alpha_mode == "mask":
-        textures = resources.bind_material(plan.world, material)
+def depth_program(resources: Resources, plan: PicturePlan, look: Look, *defines: str) -> Program:
+    """The program that draws only places, with the holes that a mask cuts."""
+    if look.alpha_mode == "mask":
+        textures = resources.bind_textures(plan.world, look)
         if "BASE_COLOR_TEXTURE" in textures:
             defines = (*defines, "MASKED", "BASE_COLOR_TEXTURE")
     return resources.program("depth.vert", "depth.frag", defines)

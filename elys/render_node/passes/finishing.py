@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from elys.common.components import Material
 from elys.render_node.gpu import TEXTURE_UNITS, Framebuffer, Program
 from elys.render_node.passes.backdrop import full_screen
 from elys.render_node.passes.drawing import depth_program, draw_calls
 from elys.render_node.picture_plan import PicturePlan
+from elys.render_node.render_world import Look
 from elys.render_node.resources import Geometry, Resources
 
 OUTLINE_COLOR = (1.0, 0.55, 0.1, 1.0)  # sRGB and opacity
@@ -51,8 +51,8 @@ class OutlinePass:
         self._mask.clear()
         context.set_state()
 
-        def choose(_: Geometry, material: Material) -> Program:
-            program = depth_program(self._resources, plan, material, "SILHOUETTE")
+        def choose(_: Geometry, look: Look) -> Program:
+            program = depth_program(self._resources, plan, look, "SILHOUETTE")
             program.set("target_from_relative", plan.view.clip_from_relative)
             return program
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from elys.common.components import Material
 from elys.render_node.gpu import Framebuffer, Program
 from elys.render_node.passes.drawing import ChooseProgram, draw_calls
 from elys.render_node.picture_plan import PicturePlan
 from elys.render_node.quality import Quality
+from elys.render_node.render_world import Look
 from elys.render_node.resources import Geometry, Resources
 
 
@@ -49,8 +49,8 @@ class TransparentPass:
 def _shaded(resources: Resources, plan: PicturePlan, quality: Quality) -> ChooseProgram:
     shared = quality.defines + (quality.shadow_defines if plan.shadow is not None else ())
 
-    def choose(geometry: Geometry, material: Material) -> Program:
-        textures = resources.bind_material(plan.world, material)
+    def choose(geometry: Geometry, look: Look) -> Program:
+        textures = resources.bind_textures(plan.world, look)
         return resources.program("shaded.vert", "shaded.frag", (*geometry.defines, *textures, *shared))
 
     return choose

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from elys.common.components import Material
 from elys.render_node.gpu import TEXTURE_UNITS, Framebuffer, Program
 from elys.render_node.passes.drawing import depth_program, draw_calls
 from elys.render_node.picture_plan import PicturePlan, ShadowState
+from elys.render_node.render_world import Look
 from elys.render_node.resources import Geometry, Resources
 from elys.render_node.shadow_fit import MAP_SIZE
 
@@ -35,8 +35,8 @@ class ShadowPass:
         context.set_state(depth_test="less", polygon_offset=SLOPE_OFFSET)
         target_from_relative = plan.shadow.map_from_relative
 
-        def choose(_: Geometry, material: Material) -> Program:
-            program = depth_program(self._resources, plan, material)
+        def choose(_: Geometry, look: Look) -> Program:
+            program = depth_program(self._resources, plan, look)
             program.set("target_from_relative", target_from_relative)
             return program
 

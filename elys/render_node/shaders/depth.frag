@@ -15,7 +15,7 @@ layout(location = 0) out vec4 coverage;
 
 void main() {
 #ifdef MASKED
-    if (surface_color(vertex_uv).a < emissive.w) discard;
+    if (surface_color(vertex_uv).a < surface_emissive.w) discard;
 #endif
 #ifdef PICKED
     hit_entity = picked;

@@ -5,6 +5,9 @@ layout(location = 0) in vec3 position;
 #ifdef MASKED
 layout(location = 2) in vec2 uv;
 out vec2 vertex_uv;
+flat out vec4 surface_base;
+flat out vec4 surface_emissive;
+flat out vec4 surface_reflection;
 #endif
 #ifdef PICKED
 flat out uint picked;
@@ -17,6 +20,9 @@ void main() {
     vec3 place = relative_from_local(position);
 #ifdef MASKED
     vertex_uv = uv;
+    surface_base = base_color;
+    surface_emissive = emissive;
+    surface_reflection = reflection;
 #endif
 #ifdef PICKED
     picked = entity;

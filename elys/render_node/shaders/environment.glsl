@@ -10,7 +10,7 @@ vec3 sky(vec3 direction) {
     vec3 zenith = background.rgb * vec3(0.66, 0.75, 0.9);
     vec3 horizon = mix(background.rgb, vec3(grey), 0.4) * 1.4;
     vec3 nadir = mix(background.rgb, vec3(grey), 0.55) * 0.5;
-    return up > 0.0 ? mix(horizon, zenith, pow(up, 0.5)) : mix(horizon, nadir, smoothstep(0.0, 0.5, -up));
+    return up > 0.0 ? mix(horizon, zenith, sqrt(up)) : mix(horizon, nadir, smoothstep(0.0, 0.5, -up));
 }
 
 // What a surface of that roughness mirrors. Its two ends are known; between them it goes by the width of the lobe.

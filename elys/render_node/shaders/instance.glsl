@@ -1,8 +1,11 @@
-// An instance's transform, from its rows.
+// An instance: its transform, from its rows, and the numbers of its material.
 layout(location = 5) in vec4 affine_x;
 layout(location = 6) in vec4 affine_y;
 layout(location = 7) in vec4 affine_z;
-layout(location = 8) in uint entity;
+layout(location = 8) in vec4 base_color;   // linear; w: opacity
+layout(location = 9) in vec4 emissive;     // radiance; w: alpha cutoff
+layout(location = 10) in vec4 reflection;  // x: metallic, y: roughness, z: 1 where only opacity above the cutoff is drawn, w: 1 where two-sided
+layout(location = 11) in uint entity;
 
 vec3 relative_from_local(vec3 point) {
     vec4 p = vec4(point, 1.0);

@@ -58,7 +58,7 @@ mat3 relative_from_tangent(vec3 normal, float side) {
 #endif
 
 float seen_side() {
-    return reflection.w > 0.0 && !gl_FrontFacing ? -1.0 : 1.0;
+    return surface_reflection.w > 0.0 && !gl_FrontFacing ? -1.0 : 1.0;
 }
 
 vec3 smooth_normal() {
@@ -106,8 +106,8 @@ void main() {
 #ifdef VERTEX_COLORS
     color *= vertex_color;
 #endif
-    if (reflection.z > 0.0 && color.a < emissive.w) discard;
-    float metallic = reflection.x, roughness = reflection.y, occlusion = 1.0;
+    if (surface_reflection.z > 0.0 && color.a < surface_emissive.w) discard;
+    float metallic = surface_reflection.x, roughness = surface_reflection.y, occlusion = 1.0;
 #ifdef METALLIC_ROUGHNESS_TEXTURE
     vec4 texel = texture(metallic_roughness_texture, vertex_uv);
     metallic *= texel.b;
@@ -116,7 +116,7 @@ void main() {
 #ifdef OCCLUSION_TEXTURE
     occlusion = texture(occlusion_texture, vertex_uv).r;
 #endif
-    vec3 glow = emissive.rgb;
+    vec3 glow = surface_emissive.rgb;
 #ifdef EMISSIVE_TEXTURE
     glow *= texture(emissive_texture, vertex_uv).rgb;
 #endif
@@ -135,5 +135,5 @@ void main() {
     light = display_from_light(light);
 #endif
     // Half floats end at 65504; what is brighter would become infinite and spread when samples are averaged.
-    radiance = vec4(min(light, vec3(60000.0)), reflection.z > 0.0 ? 1.0 : color.a);
+    radiance = vec4(min(light, vec3(60000.0)), surface_reflection.z > 0.0 ? 1.0 : color.a);
 }

@@ -14,11 +14,17 @@ layout(location = 4) in vec4 color;
 out vec4 vertex_color;
 #endif
 
+flat out vec4 surface_base;
+flat out vec4 surface_emissive;
+flat out vec4 surface_reflection;
 out vec3 relative;
 out vec3 vertex_normal;
 out vec2 vertex_uv;
 
 void main() {
+    surface_base = base_color;
+    surface_emissive = emissive;
+    surface_reflection = reflection;
     relative = relative_from_local(position);
     vertex_normal = turned_normal(normal);
     vertex_uv = uv;

@@ -1,9 +1,7 @@
-// A material: the factors, its textures where the program is compiled for them.
-layout(std140) uniform Surface {
-    vec4 base_color;   // linear; w: opacity
-    vec4 emissive;     // radiance; w: alpha cutoff
-    vec4 reflection;   // x: metallic, y: roughness, z: 1 where only opacity above the cutoff is drawn, w: 1 where seen from behind
-};
+// An instance's material: its numbers, and its textures where the program is compiled for them.
+flat in vec4 surface_base;
+flat in vec4 surface_emissive;
+flat in vec4 surface_reflection;
 
 #ifdef BASE_COLOR_TEXTURE
 uniform sampler2D base_color_texture;
@@ -11,8 +9,8 @@ uniform sampler2D base_color_texture;
 
 vec4 surface_color(vec2 uv) {
 #ifdef BASE_COLOR_TEXTURE
-    return base_color * texture(base_color_texture, uv);
+    return surface_base * texture(base_color_texture, uv);
 #else
-    return base_color;
+    return surface_base;
 #endif
 }

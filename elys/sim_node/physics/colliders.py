@@ -37,7 +37,7 @@ class ColliderTable:
         chosen = self.rows[rows]
         return Shapes(
             np.searchsorted(bodies, chosen["body"]),
-            chosen["shape"],
+            chosen["kind"],
             chosen["half_extents"],
             self.shapes["position"][rows],
             self.shapes["rotation"][rows],
@@ -106,8 +106,8 @@ def new_colliders(
     shapes = np.zeros(len(entities), SHAPE)
     rows["body"] = bodies
     rows["entity"] = owners
-    rows["shape"] = checks.choice_column("shape", shape, entities, SHAPE_COUNT)
-    sphere = (rows["shape"] == SPHERE)[:, None]
+    rows["kind"] = checks.choice_column("shape", shape, entities, SHAPE_COUNT)
+    sphere = (rows["kind"] == SPHERE)[:, None]
     # A box's radius and a sphere's size say nothing and are not judged.
     size = checks.number_column("size", np.where(sphere, 1.0, size), entities, width=3, minimum=0.0, above=True)
     radii = np.where(sphere[:, 0], radius, 1.0)

@@ -108,9 +108,6 @@ def place_tree(
         if target < 0 and not (is_dirty[node] or is_dirty[above]):
             continue
         is_dirty[node] = True
-        a = affine[above]
-        linear = (a[0, 0], a[0, 1], a[0, 2], a[1, 0], a[1, 1], a[1, 2], a[2, 0], a[2, 1], a[2, 2])
-        origin = (a[0, 3], a[1, 3], a[2, 3])
         row = row_of[node]
         p, q, s = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (1.0, 1.0, 1.0)
         if target >= 0:
@@ -118,7 +115,9 @@ def place_tree(
             r = target_rotation[target]
             q = (np.float64(r[0]), np.float64(r[1]), np.float64(r[2]), np.float64(r[3]))
             if above != 0:  # a root is stored as it is, bit for bit
-                p, q = _pose_under(linear, origin, p, q)
+                f = affine[above]
+                linear = (f[0, 0], f[0, 1], f[0, 2], f[1, 0], f[1, 1], f[1, 2], f[2, 0], f[2, 1], f[2, 2])
+                p, q = _pose_under(linear, (f[0, 3], f[1, 3], f[2, 3]), p, q)
             if math.isfinite(p[0]) and math.isfinite(q[3]):
                 position[row, 0], position[row, 1], position[row, 2] = p
                 rotation[row, 0], rotation[row, 1], rotation[row, 2], rotation[row, 3] = q
@@ -127,12 +126,16 @@ def place_tree(
             r = rotation[row]
             q = (np.float64(r[0]), np.float64(r[1]), np.float64(r[2]), np.float64(r[3]))
             s = (np.float64(scale[row, 0]), np.float64(scale[row, 1]), np.float64(scale[row, 2]))
-        m = _matrix_product(linear, _matrix_of(q))
-        t = _transformed(linear, p)
-        w = affine[node]
-        w[0, 0], w[0, 1], w[0, 2], w[0, 3] = m[0] * s[0], m[1] * s[1], m[2] * s[2], t[0] + origin[0]
-        w[1, 0], w[1, 1], w[1, 2], w[1, 3] = m[3] * s[0], m[4] * s[1], m[5] * s[2], t[1] + origin[1]
-        w[2, 0], w[2, 1], w[2, 2], w[2, 3] = m[6] * s[0], m[7] * s[1], m[8] * s[2], t[2] + origin[2]
+        m = _matrix_of(q)
+        x_axis = (m[0] * s[0], m[3] * s[0], m[6] * s[0])
+        y_axis = (m[1] * s[1], m[4] * s[1], m[7] * s[1])
+        z_axis = (m[2] * s[2], m[5] * s[2], m[8] * s[2])
+        for line in range(3):
+            a, b, c = affine[above, line, 0], affine[above, line, 1], affine[above, line, 2]
+            affine[node, line, 0] = a * x_axis[0] + b * x_axis[1] + c * x_axis[2]
+            affine[node, line, 1] = a * y_axis[0] + b * y_axis[1] + c * y_axis[2]
+            affine[node, line, 2] = a * z_axis[0] + b * z_axis[1] + c * z_axis[2]
+            affine[node, line, 3] = a * p[0] + b * p[1] + c * p[2] + affine[above, line, 3]
 
 
 @kernel

@@ -42,14 +42,14 @@ def update_manifolds(bodies, colliders, pairs, pair_count, manifolds, points, al
         second = bodies[b.body]
         manifold = manifolds[pair.slot]
         margin = pair_margin(first, second, a, b, constants)
-        boxes = a.shape == BOX and b.shape == BOX
+        boxes = a.kind == BOX and b.kind == BOX
         if not (boxes and can_recycle(first, second, manifold, margin, constants)):
             flipped = False
             if boxes:
                 count = box_box(colliders, pair.a, pair.b, margin, found)
-            elif a.shape == BOX:
+            elif a.kind == BOX:
                 count = box_sphere(a, b, margin, found)
-            elif b.shape == BOX:
+            elif b.kind == BOX:
                 count = box_sphere(b, a, margin, found)
                 flipped = True
             else:

@@ -66,7 +66,7 @@ def place_colliders(bodies, colliders):
         center[0], center[1], center[2] = px, py, pz
         half = collider.half_extents
         box = collider.box
-        if collider.shape == SPHERE:
+        if collider.kind == SPHERE:
             for k in range(3):
                 box[k] = center[k] - half[k]
                 box[3 + k] = center[k] + half[k]

@@ -121,7 +121,7 @@ def cast_rays(colliders, leaves, nodes, stack, origins, directions, limits, hit,
                 collider = colliders[c]
                 if not meets_box(collider.box, ox, oy, oz, ix, iy, iz, limit):
                     continue
-                if collider.shape == BOX:
+                if collider.kind == BOX:
                     t, nx, ny, nz = ray_box(collider, ox, oy, oz, dx, dy, dz)
                 else:
                     t, nx, ny, nz = ray_sphere(collider, ox, oy, oz, dx, dy, dz)

@@ -70,7 +70,10 @@ BAD = {
         "entities[1].components.RigidBody.mass: must be at least 1e-06 kg, not -1",
     ),
     "choice": (component("Collider", shape="cow"), "Collider.shape: must be one of box, sphere"),
-    "too large to store": (component("Transform", scale=[1, 1e39, 1]), "Transform.scale: must fit 32 bits (3.4e38), not 1e+39"),
+    "too large to store": (
+        component("Transform", scale=[1, 1e39, 1]),
+        "Transform.scale: must fit 32 bits (3.4e38), not 1e+39",
+    ),
     "vector": (component("Transform", position=[1, 2]), "Transform.position: must be 3 numbers, not [1, 2]"),
     "rotation": (component("Transform", rotation=[0, 0, 0, 0]), "Transform.rotation: must be a rotation"),
     "huge": (raw('"Camera": {"priority": 1%s}' % ("0" * 4000)), "Camera.priority: must fit 32 bits"),

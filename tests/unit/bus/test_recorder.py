@@ -1,0 +1,335 @@
+"""What was published is in the recording, bit for bit: through the pipe, from outside, and after hard ends."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcap.reader import make_reader
+
+from elys.bus import codec, topics
+from elys.bus.messages.session import LogLine
+from elys.bus.messages.state_frame import pack_frame
+from elys.bus.recorder import record_pipe, record_session
+from elys.bus.recording import Recording
+from elys.bus.recording_pipe import FRAME_HEAD
+from elys.bus.session import Session
+from elys.bus.tap import RecordingTap
+from elys.bus.topics import Encoding
+from elys.bus.transports.loopback import LoopbackBroker
+from elys.bus.transports.mcap import recorded_channels
+from elys.bus.transports.mcap_reading import McapReader
+from elys.common.errors import RecordingError
+
+Host = Callable[..., Any]
+
+
+class PipeRecording:
+    """A recorder at the end of a pipe, on a thread of its own."""
+
+    def __init__(self, path: Path) -> None:
+        self.reading, self.writing = os.pipe()
+        self.failure: RecordingError | None = None
+        self._path = path
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        try:
+            record_pipe(self.reading, self._path)
+        except RecordingError as error:
+            self.failure = error
+        finally:
+            os.close(self.reading)
+
+    def join(self) -> None:
+        self._thread.join(30)
+        assert not self._thread.is_alive()
+
+
+async def host_session() -> tuple[LoopbackBroker, Session]:
+    broker = LoopbackBroker()
+    return broker, await Session.host(broker.listen(), name="yard", kind="simulation", epoch=7)
+
+
+def tapped(session: Session, host: Any, descriptor: int, **options: Any) -> RecordingTap:
+    return RecordingTap(
+        session,
+        descriptor,
+        take_snapshot=host.truth.to_snapshot,
+        assets=host.assets,
+        **{"lossless": True, **options},
+    )
+
+
+async def test_every_frame_scene_and_asset_is_in_the_recording(tmp_path: Path, random_host: Host) -> None:
+    path = tmp_path / "f.mcap"
+    _, session = await host_session()
+    host = random_host(session)
+    pipe = PipeRecording(path)
+    tap = tapped(session, host, pipe.writing)
+    for number in range(300):
+        await tap.ready()
+        host.publish_tick(resync=number == 150)
+    session.publish(topics.LOG, LogLine(node="n", level="info", text="done", time=1.0))
+    tap.close()
+    pipe.join()
+    await session.close()
+
+    with Recording(path) as recording:
+        assert not recording.reader.mended
+        assert recording.tick.tolist() == list(range(1, 301))
+        for position, frame in enumerate(host.frames.values()):
+            assert recording.frame_body(position) == pack_frame(frame)
+        for position in (299, 0, 150, 149, 40, 200):
+            mirror = recording.mirror_at(position)
+            assert mirror.to_snapshot().components == host.scenes[position + 1].components
+            assert mirror.roots == recording.frame(position).entity.tolist()
+        assert sorted(recording.asset_references()) == sorted(host.assets.references())
+        for reference in recording.asset_references():
+            assert recording.asset(reference) == host.assets.get(reference)
+        assert recording.reader.message_counts()["events"] == 30
+        assert recording.reader.message_counts()["log"] == 1
+    assert tap.lost == 0
+
+
+async def test_other_tools_read_the_file_whole(tmp_path: Path, random_host: Host) -> None:
+    path = tmp_path / "f.mcap"
+    _, session = await host_session()
+    host = random_host(session)
+    pipe = PipeRecording(path)
+    tap = tapped(session, host, pipe.writing)
+    for _ in range(20):
+        host.publish_tick()
+    tap.close()
+    pipe.join()
+    await session.close()
+    with path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        summary = reader.get_summary()
+        assert summary is not None
+        channels = {channel.topic: channel for channel in summary.channels.values()}
+        assert set(channels) == set(recorded_channels())
+        assert channels["delta"].message_encoding == "json"
+        assert summary.schemas[channels["delta"].schema_id].encoding == "jsonschema"
+        assert channels["state"].message_encoding == "elys.state.v1"
+        bodies = [message.data for _, _, message in reader.iter_messages(topics=["state"])]
+    assert bodies == [pack_frame(frame) for frame in host.frames.values()]
+
+
+async def test_a_session_is_recorded_from_outside(tmp_path: Path, random_host: Host) -> None:
+    from elys.bus.asset_service import serve_assets
+
+    path = tmp_path / "f.mcap"
+    broker, session = await host_session()
+    host = random_host(session)
+    serve_assets(session, host.assets)
+    joined = await Session.join(broker.connect(), kind="recorder")
+    stop = asyncio.Event()
+    recording_task = asyncio.create_task(record_session(joined, path, stop))
+    for number in range(200):
+        host.publish_tick(resync=number == 100)
+        await asyncio.sleep(0.001)
+    session.publish_payload(topics.STATE, b"garbage")
+    session.publish_payload(topics.DELTA, codec.with_prefix(b"{not json", Encoding.JSON))
+    await asyncio.sleep(0.5)
+    stop.set()
+    await recording_task
+    await joined.close()
+    await session.close()
+
+    with Recording(path) as recording:
+        ticks = recording.tick.tolist()
+        assert ticks == list(range(ticks[0], 201)) and ticks[0] < 20
+        for position, tick in enumerate(ticks):
+            assert recording.frame_body(position) == pack_frame(host.frames[tick])
+        assert recording.mirror_at(len(ticks) - 1).to_snapshot().components == host.scenes[200].components
+        assert set(recording.asset_references()) == set(host.assets.references())
+
+
+async def test_the_recorders_death_leaves_the_session_alone(
+    tmp_path: Path, random_host: Host, caplog: pytest.LogCaptureFixture
+) -> None:
+    _, session = await host_session()
+    host = random_host(session)
+    reading, writing = os.pipe()
+    tap = tapped(session, host, writing, queue_size=10_000)
+    os.close(reading)
+    for _ in range(200):
+        await tap.ready()
+        host.publish_tick()
+    tap.close()
+    await session.close()
+    assert not tap.alive
+    assert caplog.text.count("the recorder is gone") == 1
+
+
+async def test_at_full_speed_a_slow_recorder_makes_the_run_wait(tmp_path: Path, random_host: Host) -> None:
+    _, session = await host_session()
+    host = random_host(session)
+    reading, writing = os.pipe()
+    tap = tapped(session, host, writing, queue_size=100_000)
+    waits = 0
+    while waits == 0:
+        ready = asyncio.create_task(tap.ready())
+        await asyncio.wait([ready], timeout=0.05)
+        if not ready.done():
+            waits += 1
+            ready.cancel()
+        else:
+            host.publish_tick()
+    published = host.tick
+    threading.Thread(target=lambda: [None for _ in iter(lambda: os.read(reading, 1 << 16), b"")]).start()
+    for _ in range(100):
+        await tap.ready()
+        host.publish_tick()
+    tap.close()
+    assert published > 10
+    assert tap.lost == 0
+    await session.close()
+
+
+async def test_in_real_time_a_slow_recorder_costs_state_frames_only(
+    tmp_path: Path, random_host: Host, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "f.mcap"
+    _, session = await host_session()
+    host = random_host(session)
+    reading, writing = os.pipe()
+    tap = tapped(session, host, writing, queue_size=100_000, lossless=False)
+    while tap.lost < 50:
+        await tap.ready()
+        host.publish_tick(edits=False)
+    thread = threading.Thread(target=record_pipe, args=(reading, path))
+    thread.start()
+    tap.close()
+    thread.join(30)
+    await session.close()
+    assert "cannot keep up" in caplog.text
+    with Recording(path) as recording:
+        assert len(recording) == pytest.approx(host.tick - tap.lost, abs=tap.lost * 0.2)
+        assert recording.reader.message_counts()["events"] == host.tick // 10
+
+
+async def test_a_killed_recording_is_mended_up_to_the_open_chunk(
+    tmp_path: Path, random_host: Host, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "f.mcap"
+    _, session = await host_session()
+    host = random_host(session)
+    pipe = PipeRecording(path)
+    tap = tapped(session, host, pipe.writing)
+    for _ in range(60):
+        host.publish_tick()
+        await asyncio.sleep(0.01)
+    tap.close()
+    pipe.join()
+    await session.close()
+    whole = path.read_bytes()
+    with Recording(path) as recording:
+        chunk_count = recording.reader.chunk_count
+        frames = [recording.frame_body(position) for position in range(len(recording))]
+    assert chunk_count >= 2
+    for part in (0.95, 0.7, 0.5):
+        path.write_bytes(whole[: int(len(whole) * part)])
+        try:
+            with Recording(path) as recording:
+                assert recording.reader.mended
+                assert [recording.frame_body(p) for p in range(len(recording))] == frames[: len(recording)]
+        except RecordingError as error:
+            assert "nothing that can be read" in str(error) or "no state frame" in str(error)
+    assert "was never finished" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        (b"", "is empty"),
+        (b"PK\x03\x04 something else", "is no recording"),
+        (b"\x89MCAP0\r\n", "nothing that can be read"),
+        (b"\x89MCAP0\r\n" + b"\xff" * 1000, "nothing that can be read"),
+        (b"\x89MCAP0\r\n" + b"\0" * 1000 + b"\x89MCAP0\r\n", "nothing that can be read"),
+    ],
+)
+def test_what_is_no_recording_is_said_in_a_sentence(tmp_path: Path, content: bytes, sentence: str) -> None:
+    path = tmp_path / "f.mcap"
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=sentence):
+        Recording(path)
+    with pytest.raises(RecordingError, match="cannot be opened"):
+        Recording(tmp_path / "missing.mcap")
+    with pytest.raises(RecordingError, match=r"cannot be (opened|read)"):
+        Recording(tmp_path)
+
+
+async def test_flipped_bytes_cost_a_sentence_at_most(tmp_path: Path, random_host: Host) -> None:
+    import random
+
+    path = tmp_path / "f.mcap"
+    _, session = await host_session()
+    host = random_host(session)
+    pipe = PipeRecording(path)
+    tap = tapped(session, host, pipe.writing)
+    for _ in range(30):
+        host.publish_tick()
+    tap.close()
+    pipe.join()
+    await session.close()
+    whole = path.read_bytes()
+    source = random.Random(1)
+    for _ in range(150):
+        damaged = bytearray(whole)
+        for _ in range(source.randrange(1, 6)):
+            damaged[source.randrange(8, len(damaged))] = source.randrange(256)
+        path.write_bytes(damaged)
+        try:
+            with Recording(path) as recording:
+                for position in range(len(recording)):
+                    recording.frame(position)
+                recording.mirror_at(len(recording) - 1)
+                for _ in recording.reader.messages():
+                    pass
+        except RecordingError:
+            pass
+
+
+def test_a_foreign_mcap_file_is_named_as_such(tmp_path: Path) -> None:
+    from mcap.writer import Writer
+
+    path = tmp_path / "foreign.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        channel = writer.register_channel("x", "json", writer.register_schema("x", "jsonschema", b"{}"))
+        writer.add_message(channel, 1, b"{}", 1)
+        writer.finish()
+    with McapReader(path) as reader:
+        assert reader.message_counts() == {"x": 1}
+    with pytest.raises(RecordingError, match="no recording of ELYS"):
+        Recording(path)
+
+
+def test_garbage_in_the_pipe_is_refused(tmp_path: Path) -> None:
+    reading, writing = os.pipe()
+    os.write(writing, b"\x07" * FRAME_HEAD.size)
+    os.close(writing)
+    with pytest.raises(RecordingError, match="no stream of a session"):
+        record_pipe(reading, tmp_path / "f.mcap")
+    os.close(reading)
+
+
+def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    from elys.bus.recorder import Recorder
+
+    with pytest.raises(RecordingError, match="cannot be written: No such file"):
+        Recorder(tmp_path / "nowhere" / "f.mcap", session="s", scene="")
+
+
+def test_logging_is_quiet_by_default() -> None:
+    assert logging.getLogger("zenoh").level <= logging.WARNING
