@@ -151,10 +151,10 @@ class Player:
     def _go_on(self, position: int) -> None:
         """Forward, with everything that was said on the way."""
         self._tell_scene(self.recording.advance(self._mirror, position), one_by_one=True)
-        for message in self.recording.messages_between(self.position, position):
-            self._republish(message)
-        self.position = position
+        first, self.position = self.position + 1, position
         self._publish_frame()
+        for message in self.recording.messages_of(first, position):
+            self._republish(message)
 
     def _jump(self, position: int) -> None:
         """Anywhere, with nothing but the scene and the frame that are there."""

@@ -54,7 +54,7 @@ class Recording:
         try:
             self._check_version()
             all_frames, scene = self._read_indexes()
-            frames = _longest_run(all_frames, path)
+            frames, following = _longest_run(all_frames, path)
             self._scene = _SceneIndex(scene[scene["epoch"] == frames["epoch"][0]], path)
         except BaseException:
             self.reader.close()
@@ -63,7 +63,8 @@ class Recording:
         self.time: NDArray[np.float64] = frames["time"]
         self.body_count: NDArray[np.uint32] = frames["body_count"]
         self._sequences: NDArray[np.uint64] = frames["delta_sequence"]
-        self._places = [Place(*pair) for pair in zip(frames["chunk"].tolist(), frames["message"].tolist(), strict=True)]
+        self._places = _places(frames)
+        self._end = next(iter(_places(following)), None)  # the first frame of another run
 
     def close(self) -> None:
         """Closes the file."""
@@ -107,11 +108,11 @@ class Recording:
         except MessageError as error:
             raise RecordingError(f"a frame in {self.path} is damaged: {error}") from error
 
-    def messages_between(self, position: int, end: int) -> Iterator[RecordedMessage]:
-        """Everything recorded after the frame at `position` up to the frame at `end`, frames and scene left out."""
-        after = self._places[position]
-        start = Place(after.chunk, after.message + 1)
-        for message in self.reader.messages(start=start, end=self._places[end]):
+    def messages_of(self, first: int, last: int) -> Iterator[RecordedMessage]:
+        """What else was recorded with the frames from `first` to `last`: after each and before the next, scene left out."""
+        start = self._places[first]
+        end = self._places[last + 1] if last + 1 < len(self) else self._end
+        for message in self.reader.messages(start=start, end=end):
             if message.channel not in (STATE_CHANNEL, SNAPSHOT_CHANNEL, DELTA_CHANNEL):
                 yield message
 
@@ -226,12 +227,12 @@ class _SceneIndex:
     def __init__(self, entries: NDArray[Any], path: Path) -> None:
         self._snapshots: list[tuple[int, Place]] = []
         self.deltas: dict[int, Place] = {}
-        for entry in entries:
-            place = Place(int(entry["chunk"]), int(entry["message"]))
-            if entry["is_snapshot"]:
-                self._snapshots.append((int(entry["sequence"]), place))
+        sequences, are_snapshots = entries["sequence"].tolist(), entries["is_snapshot"].tolist()
+        for sequence, is_snapshot, place in zip(sequences, are_snapshots, _places(entries), strict=True):
+            if is_snapshot:
+                self._snapshots.append((sequence, place))
             else:
-                self.deltas[int(entry["sequence"])] = place
+                self.deltas[sequence] = place
         if not self._snapshots:
             raise RecordingError(f"{path} holds no scene: it was cut before the first snapshot")
         self._snapshots.sort(key=lambda snapshot: snapshot[0])
@@ -246,14 +247,18 @@ class _SceneIndex:
         return found[-1] if found else None
 
 
+def _places(index: NDArray[Any]) -> list[Place]:
+    return [Place(*pair) for pair in zip(index["chunk"].tolist(), index["message"].tolist(), strict=True)]
+
+
 def _array(data: bytes, dtype: np.dtype[Any]) -> NDArray[Any]:
     if len(data) % dtype.itemsize:
         raise RecordingError("an index in the recording is damaged")
     return np.frombuffer(data, dtype)
 
 
-def _longest_run(frames: NDArray[Any], path: Path) -> NDArray[Any]:
-    """The longest stretch of one epoch in which neither tick nor time goes back."""
+def _longest_run(frames: NDArray[Any], path: Path) -> tuple[NDArray[Any], NDArray[Any]]:
+    """The longest stretch of one epoch in which neither tick nor time goes back, and what comes after it."""
     if not len(frames):
         raise RecordingError(f"{path} holds no state frame: nothing was recorded of any tick")
     earlier, later = frames[:-1], frames[1:]
@@ -267,4 +272,4 @@ def _longest_run(frames: NDArray[Any], path: Path) -> NDArray[Any]:
         _log.warning(
             "%s holds %d runs; this is the longest, %d of %d frames", path, len(runs), last - first, len(frames)
         )
-    return frames[first:last]
+    return frames[first:last], frames[last:]

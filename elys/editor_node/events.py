@@ -8,6 +8,7 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass
 
+
 class Modifiers(enum.IntFlag):
     """Keys held while another is pressed."""
 

@@ -61,7 +61,7 @@ def check_yard(positions: Mapping[str, Sequence[float]]) -> str:
 def _document(name: str, contents: list[EntityNode]) -> SceneDocument:
     surroundings = [
         sun((-0.55, -0.75, -0.35), intensity=3.2),
-        camera((8.2, 8.0, 15.2), (0.0, 1.0, 0.3), field_of_view=0.7),
+        camera((7.4, 10.0, 13.6), (0.0, 0.1, 0.7), field_of_view=0.72),
         _walls(),
     ]
     return SceneDocument(name=name, settings=SceneSettings(), entities=surroundings + contents)

@@ -51,8 +51,10 @@ async def joined(connect: str | None, *, kind: str, timeout: float = 10.0) -> As
 
 
 @contextlib.asynccontextmanager
-async def hosted(listen: str | None, *, name: str, kind: str, scene: str, epoch: int) -> AsyncIterator[Session]:
-    """A session of one's own, found by others of this machine without being told where.
+async def hosted(
+    listen: str | None, *, name: str, kind: str, scene: str, epoch: int
+) -> AsyncIterator[tuple[Session, str]]:
+    """A session of one's own and the endpoint it listens at, found by others of this machine without being told where.
 
     Raises:
         BusError: the endpoint cannot be listened at.
@@ -72,7 +74,7 @@ async def hosted(listen: str | None, *, name: str, kind: str, scene: str, epoch:
         raise
     handler = log_to_session(session)
     try:
-        yield session
+        yield session, transport.endpoint
     finally:
         handler.detach()
         withdraw()

@@ -43,9 +43,7 @@ class RecordingChild:
         def take_snapshot() -> Snapshot:
             return node.snapshot()
 
-        self._tap = RecordingTap(
-            session, self._writing, take_snapshot=take_snapshot, assets=assets, lossless=lossless
-        )
+        self._tap = RecordingTap(session, self._writing, take_snapshot=take_snapshot, assets=assets, lossless=lossless)
         node.recorder = self._tap
 
     async def finish(self) -> int:

@@ -39,12 +39,13 @@ async def serve_recording(recording: Path, *, listen: str | None, paused: bool, 
         RecordingError: it is none. BusError: the endpoint cannot be listened at.
     """
     from elys.bus.player import Player
+    from elys.bus.recording import Recording
 
-    player = await asyncio.to_thread(Player.open, recording)
-    epoch = time.time_ns()
-    async with hosted(listen, name=player.scene, kind="replay", scene=player.scene, epoch=epoch) as session:
-        _log.info("playing %s at %s: view it with `elys view`, or `elys edit`", recording, session.transport.endpoint)
-        await player.serve(session, playing=not paused, rate=rate, loop=loop)
+    with await asyncio.to_thread(Recording, recording) as opened:
+        scene = opened.mirror_at(0).scene
+        async with hosted(listen, name=scene, kind="replay", scene=scene, epoch=time.time_ns()) as (session, endpoint):
+            _log.info("playing %s at %s: attach with `elys view` or `elys edit`", recording, endpoint)
+            await Player(opened, session, playing=not paused, rate=rate, loop=loop).run()
 
 
 def record(output: Path, *, connect: str | None, seconds: float) -> None:
@@ -75,19 +76,17 @@ def info(recording: Path, *, json: bool) -> None:
     if json:
         print_json(facts)
         return
-    state = "complete" if facts.complete else "cut off: what was written before is here"
+    state = "complete" if facts.complete else "cut off: read as far as it goes"
     print(f"{recording}: {facts.scene}, {facts.duration:.2f} s, ticks {facts.first_tick} to {facts.last_tick}, {state}")
-    print(
-        f"{facts.body_count} bodies, {facts.entity_count} entities, {facts.asset_count} assets, {size_text(facts.size)}"
-    )
-    print(f"ELYS {facts.version}, protocol {facts.protocol}\n")
-    rows = [(t.topic, t.message_count, f"{t.rate:.1f}", size_text(t.size)) for t in facts.topics]
-    print_table(("topic", "messages", "per second", "size"), rows)
+    contents = f"{facts.body_count} bodies, {facts.entity_count} entities, {facts.asset_count} assets"
+    print(f"{contents}, {size_text(facts.size)}; ELYS {facts.elys_version}, protocol {facts.protocol}\n")
+    rows = [(c.name, c.count, f"{c.rate:.1f}", size_text(c.bytes)) for c in facts.channels]
+    print_table(("channel", "messages", "per second", "size"), rows)
 
 
 def export(recording: Path, output: Path) -> None:
     """Writes a recording's motion as arrays."""
     from elys.bus.export import export_npz
 
-    facts = export_npz(recording, output)
-    print(f"{output}: {facts.tick_count} ticks of {facts.body_count} bodies")
+    shapes = export_npz(recording, output)
+    print(f"{output}: " + ", ".join(f"{name} {list(shape)}" for name, shape in shapes.items()))

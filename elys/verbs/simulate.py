@@ -77,8 +77,11 @@ async def simulate(
     compile_with_progress()
     simulation = Simulation.load(opened, assets)
     epoch = time.time_ns()
-    async with hosted(listen, name=name or opened.name, kind="simulation", scene=opened.name, epoch=epoch) as session:
-        _log.info("simulating %s at %s", opened.name, session.transport.endpoint)
+    async with hosted(listen, name=name or opened.name, kind="simulation", scene=opened.name, epoch=epoch) as (
+        session,
+        endpoint,
+    ):
+        _log.info("simulating %s at %s", opened.name, endpoint)
         node = SimulationNode(simulation, session, realtime=realtime, playing=not paused, step_limit=step_limit)
         recorder = RecordingChild(record) if record else None
         if recorder is not None:

@@ -4,50 +4,36 @@ from __future__ import annotations
 
 import asyncio
 
+import msgspec
+
 from elys.bus import topics
 from elys.verbs.output import print_json, print_table, size_text
 
 
 def list_topics(*, json: bool) -> None:
     """Prints the one list of topics."""
-    rows = [
-        {
-            "name": topic.name,
-            "message": topic.message.__name__,
-            "delivery": topic.delivery.value,
-            "encoding": topic.encoding.value,
-            "text": topic.text,
-        }
-        for topic in topics.TOPICS
-    ]
-    rows += [
-        {
-            "name": query.name,
-            "message": f"{query.request.__name__} -> {query.reply.__name__}",
-            "delivery": "answered",
-            "encoding": query.reply_encoding.value,
-            "text": query.text,
-        }
-        for query in topics.QUERIES
-    ]
+    from elys.bus import topic_tools
+
+    rows = topic_tools.list_topics()
     if json:
         print_json(rows)
     else:
-        print_table(("topic", "message", "delivery", "encoding", "what"), (row.values() for row in rows))
+        columns = ("topic", "message", "delivery", "encoding", "what")
+        print_table(columns, ((r.name, r.message, r.delivery, r.encoding, r.text) for r in rows))
 
 
 def echo(name: str, connect: str | None, *, count: int) -> None:
     """Prints messages of one topic, a JSON line each."""
-    from elys.bus.topic_tools import echo_lines
+    from elys.bus import topic_tools
     from elys.verbs.nodes import joined
 
-    topic = topics.topic_named(name)
+    topics.topic_named(name)
 
     async def work() -> None:
         async with joined(connect, kind="tool") as session:
             printed = 0
-            async for line in echo_lines(session, topic):
-                print(line, flush=True)
+            async for message in topic_tools.echo(session, name):
+                print(msgspec.json.encode(message).decode(), flush=True)
                 printed += 1
                 if printed == count:
                     return
@@ -56,19 +42,28 @@ def echo(name: str, connect: str | None, *, count: int) -> None:
 
 
 def hz(name: str, connect: str | None, *, seconds: float, json: bool) -> None:
-    """Measures rates and sizes for a while."""
-    from elys.bus.topic_tools import measure_rates
+    """Measures one topic, or all of them at once, for a while."""
+    from elys.bus import topic_tools
     from elys.verbs.nodes import joined
 
-    chosen = (topics.topic_named(name),) if name else topics.TOPICS
+    names = [topics.topic_named(name).name] if name else [topic.name for topic in topics.TOPICS]
 
-    async def work() -> None:
+    async def work() -> list[topic_tools.RateReport]:
         async with joined(connect, kind="tool") as session:
-            rates = await measure_rates(session, chosen, seconds=seconds)
-        if json:
-            print_json(rates)
-        else:
-            rows = [(r.topic, f"{r.rate:.1f}", size_text(r.mean_size), size_text(r.bandwidth) + "/s") for r in rates]
-            print_table(("topic", "messages/s", "mean size", "bandwidth"), rows)
+            return await asyncio.gather(*(anext(topic_tools.hz(session, n, interval=seconds)) for n in names))
 
-    asyncio.run(work())
+    reports = asyncio.run(work())
+    if json:
+        print_json(dict(zip(names, reports, strict=True)))
+        return
+    rows = [
+        (
+            n,
+            f"{r.rate:.1f}",
+            f"{1000 * r.deviation:.2f} ms",
+            f"{1000 * r.longest:.1f} ms",
+            size_text(r.bandwidth) + "/s",
+        )
+        for n, r in zip(names, reports, strict=True)
+    ]
+    print_table(("topic", "messages/s", "deviation", "longest gap", "bandwidth"), rows)

@@ -48,9 +48,7 @@ def wait_until(condition, *, seconds: float = 10.0) -> bool:
 def test_main_process_ends_all_and_lines_carry_their_process(tmp_path, capfd):
     pid_file = tmp_path / "pid"
     forever = f"import os, time; open({str(pid_file)!r}, 'w').write(str(os.getpid())); print('up'); time.sleep(60)"
-    wait_for_other = (
-        f"import os, time\nwhile not os.path.exists({str(pid_file)!r}): time.sleep(0.01)\nprint('done')"
-    )
+    wait_for_other = f"import os, time\nwhile not os.path.exists({str(pid_file)!r}): time.sleep(0.01)\nprint('done')"
     status = run_processes(
         described(tmp_path, process("forever", forever), process("main", wait_for_other, "main = true"))
     )
@@ -112,7 +110,10 @@ def test_a_signal_to_the_supervisor_ends_all_in_order(tmp_path, number):
         ("title = ", "it.toml"),
         ('[[process]]\nname = "a"', "missing required field `command`"),
         ('[[process]]\nname = "a"\ncommand = ["x"]\ncolour = "red"', "unknown field `colour`"),
-        ('[[process]]\nname = "a"\ncommand = ["x"]\n[[process]]\nname = "a"\ncommand = ["x"]', "two processes of one name"),
+        (
+            '[[process]]\nname = "a"\ncommand = ["x"]\n[[process]]\nname = "a"\ncommand = ["x"]',
+            "two processes of one name",
+        ),
         (
             '[[process]]\nname = "a"\ncommand = ["x"]\nmain = true\n[[process]]\nname = "b"\ncommand = ["x"]\nmain = true',
             "more than one main",

@@ -19,6 +19,7 @@ import contextlib
 import json
 import logging
 import threading
+import weakref
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Final
@@ -50,6 +51,7 @@ class ZenohTransport:
         self._hosts = hosts
         # Replies wait for the asker's queue. On threads of their own they may: the loop must not.
         self._answering = ThreadPoolExecutor(_ANSWERING_THREADS, thread_name_prefix="elys-answers")
+        self._unanswered: weakref.WeakSet[ZenohQuery] = weakref.WeakSet()
         self._lock = threading.Lock()
         self._closers: set[Closer] = set()
         self._closed = False
@@ -138,7 +140,9 @@ class ZenohTransport:
         answer_key = "" if "*" in key_expression else key_expression
 
         def arrived(query: zenoh.Query) -> None:
-            on_query(ZenohQuery(query, answer_key or str(query.key_expr), self._answering))
+            question = ZenohQuery(query, answer_key or str(query.key_expr), self._answering)
+            self._unanswered.add(question)
+            on_query(question)
 
         with self._closed_said():
             return self._keep(self._session.declare_queryable(key_expression, Callback(arrived, indirect=False)))
@@ -211,6 +215,8 @@ class ZenohTransport:
             self._closed = True
             self._closers.clear()
         self._answering.shutdown(wait=False, cancel_futures=True)
+        for question in list(self._unanswered):
+            question.drop()  # zenoh would wait 10 s for somebody to answer them
         self._session.close()  # type: ignore[no-untyped-call]
 
     # --- inside ----------------------------------------------------------------------------------------------------
@@ -246,28 +252,33 @@ class ZenohQuery:
     def __init__(self, query: zenoh.Query, answer_key: str, answering: ThreadPoolExecutor) -> None:
         self.key = str(query.key_expr)
         self.payload = b"" if query.payload is None else query.payload.to_bytes()
-        self._query = query
+        self._query: zenoh.Query | None = query
         self._answer_key = answer_key
         self._answering = answering
 
     def reply(self, payload: bytes) -> None:
         """Answers, on a thread that may wait for the asker."""
-        self._send(lambda: self._query.reply(self._answer_key, payload))
+        self._send(lambda query: query.reply(self._answer_key, payload))
 
     def refuse(self, reason: str) -> None:
         """Says why there is no answer."""
-        self._send(lambda: self._query.reply_err(reason.encode(), encoding=_REFUSAL))
+        self._send(lambda query: query.reply_err(reason.encode(), encoding=_REFUSAL))
 
-    def _send(self, send: Callable[[], None]) -> None:
+    def drop(self) -> None:
+        """Ends the question for the asker, answered or not."""
+        self._query = None
+
+    def _send(self, send: Callable[[zenoh.Query], None]) -> None:
         def work() -> None:
+            query = self._query
+            if query is None:
+                return  # answered already
             try:
-                send()
+                send(query)
             except zenoh.ZError as error:
                 _log.debug("an answer on %s found nobody: %s", self.key, _cause(error))
             finally:
-                # Dropping the query is what ends it for the asker; do it here, not when the garbage is collected.
-                with contextlib.suppress(AttributeError):
-                    del self._query
+                self.drop()
 
         with contextlib.suppress(RuntimeError):  # the transport is closing: nobody is left to answer
             self._answering.submit(work)

@@ -160,7 +160,9 @@ class HierarchyPanel:
         color = color_code(TEXT if is_enabled else (*TEXT_DIM[:3], 0.55))
         if row.has_children:
             chevron = icons.ICON_FA_CHEVRON_DOWN if row.is_open else icons.ICON_FA_CHEVRON_RIGHT
-            draw_list.add_text(ui.fonts.regular, imgui.get_font_size() * 0.68, (arrow + 5.0, text_top + 3.0), _dim_code(), chevron)
+            draw_list.add_text(
+                ui.fonts.regular, imgui.get_font_size() * 0.68, (arrow + 5.0, text_top + 3.0), _dim_code(), chevron
+            )
         icon = next((icon for name, icon in _ICONS if name in found.components), icons.ICON_FA_LOCATION_CROSSHAIRS)
         tint = WARNING if icon == icons.ICON_FA_LIGHTBULB else ACCENT if found.prefab else TEXT_DIM
         draw_list.add_text((arrow + height * 0.95, text_top), color_code((*tint[:3], 1.0 if is_enabled else 0.4)), icon)

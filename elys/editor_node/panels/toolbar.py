@@ -124,7 +124,10 @@ class StatusBar:
         height = imgui.get_text_line_height() + 8.0
         if imgui.internal.begin_viewport_side_bar("###status", viewport, imgui.Dir.down, height, _BAR_FLAGS):
             self._draw_message(ui)
-            right = f"picture {view_latency * 1e3:.0f} ms     interface {frame_time * 1e3:.1f} ms"
+            texts = [f"interface {frame_time * 1e3:.1f} ms"]
+            if view_latency > 0.0:
+                texts.insert(0, f"picture {view_latency * 1e3:.0f} ms behind the simulation")
+            right = "     ".join(texts)
             width = imgui.calc_text_size(right).x
             imgui.same_line(imgui.get_window_width() - width - 10.0)
             dim_text(right)

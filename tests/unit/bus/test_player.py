@@ -7,6 +7,7 @@ import os
 import threading
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -53,9 +54,7 @@ def recorded(tmp_path: Path, random_host: Callable[..., Any]) -> tuple[Path, Any
         reading, writing = os.pipe()
         thread = threading.Thread(target=record_pipe, args=(reading, path))
         thread.start()
-        tap = RecordingTap(
-            session, writing, take_snapshot=host.truth.to_snapshot, assets=host.assets, lossless=True
-        )
+        tap = RecordingTap(session, writing, take_snapshot=host.truth.to_snapshot, assets=host.assets, lossless=True)
         for number in range(TICKS):
             host.publish_tick(resync=number == 60)
         tap.close()
@@ -215,7 +214,7 @@ def test_a_loop_starts_again(recorded: tuple[Path, Any], same_columns: Callable[
                 before = len(viewer.frames)
                 await asyncio.sleep(0.01)
                 ticks = [frame.tick for frame in viewer.frames[max(0, before - 1) :]]
-                rounds += sum(later < earlier for earlier, later in zip(ticks, ticks[1:], strict=False))
+                rounds += sum(later < earlier for earlier, later in pairwise(ticks))
             await viewer.command(SetPlaying(playing=False))
             await viewer.command(Seek(time=1.0))
             same_columns(await viewer.shows(60, host), host.frames[60])

@@ -1,0 +1,197 @@
+"""Compiling all kernels ahead, once for a machine, with exact progress; loading them afterwards takes a fraction of a second.
+
+Nothing needs to be set before the process starts: each kernel looks for its machine code in the folder that
+`kernel_directory` names, whoever imports it first. A caller that wants a progress bar asks `kernels_are_warm()`, which
+imports no compiler, and then calls `warm_kernels` with a function that shows the progress.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from elys.common.errors import ElysError
+from elys.sim_node.kernel_directory import cache_directory, cache_root, kernel_packages
+
+Progress = Callable[[str, int, int], None]  # name of the kernel that is ready, how many are, how many there are
+
+KEPT_STATES = 4  # folders of earlier sources that are kept for each package
+_STAMP = "complete"
+
+# What takes longest to compile, dealt out so that two processes finish together; all others belong to the first.
+_SECOND_PROCESS = ("physics.update_manifolds", "physics.prepare_contacts", "physics.cast_rays", "physics.build_tree")
+
+
+class WarmReport(NamedTuple):
+    """What a warm-up has done."""
+
+    kernel_count: int
+    compiled_count: int  # the others were loaded
+    seconds: float
+
+
+class KernelCacheReport(NamedTuple):
+    """What the cache holds for the present sources."""
+
+    path: Path
+    folders: tuple[Path, ...]  # one for each package with kernels
+    present: tuple[str, ...]  # names of kernels
+    missing: tuple[str, ...]
+    byte_count: int
+
+
+class Kernel(NamedTuple):
+    """A kernel and the signatures it is compiled for."""
+
+    name: str
+    function: Any
+    signatures: tuple[tuple[Any, ...], ...]
+
+
+def kernels_are_warm() -> bool:
+    """Whether all kernels of these sources have been compiled on this kind of machine. Costs a few milliseconds."""
+    return all(_stamp(package).exists() for package in kernel_packages())
+
+
+def warm_kernels(progress: Progress | None = None) -> WarmReport:
+    """Compiles every kernel of the simulation, or loads it from the cache.
+
+    On a first start two processes share the work. `progress` is told of each kernel as it becomes ready.
+
+    Raises:
+        ElysError: the cache's folder cannot be written, or the second process failed.
+    """
+    began = time.perf_counter()
+    kernels = _all_kernels()
+    done = 0
+
+    def ready(name: str) -> None:
+        nonlocal done
+        done += 1
+        if progress is not None:
+            progress(name, done, len(kernels))
+
+    compiled = 0
+    if kernels_are_warm():
+        for kernel in kernels:
+            compiled += _compile(kernel)
+            ready(kernel.name)
+    else:
+        _make_folders()
+        compiled = _compile_in_two_processes(kernels, ready)
+        for package in kernel_packages():
+            _stamp(package).touch()
+        _forget_old_states()
+    return WarmReport(len(kernels), compiled, time.perf_counter() - began)
+
+
+def kernel_cache_report() -> KernelCacheReport:
+    """What `elys doctor` shows: where the cache is, which kernels are in it and how large it is."""
+    folders = tuple(cache_directory(package) for package in kernel_packages())
+    files = [file for folder in folders if folder.exists() for file in folder.iterdir()]
+    present, missing = [], []
+    for kernel in _all_kernels():
+        function = getattr(kernel.function, "py_func", kernel.function)
+        prefix = f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}-"
+        found = any(file.name.startswith(prefix) and file.suffix == ".nbc" for file in files)
+        (present if found else missing).append(kernel.name)
+    return KernelCacheReport(
+        cache_root(), folders, tuple(present), tuple(missing), sum(file.stat().st_size for file in files)
+    )
+
+
+def _all_kernels() -> tuple[Kernel, ...]:
+    modules = [importlib.import_module(f"elys.sim_node.{package}.kernels") for package in kernel_packages()]
+    return tuple(Kernel(*entry) for module in modules for entry in module.KERNELS)
+
+
+def _compile(kernel: Kernel) -> int:
+    """Makes a kernel callable; returns 1 when it had to be compiled, 0 when it was in the cache (or none is kept)."""
+    if not hasattr(kernel.function, "stats"):  # the compiler is switched off
+        return 0
+    before = sum(kernel.function.stats.cache_misses.values())
+    for signature in kernel.signatures:
+        kernel.function.compile(signature)
+    return int(sum(kernel.function.stats.cache_misses.values()) > before)
+
+
+def _compile_in_two_processes(kernels: tuple[Kernel, ...], ready: Callable[[str], None]) -> int:
+    """The first share here, the second in another process, which leaves it in the cache to be loaded."""
+    compiled = 0
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    command = [sys.executable, "-m", "elys.sim_node.kernel_cache"]
+    with subprocess.Popen(
+        command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True
+    ) as second:
+        for kernel in _share(kernels, second=False):
+            compiled += _compile(kernel)
+            ready(kernel.name)
+        assert second.stdout is not None and second.stderr is not None
+        for line in second.stdout:
+            name, _, misses = line.strip().partition(" ")
+            compiled += int(misses)
+            ready(name)
+        complaint = second.stderr.read().strip()
+    if second.returncode != 0:
+        last = complaint.splitlines()[-1] if complaint else f"exit status {second.returncode}"
+        raise ElysError(f"The second process that compiles kernels failed: {last}")
+    for kernel in _share(kernels, second=True):
+        _compile(kernel)
+    return compiled
+
+
+def _share(kernels: tuple[Kernel, ...], *, second: bool) -> Iterator[Kernel]:
+    return (kernel for kernel in kernels if (kernel.name in _SECOND_PROCESS) == second)
+
+
+def _make_folders() -> None:
+    for package in kernel_packages():
+        folder = cache_directory(package)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ElysError(
+                f"Compiled kernels cannot be kept in {folder} ({error.strerror}): make it writable, or set ELYS_KERNEL_CACHE "
+                f"to a folder that is"
+            ) from error
+
+
+def _stamp(package: str) -> Path:
+    """The file that says that a package's kernels are complete for this kind of processor."""
+    return cache_directory(package) / f"{_STAMP}-{_processor()}"
+
+
+def _processor() -> str:
+    """What decides whether machine code fits: cheap, and different wherever numba would compile anew."""
+    chosen = os.environ.get("NUMBA_CPU_NAME")
+    if chosen:
+        return chosen
+    import llvmlite.binding as llvm
+
+    return f"{platform.machine()}-{llvm.get_host_cpu_name()}"
+
+
+def _forget_old_states() -> None:
+    """Deletes the machine code of sources that were changed long ago."""
+    for package in kernel_packages():
+        states = [folder for folder in cache_root().glob(f"{package}-*") if folder.is_dir()]
+        states.sort(key=lambda folder: folder.stat().st_mtime, reverse=True)
+        for folder in states[KEPT_STATES:]:
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def _compile_second_share() -> None:
+    for kernel in _share(_all_kernels(), second=True):
+        print(kernel.name, _compile(kernel), flush=True)
+
+
+if __name__ == "__main__":
+    _compile_second_share()

@@ -1,0 +1,131 @@
+"""The OpenGL wrappers: what they make is released, and what goes wrong is said clearly."""
+
+from __future__ import annotations
+
+import gc
+from typing import Any
+
+import moderngl
+import numpy as np
+import pytest
+
+from elys.common.errors import DisplayError
+from elys.render_node.gpu import Buffer, Context, Framebuffer, Program, Texture, offscreen_context
+from elys.render_node.gpu.program import expand
+
+
+@pytest.mark.gl
+def test_everything_is_released_with_its_owner(context: Context) -> None:
+    gc.collect()
+    before = context.live_object_count
+    kept: list[Any] = [
+        Buffer(context, np.arange(4, dtype=np.float32)),
+        Texture(context, (8, 8), "rgba8", mipmaps=True),
+        Framebuffer(context, 16, 16, ("rgba16f", "r32ui"), depth=True),
+        Framebuffer(context, 16, 16, ("rgba16f",), depth=True, samples=4),
+        Program(context, "screen.vert", "sky.frag"),
+    ]
+    assert context.live_object_count > before
+    kept.clear()
+    gc.collect()
+    assert context.live_object_count == before
+
+
+@pytest.mark.gl
+def test_released_twice_is_released_once(context: Context) -> None:
+    gc.collect()
+    before = context.live_object_count
+    framebuffer = Framebuffer(context, 4, 4, ("rgba8",), depth=True)
+    framebuffer.release()
+    framebuffer.release()
+    del framebuffer
+    gc.collect()
+    assert context.live_object_count == before
+
+
+@pytest.mark.gl
+def test_a_framebuffer_holds_any_mix_of_attachments(context: Context) -> None:
+    framebuffer = Framebuffer(context, 5, 3, ("rgba8", "r32ui", "rgba32f"), depth=True)
+    framebuffer.clear()
+    assert framebuffer.read(0).shape == (3, 5, 4)
+    assert framebuffer.read(1).dtype == np.uint32
+    assert not framebuffer.read(1).any()
+    assert framebuffer.read(2).dtype == np.float32
+
+
+@pytest.mark.gl
+def test_a_multisampled_framebuffer_resolves(context: Context) -> None:
+    many = Framebuffer(context, 4, 4, ("rgba16f",), depth=True, samples=4)
+    one = Framebuffer(context, 4, 4, ("rgba16f",))
+    many.use()
+    many.clear((0.25, 0.5, 2.0, 1.0))
+    many.resolve_into(one)
+    np.testing.assert_allclose(one.read()[0, 0], (0.25, 0.5, 2.0, 1.0))
+
+
+@pytest.mark.gl
+def test_pixels_go_straight_into_memory(context: Context) -> None:
+    framebuffer = Framebuffer(context, 6, 2, ("rgba8",))
+    framebuffer.clear((1.0, 0.0, 0.0, 1.0))
+    memory = bytearray(6 * 2 * 4)
+    framebuffer.read_into(memoryview(memory))
+    assert bytes(memory[:4]) == b"\xff\x00\x00\xff"
+
+
+@pytest.mark.gl
+def test_a_buffer_grows(context: Context) -> None:
+    buffer = Buffer(context, size=16)
+    data = np.arange(1000, dtype=np.float32)
+    buffer.write(data)
+    assert buffer.size >= data.nbytes
+    assert np.frombuffer(buffer.raw.read(data.nbytes), np.float32).tolist() == data.tolist()
+
+
+@pytest.mark.gl
+def test_a_refused_shader_names_file_line_and_source(context: Context, monkeypatch: pytest.MonkeyPatch) -> None:
+    import elys.render_node.gpu.program as module
+
+    def broken(name: str, defines: Any = ()) -> Any:
+        source, places = expand(name, defines)
+        return source.replace("sky(normalize(", "sky(normalise("), places
+
+    monkeypatch.setattr(module, "expand", broken)
+    with pytest.raises(DisplayError) as caught:
+        Program(context, "screen.vert", "sky.frag")
+    assert "sky.frag, line" in str(caught.value)
+    assert "normalise(" in str(caught.value)
+
+
+def test_includes_are_expanded_with_their_places() -> None:
+    source, places = expand("sky.frag", ("FIRST", "SECOND 2"))
+    lines = source.splitlines()
+    assert lines[:3] == ["#version 330 core", "#define FIRST", "#define SECOND 2"]
+    assert len(lines) == len(places)
+    row = next(i for i, line in enumerate(lines) if "layout(std140) uniform Frame" in line)
+    assert places[row][0] == "frame.glsl"
+
+
+def test_a_missing_shader_is_one_sentence() -> None:
+    with pytest.raises(DisplayError, match=r"no_such\.frag is missing"):
+        expand("no_such.frag")
+
+
+@pytest.mark.parametrize(
+    ("said", "remedy"),
+    [
+        ("libEGL.so.1 not loaded", "apt install libegl1"),
+        ("found 0 devices", "no vendor"),
+        ("eglInitialize failed (0x3001)", "no driver"),
+        ("requested OpenGL 3.3, got OpenGL 2.1", "no OpenGL 3.3"),
+        ("something new", "elys doctor"),
+    ],
+)
+def test_what_egl_says_is_translated(monkeypatch: pytest.MonkeyPatch, said: str, remedy: str) -> None:
+    def refuse(**_: Any) -> Any:
+        raise Exception(said)
+
+    monkeypatch.setattr(moderngl, "create_context", refuse)
+    with pytest.raises(DisplayError) as caught:
+        offscreen_context()
+    assert remedy in str(caught.value)
+    assert said in str(caught.value)
