@@ -58,13 +58,12 @@ async def follow_scene(
 
 
 def follow_state(session: Session, mirror: SceneMirror, on_frame: Callable[[StateFrame], None] | None = None) -> Closer:
-    """Keeps `mirror.latest_frame` the newest state frame; `on_frame` hears each that is kept."""
+    """Keeps `mirror.latest_frame` the state frame that came last; `on_frame` hears each.
+
+    The last one is the right one even if its tick is smaller: a replay is wound back, a host starts anew.
+    """
 
     def heard(frame: StateFrame, _: str) -> None:
-        latest = mirror.latest_frame
-        # Within a run the newest tick is not always the right one: a replay seeks backwards. The newest message is.
-        if latest is not None and latest.epoch == frame.epoch and latest.published_at > frame.published_at:
-            return
         mirror.keep_frame(frame)
         if on_frame is not None:
             on_frame(frame)

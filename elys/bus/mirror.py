@@ -176,7 +176,9 @@ class SceneMirror:
         ids, parents, switches = check_tree(snapshot)
         components = decode_components(snapshot)
         entities = {
-            entity: MirrorEntity(id=entity, name=name, parent=parent, enabled=enabled, prefab=prefab)
+            entity: MirrorEntity(
+                id=entity, name=name, parent=parent, enabled=enabled, prefab=prefab, pose_sequence=snapshot.sequence
+            )
             for entity, name, parent, enabled, prefab in zip(
                 ids, snapshot.names, parents, switches, snapshot.prefabs, strict=True
             )

@@ -86,7 +86,7 @@ class Session:
         """
         node = Node(kind, node_id(kind))
         session = cls(transport, name=name, node=node, epoch=0)
-        welcome = await session._shake_hands(timeout)
+        welcome = await session._shake_hands(timeout, name)
         session.name, session.epoch = welcome.session, welcome.epoch
         session._show_and_watch()
         session._closers.append(transport.watch_link(session._from_thread(session._link_changed)))
@@ -276,9 +276,9 @@ class Session:
         )
         incoming.reply(codec.encode(welcome, Encoding.JSON))
 
-    async def _shake_hands(self, timeout: float) -> Welcome:
+    async def _shake_hands(self, timeout: float, name: str) -> Welcome:
         hello = Hello(protocol=PROTOCOL_VERSION, kind=self.node.kind, node=self.node.id, version=elys.__version__)
-        key = f"{topics.ROOT}/{self.name}/{topics.HELLO.name}"  # the name may be "*": whoever hosts here
+        key = f"{topics.ROOT}/{name}/{topics.HELLO.name}"  # the name may be "*": whoever hosts here
         deadline = time.monotonic() + timeout
         while True:
             left = deadline - time.monotonic()
@@ -347,8 +347,20 @@ class Session:
             listener(True)
 
     async def _greet_again(self) -> Welcome:
+        stranger = ""
         while True:
             try:
-                return await self._shake_hands(30.0)
+                welcome = await self._shake_hands(30.0, "*")
             except (ConnectionLost, RequestError) as error:
                 _log.warning("the host of session %s is not back yet: %s", self.name, error)
+                continue
+            if welcome.session == self.name:
+                return welcome
+            if welcome.session != stranger:
+                stranger = welcome.session
+                _log.warning(
+                    "where session %s was, session %s runs now: start this node anew to attach to it",
+                    self.name,
+                    stranger,
+                )
+            await asyncio.sleep(0.5)

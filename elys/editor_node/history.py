@@ -47,6 +47,7 @@ class Outcome:
     refusals: list[str] = field(default_factory=list)
     spawned: tuple[int, ...] = ()  # the topmost of the entities that came to be
     tick: int = -1
+    stroke: object = None
 
 
 @dataclass(slots=True, kw_only=True)
@@ -160,6 +161,7 @@ class History:
         match work.kind:
             case "do":
                 outcome, inverse = await self._apply(Entry(label=work.label, commands=work.commands))
+                outcome.stroke = work.stroke
                 if inverse.commands:
                     self._remember(inverse, work.stroke)
                     self._redoable.clear()

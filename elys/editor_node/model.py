@@ -54,6 +54,7 @@ class EditorModel:
         self.status: SessionStatus | None = None
         self.profiles: deque[TickProfile] = deque(maxlen=240)  # the newest last
         self.connected = session.connected
+        self._told_stroke: object = None
         self.error = ""  # why what the person tried last did not work, until something else is tried
         session.subscribe(topics.STATUS, self._status_arrived)
         session.subscribe(topics.LOG, self._line_arrived)
@@ -163,7 +164,9 @@ class EditorModel:
     def _tell_outcome(self, outcome: Outcome) -> None:
         for reason in dict.fromkeys(outcome.refusals):
             self.say("error", f"{outcome.label} refused: {reason}", tick=outcome.tick)
-        if outcome.accepted:
+        is_told = outcome.stroke is not None and outcome.stroke is self._told_stroke  # a drag is one line
+        self._told_stroke = outcome.stroke
+        if outcome.accepted and not is_told:
             self.say("info", outcome.label, tick=outcome.tick)
 
     def _follow_new_ids(self, new_ids: dict[int, int]) -> None:

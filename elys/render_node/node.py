@@ -20,7 +20,7 @@ from elys.bus.messages.views import PickReply, PickRequest, ViewFrame, ViewReque
 from elys.bus.mirror import MirrorUpdate, SceneMirror, follow_scene, follow_state
 from elys.bus.session import Node, Session
 from elys.common.assets import AssetStore
-from elys.common.errors import ElysError
+from elys.common.errors import ElysError, RequestError
 from elys.render_node.drawable_assets import DrawableAssets
 from elys.render_node.gpu import Context, offscreen_context
 from elys.render_node.quality import Quality, interactive_quality
@@ -47,23 +47,23 @@ async def serve_views(
     Raises:
         DisplayError: nothing can be drawn on this machine.
     """
-    own_context = context is None
-    drawing = context if context is not None else offscreen_context()
     follower = SceneFollower(session)
-    desk = ViewDesk(session.node.id)
+    desk = ViewDesk()
+    server = _ViewServer(session, follower, desk, measure)
+    # First of all: what is asked for while OpenGL starts must not be lost.
+    session.subscribe(topics.VIEW_REQUEST, server.requested, key=session.node.id)
+    session.serve(topics.PICK, server.pick, key=session.node.id)
+    session.on_nodes(server.node_changed)
+    drawing = context
     try:
-        renderer = Renderer(drawing, quality=quality or interactive_quality(drawing))
-        server = _ViewServer(session, follower, renderer, desk, measure)
-        session.subscribe(topics.VIEW_REQUEST, server.requested, key=session.node.id)
-        session.serve(topics.PICK, server.pick, key=session.node.id)
-        session.on_nodes(server.node_changed)
-        await follower.start()
+        drawing = context if context is not None else offscreen_context()
         _log.info("drawing views on %s", drawing.info["GL_RENDERER"])
-        await server.run()
+        await follower.start()
+        await server.run(Renderer(drawing, quality=quality or interactive_quality(drawing)))
     finally:
         follower.close()
         desk.close()
-        if own_context:
+        if context is None and drawing is not None:
             drawing.release()
 
 
@@ -142,13 +142,12 @@ class _ViewServer:
         self,
         session: Session,
         follower: SceneFollower,
-        renderer: Renderer,
         desk: ViewDesk,
         measure: Callable[[ViewFrame], None] | None,
     ) -> None:
         self._session = session
         self._follower = follower
-        self._renderer = renderer
+        self._renderer: Renderer | None = None  # until OpenGL and the scene are there
         self._desk = desk
         self._measure = measure
 
@@ -164,19 +163,22 @@ class _ViewServer:
 
     async def pick(self, request: PickRequest, _: str) -> PickReply:
         """What is seen at a pixel."""
+        if self._renderer is None:
+            raise RequestError("this render node is starting: ask again")
         self._follower.refresh(self._moment())
         width, height, _ = sane_size(request.width, request.height)
         world = self._follower.world
         entity, position = self._renderer.pick(world, sane_camera(request.camera), width, height, request.x, request.y)
         return PickReply(entity=entity, position=position, tick=self._follower.tick)
 
-    async def run(self) -> None:
+    async def run(self, renderer: Renderer) -> None:
         """Draws what is due, again and again."""
+        self._renderer = renderer
         follower, desk = self._follower, self._desk
         while True:
             now = time.monotonic()
             for view in desk.due(now, follower.revision, gliding=self._is_gliding(now)):
-                self._draw(view)
+                self._draw(view, renderer)
                 await asyncio.sleep(0)  # messages and questions between two pictures
             desk.forget_silent(now)
             follower.changed.clear()
@@ -187,13 +189,13 @@ class _ViewServer:
             except TimeoutError:
                 pass
 
-    def _draw(self, view: View) -> None:
+    def _draw(self, view: View, renderer: Renderer) -> None:
         start = time.perf_counter()
         request, revision = view.request, self._follower.revision
         try:
             self._follower.refresh(self._moment())
             camera = sane_camera(request.camera)
-            picture = self._renderer.draw(
+            picture = renderer.draw(
                 self._follower.world,
                 camera,
                 view.width,

@@ -95,8 +95,7 @@ class View:
 class ViewDesk:
     """All views of a render node."""
 
-    def __init__(self, node: str) -> None:
-        self._node = node
+    def __init__(self) -> None:
         self._views: dict[str, View] = {}
 
     def take(self, request: ViewRequest, now: float) -> bool:

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numba import njit, typeof
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
-from numba.core.dispatcher import Dispatcher
 
 from elys.sim_node.kernel_directory import cache_directory, source_hash
 
@@ -25,16 +24,17 @@ _OPTIONS = {"error_model": "numpy", "nogil": True}
 
 def kernel(function: Function) -> Function:
     """Compiles a function that Python calls, and keeps the machine code in the kernel cache."""
-    dispatcher = njit(**_OPTIONS)(function)
-    if not isinstance(dispatcher, Dispatcher):
+    dispatcher: Any = njit(**_OPTIONS)(function)
+    if not hasattr(dispatcher, "enable_caching"):
         return _interpreted(function)
     dispatcher._cache = _KernelCache(function)
-    return dispatcher  # type: ignore[no-any-return]
+    return cast(Function, dispatcher)
 
 
 def inner(function: Function) -> Function:
     """Compiles a function that only kernels call."""
-    return njit(**_OPTIONS)(function)  # type: ignore[no-any-return]
+    compiled: Any = njit(**_OPTIONS)(function)
+    return cast(Function, compiled)
 
 
 def _interpreted(function: Function) -> Function:
@@ -45,7 +45,7 @@ def _interpreted(function: Function) -> Function:
         tables = [isinstance(a, np.ndarray) and a.dtype.names is not None for a in arguments]
         return function(*(a.view(np.recarray) if t else a for a, t in zip(arguments, tables, strict=True)))
 
-    return run  # type: ignore[return-value]
+    return cast(Function, run)
 
 
 def signature_of(*examples: Any) -> tuple[Any, ...]:
@@ -53,7 +53,7 @@ def signature_of(*examples: Any) -> tuple[Any, ...]:
     return tuple(typeof(example) for example in examples)
 
 
-class _KernelLocator(_CacheLocator):  # type: ignore[misc]
+class _KernelLocator(_CacheLocator):
     """Puts a function's machine code into the folder of its package's present sources."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
@@ -75,9 +75,9 @@ class _KernelLocator(_CacheLocator):  # type: ignore[misc]
         return str(self._line)
 
 
-class _KernelCacheFiles(CompileResultCacheImpl):  # type: ignore[misc]
+class _KernelCacheFiles(CompileResultCacheImpl):
     _locator_classes = [_KernelLocator]
 
 
-class _KernelCache(FunctionCache):  # type: ignore[misc]
+class _KernelCache(FunctionCache):
     _impl_class = _KernelCacheFiles

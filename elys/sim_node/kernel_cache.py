@@ -13,6 +13,7 @@ import platform
 import shutil
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -27,7 +28,7 @@ KEPT_STATES = 4  # folders of earlier sources that are kept for each package
 _STAMP = "complete"
 
 # What takes longest to compile, dealt out so that two processes finish together; all others belong to the first.
-_SECOND_PROCESS = ("physics.update_manifolds", "physics.prepare_contacts", "physics.cast_rays", "physics.build_tree")
+_SECOND_PROCESS = ("physics.update_manifolds", "physics.prepare_contacts", "physics.cast_rays")
 
 
 class WarmReport(NamedTuple):
@@ -41,11 +42,11 @@ class WarmReport(NamedTuple):
 class KernelCacheReport(NamedTuple):
     """What the cache holds for the present sources."""
 
-    path: Path
-    folders: tuple[Path, ...]  # one for each package with kernels
-    present: tuple[str, ...]  # names of kernels
-    missing: tuple[str, ...]
-    byte_count: int
+    path: Path  # the folder over all states
+    present: int
+    total: int
+    missing: tuple[str, ...]  # names of kernels
+    size: int  # [bytes]
 
 
 class Kernel(NamedTuple):
@@ -73,11 +74,14 @@ def warm_kernels(progress: Progress | None = None) -> WarmReport:
     kernels = _all_kernels()
     done = 0
 
+    lock = threading.Lock()
+
     def ready(name: str) -> None:
         nonlocal done
-        done += 1
-        if progress is not None:
-            progress(name, done, len(kernels))
+        with lock:
+            done += 1
+            if progress is not None:
+                progress(name, done, len(kernels))
 
     compiled = 0
     if kernels_are_warm():
@@ -97,15 +101,17 @@ def kernel_cache_report() -> KernelCacheReport:
     """What `elys doctor` shows: where the cache is, which kernels are in it and how large it is."""
     folders = tuple(cache_directory(package) for package in kernel_packages())
     files = [file for folder in folders if folder.exists() for file in folder.iterdir()]
-    present, missing = [], []
-    for kernel in _all_kernels():
-        function = getattr(kernel.function, "py_func", kernel.function)
-        prefix = f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}-"
-        found = any(file.name.startswith(prefix) and file.suffix == ".nbc" for file in files)
-        (present if found else missing).append(kernel.name)
-    return KernelCacheReport(
-        cache_root(), folders, tuple(present), tuple(missing), sum(file.stat().st_size for file in files)
-    )
+    kernels = _all_kernels()
+    missing = tuple(kernel.name for kernel in kernels if not any(_holds(file, kernel) for file in files))
+    size = sum(file.stat().st_size for file in files)
+    return KernelCacheReport(cache_root(), len(kernels) - len(missing), len(kernels), missing, size)
+
+
+def _holds(file: Path, kernel: Kernel) -> bool:
+    """Whether a file of the cache is the kernel's machine code; numba names it by module, function and line."""
+    function = getattr(kernel.function, "py_func", kernel.function)
+    module = function.__module__.rpartition(".")[2]
+    return file.suffix == ".nbc" and file.name.startswith(f"{module}.{function.__qualname__}-")
 
 
 def _all_kernels() -> tuple[Kernel, ...]:
@@ -131,21 +137,41 @@ def _compile_in_two_processes(kernels: tuple[Kernel, ...], ready: Callable[[str]
     with subprocess.Popen(
         command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True
     ) as second:
-        for kernel in _share(kernels, second=False):
-            compiled += _compile(kernel)
-            ready(kernel.name)
-        assert second.stdout is not None and second.stderr is not None
-        for line in second.stdout:
-            name, _, misses = line.strip().partition(" ")
-            compiled += int(misses)
-            ready(name)
+        listener = _Listener(second, ready)
+        listener.start()
+        try:
+            for kernel in _share(kernels, second=False):
+                compiled += _compile(kernel)
+                ready(kernel.name)
+        except BaseException:
+            second.kill()
+            raise
+        listener.join()
+        assert second.stderr is not None
         complaint = second.stderr.read().strip()
     if second.returncode != 0:
         last = complaint.splitlines()[-1] if complaint else f"exit status {second.returncode}"
         raise ElysError(f"The second process that compiles kernels failed: {last}")
     for kernel in _share(kernels, second=True):
         _compile(kernel)
-    return compiled
+    return compiled + listener.compiled
+
+
+class _Listener(threading.Thread):
+    """Hears which kernels the second process has ready while the first one works."""
+
+    def __init__(self, process: subprocess.Popen[str], ready: Callable[[str], None]) -> None:
+        super().__init__(daemon=True)
+        self.compiled = 0
+        self._process = process
+        self._ready = ready
+
+    def run(self) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            name, _, misses = line.strip().partition(" ")
+            self.compiled += int(misses)
+            self._ready(name)
 
 
 def _share(kernels: tuple[Kernel, ...], *, second: bool) -> Iterator[Kernel]:

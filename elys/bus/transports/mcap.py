@@ -44,7 +44,7 @@ STATE_ENCODING: Final = "elys.state.v1"
 COMPONENTS_NAME: Final = "elys/components.schema.json"
 
 _CHUNK_SECONDS: Final = 0.2
-_CHUNK_SIZE: Final = 4 << 20  # [bytes]
+_CHUNK_SIZE: Final = 1 << 20  # [bytes]
 _SYNC_SECONDS: Final = 1.0
 
 

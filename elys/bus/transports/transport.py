@@ -51,7 +51,7 @@ class Transport(Protocol):
         """Calls `on_change(key, alive)` for those alive now and at every change."""
 
     def watch_link(self, on_change: Callable[[bool], None]) -> Closer:
-        """Calls `on_change(connected)` when the connection to the host goes or comes."""
+        """Calls `on_change(connected)` now and when the connection to the host goes or comes; the host hears nothing."""
 
     def close(self) -> None:
         """Ends everything this transport holds. A second call does nothing."""

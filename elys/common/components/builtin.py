@@ -8,7 +8,7 @@ from elys.common.components.declaration import Component, Kind, Quat, Vec3, abou
 
 
 @component
-class Transform(Component):
+class Transform(Component, frozen=True):
     """Where an entity stands, relative to its parent."""
 
     position: Annotated[Vec3, about("Place relative to the parent.", unit="m", step=0.05, dtype="f8")] = (0.0, 0.0, 0.0)
@@ -22,7 +22,7 @@ class Transform(Component):
 
 
 @component
-class RigidBody(Component):
+class RigidBody(Component, frozen=True):
     """Lets physics move the entity (dynamic), or lets it push others (kinematic, static)."""
 
     motion: Annotated[
@@ -38,7 +38,7 @@ class RigidBody(Component):
 
 
 @component
-class Collider(Component):
+class Collider(Component, frozen=True):
     """The shape with which an entity collides; without a RigidBody on it or above it, an immovable obstacle."""
 
     shape: Annotated[Literal["box", "sphere"], about("Form of the collider.")] = "box"
@@ -58,7 +58,7 @@ class Collider(Component):
 
 
 @component
-class MeshRenderer(Component):
+class MeshRenderer(Component, frozen=True):
     """Draws a mesh at the entity's place."""
 
     mesh: Annotated[str, about("box, sphere, cylinder, plane, or a mesh asset.", kind=Kind.ASSET)] = "box"
@@ -67,7 +67,7 @@ class MeshRenderer(Component):
 
 
 @component
-class Material(Component):
+class Material(Component, frozen=True):
     """How the entity's mesh looks: glTF metallic-roughness."""
 
     base_color: Annotated[Vec3, about("Colour, linear.", minimum=0.0, maximum=1.0, step=0.01, kind=Kind.COLOR)] = (
@@ -96,7 +96,7 @@ class Material(Component):
 
 
 @component
-class Light(Component):
+class Light(Component, frozen=True):
     """A lamp, as in KHR_lights_punctual."""
 
     kind: Annotated[Literal["directional", "point", "spot"], about("Sun, bulb or torch.")] = "directional"
@@ -119,7 +119,7 @@ class Light(Component):
 
 
 @component
-class Camera(Component):
+class Camera(Component, frozen=True):
     """A point of view."""
 
     field_of_view: Annotated[
@@ -131,7 +131,7 @@ class Camera(Component):
 
 
 @component
-class Script(Component):
+class Script(Component, frozen=True):
     """The behaviour of an entity (placeholder: carried, saved and shown, not yet run)."""
 
     source: Annotated[str, about("Python file and class, as path.py:Class.", kind=Kind.ASSET)] = ""

@@ -1,7 +1,7 @@
 """How a component is declared: one msgspec Struct, from which everything else is derived.
 
     @component
-    class Spring(Component):
+    class Spring(Component, frozen=True):
         \"\"\"Pulls its entity towards an anchor.\"\"\"
 
         stiffness: Annotated[float, about("How hard it pulls.", unit="N/m", minimum=0.0, step=1.0)] = 100.0

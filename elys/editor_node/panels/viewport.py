@@ -67,10 +67,9 @@ class ViewportPanel:
         if self.stream.shown is not None and self._picture.name:
             # Rows run upwards in GL.
             draw_list.add_image(imgui.ImTextureRef(self._picture.name), low, high, (0.0, 1.0), (1.0, 0.0))
-        imgui.set_next_item_allow_overlap()
-        buttons = imgui.ButtonFlags_.mouse_button_left | imgui.ButtonFlags_.mouse_button_right
-        imgui.invisible_button("###picture", (self.rectangle[2], self.rectangle[3]), buttons.value)
-        self.is_hovered = imgui.is_item_hovered(imgui.HoveredFlags_.allow_when_overlapped.value)
+        # No widget that could be hovered: ImGuizmo takes hold of its handles only where there is none.
+        imgui.dummy((self.rectangle[2], self.rectangle[3]))
+        self.is_hovered = imgui.is_window_hovered() and imgui.is_item_hovered()
         ui.landmarks.note("viewport/picture")
 
     def _draw_over(self, ui: Ui) -> None:

@@ -76,7 +76,7 @@ def choice_column(name: str, values: ArrayLike, entities: Array, count: int) -> 
     return column.astype(np.uint8)
 
 
-def refuse(bad: Array, entities: Array, values: Array, rule: str) -> None:
+def refuse(bad: Any, entities: Array, values: Array, rule: str) -> None:
     """Raises PhysicsError for the first element that is `bad`."""
     if bad.any():
         first = int(np.flatnonzero(bad)[0])

@@ -302,7 +302,7 @@ class PhysicsWorld:
     def state_hash(self) -> int:
         """64 bits over ids, poses and velocities of all bodies: equal states, and practically only they, are equal in it."""
         rows = self._bodies.rows
-        words = rows.view(np.uint64).reshape(len(rows), -1)
+        words = rows.view(np.uint64).reshape(len(rows), rows.itemsize // 8)
         return int(hash_bodies(self._bodies.entities, words))
 
     # ---------------------------------------------------------------- the whole state

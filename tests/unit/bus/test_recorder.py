@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 import os
 import threading
 from collections.abc import Callable
@@ -18,7 +17,7 @@ from elys.bus.messages.session import LogLine
 from elys.bus.messages.state_frame import pack_frame
 from elys.bus.recorder import record_pipe, record_session
 from elys.bus.recording import Recording
-from elys.bus.recording_pipe import FRAME_HEAD
+from elys.bus.recording_pipe import FRAME_HEAD, FrameKind, PipeReader, frame_head
 from elys.bus.session import Session
 from elys.bus.tap import RecordingTap
 from elys.bus.topics import Encoding
@@ -331,5 +330,22 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
         Recorder(tmp_path / "nowhere" / "f.mcap", session="s", scene="")
 
 
-def test_logging_is_quiet_by_default() -> None:
-    assert logging.getLogger("zenoh").level <= logging.WARNING
+@pytest.mark.parametrize("step", [1, 7, 4096])
+def test_frames_come_out_of_a_pipe_however_it_is_cut(step: int) -> None:
+    sent = [
+        (FrameKind.BEGIN, "s", b"Yard"),
+        (FrameKind.MESSAGE, "state", bytes(5000)),
+        (FrameKind.ASSET, "a" * 40, b""),
+    ]
+    stream = b"".join(frame_head(kind, name, len(content), 3) + content for kind, name, content in sent)
+    stream += frame_head(FrameKind.MESSAGE, "delta", 100, 4) + b"half of it"
+    reading, writing = os.pipe()
+    reader = PipeReader(reading)
+    seen = []
+    for start in range(0, len(stream), step):
+        os.write(writing, stream[start : start + step])
+        seen += [frame[:3] for frame in reader.read(0.0)]
+    os.close(writing)
+    assert list(reader.read(1.0)) == []
+    assert seen == sent and reader.ended
+    os.close(reading)

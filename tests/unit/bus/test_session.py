@@ -299,6 +299,23 @@ async def test_the_host_comes_back_as_another_run(pair: Pair) -> None:
     await close(joined, again)
 
 
+async def test_another_session_in_the_hosts_place_is_not_taken_for_it(
+    pair: Pair, caplog: pytest.LogCaptureFixture
+) -> None:
+    host, joined = await pair.open()
+    links: list[bool] = []
+    joined.on_link(links.append)
+    await host.close()
+    await until(lambda: links == [False])
+    stranger = await Session.host(pair.listen(), name="beach", kind="simulation", epoch=4)
+    await until(lambda: "where session yard was, session beach runs now" in caplog.text)
+    await stranger.close()
+    again = await Session.host(pair.listen(), name="yard", kind="simulation", epoch=5)
+    await until(lambda: links == [False, True])
+    assert joined.epoch == 5
+    await close(joined, again)
+
+
 async def test_a_tap_sees_every_publication() -> None:
     host, joined = await Pair("loopback").open()
     seen: list[tuple[str, bytes]] = []

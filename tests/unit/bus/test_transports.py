@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from elys.bus.topics import Delivery
 from elys.bus.transports.loopback import LoopbackBroker, intersects
 from elys.bus.transports.transport import IncomingQuery, Transport
-from elys.bus.transports.zenoh import ZenohTransport
+from elys.bus.transports.zenoh import MAX_MESSAGE_SIZE, ZenohTransport
 from elys.common.errors import BusError, ConnectionLost
 
 PATIENCE = 20.0  # [s] far beyond what anything here takes; a failure, not a measure
@@ -323,6 +323,19 @@ def test_an_endpoint_that_is_none_is_refused(endpoint: str) -> None:
         ZenohTransport.listen(endpoint)
     with pytest.raises(BusError):
         ZenohTransport.connect(endpoint, timeout=0.2)
+
+
+def test_a_message_beyond_all_measure_costs_only_itself() -> None:
+    network = Network("zenoh")
+    host, client = network.host(), network.client()
+    inbox = Inbox()
+    host.subscribe("big", inbox)
+    settle(client, host)
+    client.publish("big", bytes(MAX_MESSAGE_SIZE + (1 << 20)), Delivery.SEQUENCED)
+    client.publish("big", b"small", Delivery.SEQUENCED)
+    assert inbox.next() == ("big", b"small")
+    client.close()
+    host.close()
 
 
 parts = st.sampled_from(["a", "b", "*"])

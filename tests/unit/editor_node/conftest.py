@@ -13,12 +13,14 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
+import simplejpeg
 
 from elys.bus import rigid_poses, topics
 from elys.bus.messages import commands as c
 from elys.bus.messages import scene as s
 from elys.bus.messages.session import SessionStatus
 from elys.bus.messages.state_frame import StateFrame
+from elys.bus.messages.views import PickReply, PickRequest, ViewFrame, ViewRequest
 from elys.bus.mirror import SceneMirror
 from elys.bus.session import Session
 from elys.bus.transports.loopback import LoopbackBroker
@@ -247,6 +249,59 @@ def yard_records(count: int = 6) -> list[EntityRecord]:
     return records
 
 
+class PictureSource:
+    """A render node that draws red above and blue below, and sees the same entity everywhere."""
+
+    def __init__(self, session: Session, *, entity: int, is_sharing: bool) -> None:
+        self.entity = entity
+        self.requests: list[ViewRequest] = []
+        self.picks: list[PickRequest] = []
+        self.sent: list[int] = []
+        self._is_sharing = is_sharing
+        self._session = session
+        session.subscribe(topics.VIEW_REQUEST, self._draw, key=session.node.id)
+        session.serve(topics.PICK, self._pick, key=session.node.id)
+
+    async def close(self) -> None:
+        await self._session.close()
+
+    def _draw(self, request: ViewRequest, _: str) -> None:
+        self.requests.append(request)
+        if request.newer_than_tick >= 0:
+            return  # nothing moves here
+        rows = np.zeros((request.height, request.width, 4), np.uint8)
+        rows[: request.height // 2] = (200, 60, 30, 0)
+        rows[request.height // 2 :] = (20, 60, 200, 0)
+        slot, jpeg = -1, b""
+        if self._is_sharing and request.ring is not None:
+            slot = request.sequence % request.ring.slot_count
+            with Path(f"/proc/{request.ring.process}/fd/{request.ring.descriptor}").open("r+b", buffering=0) as memory:
+                memory.seek(slot * request.ring.slot_size)
+                memory.write(rows[::-1].tobytes())
+        else:
+            jpeg = simplejpeg.encode_jpeg(rows, colorspace="RGBX", quality=95)
+        self.sent.append(request.sequence)
+        self._session.publish(
+            topics.VIEW_FRAME,
+            ViewFrame(
+                view=request.view,
+                sequence=request.sequence,
+                tick=0,
+                state_published_at=0,
+                camera=request.camera,
+                width=request.width,
+                height=request.height,
+                slot=slot,
+                jpeg=jpeg,
+            ),
+            key=request.view,
+        )
+
+    async def _pick(self, request: PickRequest, _: str) -> PickReply:
+        self.picks.append(request)
+        return PickReply(entity=self.entity)
+
+
 class Stage:
     """A host with a yard and an editor's model in the same session."""
 
@@ -263,6 +318,10 @@ class Stage:
         async with asyncio.timeout(5.0):
             while not condition():
                 await asyncio.sleep(0.001)
+
+    async def picture_source(self, *, entity: int, is_sharing: bool = True) -> PictureSource:
+        session = await Session.join(self.broker.connect(), kind="render")
+        return PictureSource(session, entity=entity, is_sharing=is_sharing)
 
     async def settle(self) -> None:
         """Until all edits are answered and echoed."""

@@ -11,7 +11,10 @@ from elys.common.scene import SceneSettings
 ACTIONS = st.lists(
     st.tuples(
         st.sampled_from(
-            "rename reparent place enable move turn mass add remove spawn duplicate delete settings undo redo".split()
+            (
+                *("rename", "reparent", "place", "enable", "move", "turn", "mass", "add", "remove", "spawn"),
+                *("duplicate", "delete", "settings", "undo", "redo"),
+            )
         ),
         st.integers(0, 1000),
         st.integers(0, 1000),

@@ -1,4 +1,4 @@
-"""Drives the real editor on GLFW's null platform, with no display server: events in at the top, the host's scene out at the end."""
+"""Drives the real editor on GLFW's null platform, with no display server: events in, the host's scene out."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 
 from elys.bus.session import Session
+from elys.editor_node.camera import project
 from elys.editor_node.events import (
     CharacterTyped,
     CursorEntered,
@@ -334,5 +335,83 @@ def test_an_idle_editor_draws_nothing(at_the_editor):
                     if application.frame_count == before:
                         return
         pytest.fail("frames are drawn though nothing happens")
+
+    at_the_editor(scenario)
+
+
+def test_the_gizmo_moves_what_is_selected_in_one_undo(at_the_editor, screenshot_directory):
+    async def scenario(person):
+        editor, host = person.editor, person.stage.host
+        crate = person.stage.named("Crate")
+        source = await person.stage.picture_source(entity=crate)
+        await person.until(lambda: editor.stream.shown is not None)
+        await person.click("hierarchy/Crate")
+        await person.press(Key.F)
+        await person.until(lambda: editor.stream.shown.camera == editor.panel.camera.view)
+        await person.frames(3)
+        # The arrow along x starts at the crate and points where x does in this picture.
+        x, y, width, height = editor.panel.rectangle
+        ends = [project(editor.stream.shown.camera, width / height, np.array(p)) for p in ((1, 2, 3), (1.5, 2, 3))]
+        pixels = [np.array((x + (1 + e[0]) / 2 * width, y + (1 - e[1]) / 2 * height)) for e in ends]
+        along = (pixels[1] - pixels[0]) / np.linalg.norm(pixels[1] - pixels[0])
+        start = pixels[0] + 55.0 * along
+        await person.do(MouseMoved(*start))
+        await person.frames(2)
+        assert editor.panel.gizmo.is_over
+        await person.do(MousePressed(MouseButton.LEFT))
+        for step in range(1, 9):
+            await person.do(MouseMoved(*(start + 10.0 * step * along)))
+        editor.screenshot(screenshot_directory / "editor-gizmo.png")
+        await person.do(MouseReleased(MouseButton.LEFT))
+        await editor.model.history.settle()
+        position = host.mirror.entities[crate].components["Transform"].position
+        assert position[0] > 1.2
+        assert position[1:] == pytest.approx((2.0, 3.0), abs=1e-5)
+        await person.press(Key.Z, CTRL)
+        await editor.model.history.settle()
+        assert host.mirror.entities[crate].components["Transform"].position == (1.0, 2.0, 3.0)
+        await source.close()
+
+    at_the_editor(scenario)
+
+
+def test_a_click_selects_what_the_renderer_sees_there(at_the_editor):
+    async def scenario(person):
+        editor = person.editor
+        sun = person.stage.named("Sun")
+        source = await person.stage.picture_source(entity=sun)
+        await person.until(lambda: editor.stream.shown is not None)
+        await person.click("viewport/picture")
+        await person.until(lambda: editor.model.selection.entities == (sun,))
+        left, top, width, height = editor.panel.rectangle
+        assert source.picks[-1].x == pytest.approx(source.picks[-1].width / 2, abs=2)
+        source.entity = 0
+        await person.do(MouseMoved(left + width / 4, top + height / 4))
+        await person.do(MousePressed(MouseButton.LEFT), MouseReleased(MouseButton.LEFT))
+        await person.until(lambda: not editor.model.selection)
+        await source.close()
+        await person.until(lambda: editor.stream.renderer is None)
+        assert editor.stream.lost_renderer
+
+    at_the_editor(scenario)
+
+
+def test_the_picture_shown_is_the_one_that_was_sent(at_the_editor, screenshot_directory):
+    async def scenario(person):
+        editor = person.editor
+        for is_sharing in (True, False):
+            source = await person.stage.picture_source(entity=0, is_sharing=is_sharing)
+            await person.until(
+                lambda s=source: editor.stream.shown is not None and editor.stream.shown.sequence in s.sent
+            )
+            await person.frames(2)
+            editor.screenshot(screenshot_directory / "editor-picture.png")
+            pixels = np.asarray(Image.open(screenshot_directory / "editor-picture.png"))
+            left, top, _, bottom = (int(edge) for edge in editor.ui.landmarks.rectangles["viewport/picture"])
+            upper, lower = (pixels[row, left + 40].astype(int) for row in (top + 30, bottom - 30))
+            assert upper == pytest.approx((200, 60, 30), abs=6)
+            assert lower == pytest.approx((20, 60, 200), abs=6)
+            await source.close()
+            await person.until(lambda: editor.stream.renderer is None)
 
     at_the_editor(scenario)

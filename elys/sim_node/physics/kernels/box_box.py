@@ -191,14 +191,6 @@ def meet_edges(a, b, axis, gap, found):
 
 
 @inner
-def write_corner(found, k, u, v, depth):
-    polygon = found.polygon
-    polygon[3 * k], polygon[3 * k + 1], polygon[3 * k + 2] = u, v, depth
-    found.edges[2 * k] = (k + 3) & 3
-    found.edges[2 * k + 1] = k
-
-
-@inner
 def clip_side(found, source, target, count, component, sign, limit, side):
     """Cuts a polygon at one side of the reference face; the two halves of `found.polygon` take turns.
 
@@ -326,29 +318,26 @@ def meet_faces(colliders, i, j, axis, margin, found):
     cu, cv, cn = dot(tx, ty, tz, ux, uy, uz), dot(tx, ty, tz, vx, vy, vz), dot(tx, ty, tz, nx, ny, nz) - hn
     eu, ev, en = dot(ex, ey, ez, ux, uy, uz), dot(ex, ey, ez, vx, vy, vz), dot(ex, ey, ez, nx, ny, nz)
     fu, fv, fn = dot(fx, fy, fz, ux, uy, uz), dot(fx, fy, fz, vx, vy, vz), dot(fx, fy, fz, nx, ny, nz)
-    write_corner(found, 0, cu + eu + fu, cv + ev + fv, cn + en + fn)
-    write_corner(found, 1, cu - eu + fu, cv - ev + fv, cn - en + fn)
-    write_corner(found, 2, cu - eu - fu, cv - ev - fv, cn - en - fn)
-    write_corner(found, 3, cu + eu - fu, cv + ev - fv, cn + en - fn)
-    count = 4
-    at = 0
-    ru = abs(eu) + abs(fu)
-    rv = abs(ev) + abs(fv)
-    if cu + ru > hu:
-        count = clip_side(found, at, 1 - at, count, 0, 1.0, hu, 4)
-        at = 1 - at
-    if ru - cu > hu:
-        count = clip_side(found, at, 1 - at, count, 0, -1.0, hu, 5)
-        at = 1 - at
-    if cv + rv > hv:
-        count = clip_side(found, at, 1 - at, count, 1, 1.0, hv, 6)
-        at = 1 - at
-    if rv - cv > hv:
-        count = clip_side(found, at, 1 - at, count, 1, -1.0, hv, 7)
-        at = 1 - at
-
     polygon = found.polygon
     edges = found.edges
+    for corner in range(4):
+        e = 1.0 if corner == 0 or corner == 3 else -1.0
+        f = 1.0 if corner < 2 else -1.0
+        polygon[3 * corner] = cu + e * eu + f * fu
+        polygon[3 * corner + 1] = cv + e * ev + f * fv
+        polygon[3 * corner + 2] = cn + e * en + f * fn
+        edges[2 * corner] = (corner + 3) & 3
+        edges[2 * corner + 1] = corner
+    count = 4
+    at = 0
+    for side in range(4):
+        component = side >> 1
+        sign = 1.0 - 2.0 * (side & 1)
+        middle, reach, limit = (cu, abs(eu) + abs(fu), hu) if component == 0 else (cv, abs(ev) + abs(fv), hv)
+        if sign * middle + reach > limit:
+            count = clip_side(found, at, 1 - at, count, component, sign, limit, 4 + side)
+            at = 1 - at
+
     point = found.point
     normal = found.normal
     first = 24 * at

@@ -89,23 +89,25 @@ def compress(a, b, row, row_points, first):
 
 
 @inner
-def strike(body, inverse_mass, px, py, pz, turn, at, spin, time):
-    """Changes a body's velocity as if it had been struck at a time within the substep.
+def strike(a, b, impulse, directions, at, turns, turns_at, time):
+    """Changes both velocities as if an impulse had acted at a time within the substep.
 
-    The linear impulse is given as a vector, the change of angular velocity as `spin` times three numbers of `turn`.
+    The impulse on b points along `directions[at]`, the change of angular velocity of a and b by a unit of it stands at
+    `turns[turns_at]`, three numbers each.
     """
-    v = body.velocity
-    free = body.free_velocity
-    shift = body.impact_shift
-    for c in range(3):
-        change = inverse_mass * (px if c == 0 else (py if c == 1 else pz))
-        v[c] += change
-        free[c] += change
-        shift[c] -= time * change
-        change = spin * turn[at + c]
-        v[3 + c] += change
-        free[3 + c] += change
-        shift[3 + c] -= time * change
+    for side in range(2):
+        body = a if side == 0 else b
+        push = -impulse if side == 0 else impulse
+        linear = push * body.inverse_mass
+        for c in range(3):
+            change = linear * directions[at + c]
+            body.velocity[c] += change
+            body.free_velocity[c] += change
+            body.impact_shift[c] -= time * change
+            change = push * turns[turns_at + 3 * side + c]
+            body.velocity[3 + c] += change
+            body.free_velocity[3 + c] += change
+            body.impact_shift[3 + c] -= time * change
 
 
 @inner
@@ -128,18 +130,14 @@ def rub(a, b, row, most, time):
         scale = most / math.sqrt(squared)
         f1 *= scale
         f2 *= scale
-    turn = row.friction_turn
-    for tangent in range(2):
-        f = f1 if tangent == 0 else f2
-        px, py, pz = f * t[3 * tangent], f * t[3 * tangent + 1], f * t[3 * tangent + 2]
-        strike(a, a.inverse_mass, -px, -py, -pz, turn, 6 * tangent, -f, time)
-        strike(b, b.inverse_mass, px, py, pz, turn, 6 * tangent + 3, f, time)
+    for direction in range(2):
+        impulse = f1 if direction == 0 else f2
+        strike(a, b, impulse, t, 3 * direction, row.friction_turn, 6 * direction, time)
 
 
 @inner
 def rebound(a, b, row, row_points, first):
     """Applies 1 + e times the compression impulses, and the friction that goes with them."""
-    n = row.normal
     load = 0.0
     moment = 0.0
     for k in range(first, first + row.point_count):
@@ -150,9 +148,7 @@ def rebound(a, b, row, row_points, first):
         load += impulse
         moment += impulse * point.bounce_time
         point.step_impulse += impulse
-        px, py, pz = impulse * n[0], impulse * n[1], impulse * n[2]
-        strike(a, a.inverse_mass, -px, -py, -pz, point.turn, 0, -impulse, point.bounce_time)
-        strike(b, b.inverse_mass, px, py, pz, point.turn, 3, impulse, point.bounce_time)
+        strike(a, b, impulse, row.normal, 0, point.turn, 0, point.bounce_time)
     if load > 0.0 and row.friction > 0.0:
         rub(a, b, row, row.friction * load, moment / load)
 

@@ -48,8 +48,11 @@ def prepare_points(row, row_points, first, manifold, points, source, body_a, bod
         arm = out.arm
         ra = point.anchor_a
         rb = point.anchor_b
-        response = mass + write_arm(arm, out.turn, 0, body_a.world_inverse_inertia, ra[0], ra[1], ra[2], nx, ny, nz)
-        response += write_arm(arm, out.turn, 3, body_b.world_inverse_inertia, rb[0], rb[1], rb[2], nx, ny, nz)
+        response = mass
+        for side in range(2):
+            r = ra if side == 0 else rb
+            inertia = body_a.world_inverse_inertia if side == 0 else body_b.world_inverse_inertia
+            response += write_arm(arm, out.turn, 3 * side, inertia, r[0], r[1], r[2], nx, ny, nz)
         gap = point.made_separation + opened
         gap += bx * arm[3] + by * arm[4] + bz * arm[5] - ax * arm[0] - ay * arm[1] - az * arm[2]
         out.separation = gap
@@ -98,16 +101,20 @@ def prepare_friction(row, manifold, body_a, body_b, cx, cy, cz, dx, dy, dz):
     turn = row.friction_turn
     ia = body_a.world_inverse_inertia
     ib = body_b.world_inverse_inertia
-    k11 = k22 = body_a.inverse_mass + body_b.inverse_mass
-    k11 += write_arm(arm, turn, 0, ia, cx, cy, cz, t[0], t[1], t[2])
-    k11 += write_arm(arm, turn, 3, ib, dx, dy, dz, t[0], t[1], t[2])
-    k22 += write_arm(arm, turn, 6, ia, cx, cy, cz, t[3], t[4], t[5])
-    k22 += write_arm(arm, turn, 9, ib, dx, dy, dz, t[3], t[4], t[5])
+    mass = row.friction_mass
+    for direction in range(2):
+        at = 3 * direction
+        x, y, z = t[at], t[at + 1], t[at + 2]
+        response = body_a.inverse_mass + body_b.inverse_mass
+        response += write_arm(arm, turn, 2 * at, ia, cx, cy, cz, x, y, z)
+        response += write_arm(arm, turn, 2 * at + 3, ib, dx, dy, dz, x, y, z)
+        mass[2 * direction] = response
+    k11 = mass[0]
+    k22 = mass[2]
     k12 = 0.0
     for c in range(6):
         k12 += arm[c] * turn[6 + c]
     inverse = inverse_or_zero(k11 * k22 - k12 * k12)
-    mass = row.friction_mass
     mass[0], mass[1], mass[2] = k22 * inverse, -k12 * inverse, k11 * inverse
     twist = row.twist_turn
     response = 0.0

@@ -206,7 +206,10 @@ def store_impulses(bodies, manifolds, points, rows, row_points, row_count):
 
 @kernel
 def solve_contacts(bodies, manifolds, points, rows, row_points, row_count, all_constants):
-    """All substeps of a step: velocities and displacements of the bodies, impulses of the contacts."""
+    """All substeps of a step: velocities and displacements of the bodies, impulses of the contacts.
+
+    The two solves stand in a loop because a call with True and one with False would be compiled twice.
+    """
     constants = all_constants[0]
     begin_step(bodies)
     for substep in range(constants.substeps):
@@ -215,8 +218,9 @@ def solve_contacts(bodies, manifolds, points, rows, row_points, row_count, all_c
         integrate_velocities(bodies, constants)
         if substep == 0:
             warm_start(bodies, rows, row_points, row_count)
-        solve_rows(bodies, rows, row_points, row_count, constants, True)
-        integrate_positions(bodies, constants)
-        solve_rows(bodies, rows, row_points, row_count, constants, False)
+        for phase in range(2):
+            solve_rows(bodies, rows, row_points, row_count, constants, phase == 0)
+            if phase == 0:
+                integrate_positions(bodies, constants)
         take_back(bodies, constants)
     store_impulses(bodies, manifolds, points, rows, row_points, row_count)

@@ -1,0 +1,107 @@
+"""Meshes and images that arrive late, broken or never."""
+
+from __future__ import annotations
+
+import io
+import threading
+
+import numpy as np
+import pytest
+import simplejpeg
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
+from elys.common.assets import AssetStore, encode_mesh, primitive
+from elys.common.components import Material, MeshRenderer, Transform
+from elys.common.errors import AssetError
+from elys.render_node.camera import framing_camera
+from elys.render_node.drawable_assets import UNKNOWN_SPHERE, DrawableAssets
+from elys.render_node.images import decode_image
+
+RED = np.full((4, 6, 3), (250, 10, 10), np.uint8)
+
+
+def test_a_mesh_is_asked_for_once_and_comes() -> None:
+    store = AssetStore()
+    name = store.put(encode_mesh(primitive("cone")), kind="mesh")
+    release, asked, ready = threading.Event(), [], threading.Event()
+
+    def fetch(reference: str) -> bytes:
+        asked.append(reference)
+        release.wait(20)
+        return store.get(reference)
+
+    assets = DrawableAssets(fetch, on_ready=ready.set)
+    assert assets.mesh(name) is None
+    assert assets.mesh(name) is None
+    assert assets.bounds_of(name) == UNKNOWN_SPHERE
+    release.set()
+    assert ready.wait(20)
+    assets.settle()
+    mesh = assets.mesh(name)
+    assert mesh is not None
+    np.testing.assert_array_equal(mesh.positions, primitive("cone").positions)
+    assert assets.bounds_of(name)[3] < 1.0
+    assert asked == [name]
+    assert assets.version == 1
+    assets.close()
+
+
+def test_what_cannot_be_had_is_remembered_with_its_reason() -> None:
+    store = AssetStore()
+    garbage = store.put(b"no mesh at all", kind="mesh")
+    assets = DrawableAssets(store.get)
+    for name in (garbage, "blake2b:" + "0" * 32, "nonsense"):
+        assert assets.mesh(name) is None
+    assets.settle()
+    assert set(assets.failed) == {garbage, "blake2b:" + "0" * 32, "nonsense"}
+    assert "not a mesh" in assets.failed[garbage]
+    assets.retry_failed()
+    assert not assets.failed
+    assets.close()
+
+
+@pytest.mark.gl
+def test_missing_things_are_drawn_around_and_failures_are_marked(stage, renderer) -> None:
+    stage.add(Transform(), MeshRenderer(mesh="blake2b:" + "1" * 32))
+    stage.add(Transform(position=(2.0, 0.0, 0.0)), MeshRenderer(), Material(base_color_texture="blake2b:" + "2" * 32))
+    world = stage.world()
+    camera = framing_camera((-1, -1, -1), (3, 1, 1), aspect=2.0, direction=(0, 0, -1))
+    renderer.draw(world, camera, 60, 30)
+    renderer.settle(world)
+    world.place()
+    picture = renderer.read_pixels(renderer.draw(world, camera, 60, 30))
+    magenta = (picture[..., 0] > 150) & (picture[..., 1] < 60)
+    assert magenta.sum() > 20
+    assert renderer.pick(world, camera, 60, 30, 15, 15)[0] == 1
+
+
+@pytest.mark.parametrize("kind", ["PNG", "JPEG", "WEBP", "BMP"])
+def test_images_are_decoded_upright(kind: str) -> None:
+    pixels = RED.copy()
+    pixels[2:] = (10, 10, 250)
+    data = io.BytesIO()
+    Image.fromarray(np.repeat(np.repeat(pixels, 8, 0), 8, 1)).save(data, format=kind)
+    decoded = decode_image(data.getvalue())
+    assert decoded.shape == (32, 48, 4)
+    assert decoded[4, 4, 0] > 200
+    assert decoded[28, 4, 2] > 200
+
+
+@given(st.binary(max_size=300), st.integers(0, 400))
+def test_damaged_images_are_one_sentence(noise: bytes, cut: int) -> None:
+    whole = simplejpeg.encode_jpeg(np.ascontiguousarray(RED), colorspace="RGB")
+    png = io.BytesIO()
+    Image.fromarray(RED).save(png, format="PNG")
+    for data in (
+        noise,
+        b"\x89PNG\r\n\x1a\n" + noise,
+        b"\xff\xd8\xff" + noise,
+        whole[: cut % 100],
+        png.getvalue()[: cut % 60],
+    ):
+        try:
+            assert decode_image(data).shape[2] == 4  # decoders make something of files whose end alone is missing
+        except AssetError as error:
+            assert "\n" not in str(error)
