@@ -17,8 +17,9 @@ from elys.editor_node.events import Event
 from elys.editor_node.window import Window
 
 FRAME_INTERVAL: Final = 1 / 60  # [s] shortest time between two frames
-POLL_INTERVAL: Final = 1 / 60  # [s] between two looks at the window's events
-POLL_INTERVAL_UNFOCUSED: Final = 1 / 20  # [s]
+POLL_INTERVAL: Final = 1 / 60  # [s] between two looks at the window's events while something goes on
+POLL_INTERVAL_IDLE: Final = 1 / 30  # [s] the same when nobody has touched anything for a while
+POLL_INTERVAL_UNFOCUSED: Final = 1 / 15  # [s] the same while another window has the keyboard
 AWAKE_AFTER_INPUT: Final = 0.6  # [s] of frames after an input: hover delays and tooltips come late
 
 
@@ -112,13 +113,17 @@ class Application:
                 self.request_redraw()
         return self._closing
 
+    def _poll_interval(self, now: float) -> float:
+        if now < self._awake_until:
+            return POLL_INTERVAL
+        return POLL_INTERVAL_IDLE if self.window.is_focused else POLL_INTERVAL_UNFOCUSED
+
     async def _wait(self, *, within: float | None = None) -> None:
         """Until a frame may be due, or the window may have something to say."""
         now = self._clock()
         if within is None:
-            poll = POLL_INTERVAL if self.window.is_focused else POLL_INTERVAL_UNFOCUSED
             due = max(self._redraw_at, self._last_frame + FRAME_INTERVAL)
-            within = max(0.0, min(due - now, poll))
+            within = max(0.0, min(due - now, self._poll_interval(now)))
         self._wake.clear()
         if within == 0.0:
             await asyncio.sleep(0)

@@ -6,7 +6,7 @@ import logging
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from typing import Any, Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,18 @@ from elys.common.errors import AssetError, ElysError
 from elys.render_node.images import decode_image
 
 THREAD_COUNT: Final = 2  # decoding scales to two (measured), and fetching mostly waits
-UNKNOWN_SPHERE: Final = (0.0, 0.0, 0.0, 1e3)  # centre and radius of what is not here yet: culled never
+
+
+class Extent(NamedTuple):
+    """Where a mesh is in its own space [m]: the corners of a box, and the radius of a sphere around the box' middle."""
+
+    lower: tuple[float, float, float]
+    upper: tuple[float, float, float]
+    radius: float
+
+
+# Of what is not here yet: never culled for being too small, and no reason to look elsewhere.
+UNKNOWN_EXTENT: Final = Extent((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1e3)
 _log = logging.getLogger(__name__)
 
 
@@ -33,7 +44,7 @@ class DrawableAssets:
         self._on_ready = on_ready
         self._lock = threading.Lock()
         self._meshes: dict[str, Mesh] = {}
-        self._spheres: dict[str, tuple[float, float, float, float]] = {}
+        self._extents: dict[str, Extent] = {}
         self._images: dict[str, NDArray[np.uint8]] = {}
         self._pending: dict[str, Future[None]] = {}
         self._pool: ThreadPoolExecutor | None = None
@@ -58,14 +69,14 @@ class DrawableAssets:
             self._ask(reference, self._take_image)
         return pixels
 
-    def bounds_of(self, name: str) -> tuple[float, float, float, float]:
-        """Centre and radius [m] of a sphere around a mesh."""
-        if name not in self._spheres:
+    def extent_of(self, name: str) -> Extent:
+        """How large a mesh is."""
+        if name not in self._extents:
             mesh = self.mesh(name)
             if mesh is None:
-                return UNKNOWN_SPHERE
-            self._spheres[name] = _bounding_sphere(mesh)
-        return self._spheres[name]
+                return UNKNOWN_EXTENT
+            self._extents[name] = _extent(mesh)
+        return self._extents[name]
 
     @property
     def pending_count(self) -> int:
@@ -131,10 +142,9 @@ class DrawableAssets:
             self.version += 1
 
 
-def _bounding_sphere(mesh: Mesh) -> tuple[float, float, float, float]:
+def _extent(mesh: Mesh) -> Extent:
     if not mesh.vertex_count:
-        return (0.0, 0.0, 0.0, 0.0)
-    lower, upper = mesh.bounds
-    centre: NDArray[Any] = (lower.astype(np.float64) + upper) / 2
-    radius = float(np.sqrt(((mesh.positions - centre) ** 2).sum(axis=1).max()))
-    return (float(centre[0]), float(centre[1]), float(centre[2]), radius)
+        return Extent((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)
+    lower, upper = (corner.astype(np.float64) for corner in mesh.bounds)
+    radius = np.sqrt(((mesh.positions - (lower + upper) / 2) ** 2).sum(axis=1).max())
+    return Extent(tuple(lower.tolist()), tuple(upper.tolist()), float(radius))

@@ -19,9 +19,10 @@ from elys.bus.messages.state_frame import StateFrame
 from elys.bus.messages.views import ViewCamera
 from elys.common.components import Camera, Light, Material
 from elys.common.math import quaternion
+from elys.common.math.aabb import transform_bounds
 from elys.common.scene import SceneSettings
 from elys.render_node.camera import framing_camera
-from elys.render_node.drawable_assets import DrawableAssets
+from elys.render_node.drawable_assets import UNKNOWN_EXTENT, DrawableAssets
 from elys.render_node.placement import Placement
 from elys.render_node.scene_tables import Rows, SceneReader, SceneTables, tables_of
 from elys.render_node.timeline import Timeline
@@ -211,13 +212,13 @@ class RenderWorld:
 
     def bounds(self, rows: Rows | None = None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Corners (3,) of a box around instances, all by default, but without what dwarfs the others, as a floor does."""
-        chosen = np.arange(self.instance_count) if rows is None else rows
+        chosen = np.flatnonzero(self._is_measured) if rows is None else rows[self._is_measured[rows]]
         if not len(chosen):
             return np.full(3, np.inf), np.full(3, -np.inf)
-        radius = self.radius[chosen].astype(np.float64)
-        fitting = chosen[without_giants(self.centre[chosen], radius)]
-        reach = self.radius[fitting, None]
-        return (self.centre[fitting] - reach).min(axis=0), (self.centre[fitting] + reach).max(axis=0)
+        fitting = chosen[without_giants(self.centre[chosen], self.radius[chosen].astype(np.float64))]
+        world_from_local = np.append(self.linear[fitting], self.position[fitting, :, None], axis=2)
+        lower, upper = transform_bounds(world_from_local, self._lower[fitting], self._upper[fitting])
+        return np.asarray(lower.min(axis=0), np.float64), np.asarray(upper.max(axis=0), np.float64)
 
     # --- inside ----------------------------------------------------------------------------------------------------
 
@@ -269,17 +270,20 @@ class RenderWorld:
         self.casts = np.array([tables.meshes[row].cast_shadows for row in rows], np.bool_)
 
     def _measure_instances(self) -> None:
-        bounds = [self.assets.bounds_of(batch.mesh) for batch in self.batches]
-        spheres = np.array(bounds, np.float32).reshape(-1, 4)[self.batch_of]
-        self._local_centre = spheres[:, :3]
+        extents = [self.assets.extent_of(batch.mesh) for batch in self.batches]
+        of_batch = self.batch_of
+        self._lower = np.array([extent.lower for extent in extents], np.float32).reshape(-1, 3)[of_batch]
+        self._upper = np.array([extent.upper for extent in extents], np.float32).reshape(-1, 3)[of_batch]
+        self._is_measured = np.array([extent is not UNKNOWN_EXTENT for extent in extents], np.bool_)[of_batch]
+        radius = np.array([extent.radius for extent in extents], np.float32)[of_batch]
         linear = self._tables.world_from_local[self._rows, :, :3]
         gram = np.einsum("nki,nkj->nij", linear, linear)
         # A scale alone leaves the Gram matrix diagonal; with shear its row sums bound the largest eigenvalue (Gershgorin).
         stretch = np.sqrt(np.abs(gram).sum(axis=2).max(axis=1, initial=0.0))
-        self.radius = (spheres[:, 3] * stretch).astype(np.float32)
+        self.radius = (radius * stretch).astype(np.float32)
 
     def _centre(self) -> None:
-        offset = np.einsum("nij,nj->ni", self.linear, self._local_centre)
+        offset = np.einsum("nij,nj->ni", self.linear, (self._lower + self._upper) / 2)
         self.centre = self.position + offset
 
     def _placed_light(self, light: Light, item: int) -> PlacedLight:

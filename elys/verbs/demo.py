@@ -9,7 +9,7 @@ from typing import Final
 from elys.common.errors import DisplayError
 
 SAMPLE: Final = "yard"
-STEP_COUNT: Final = 360  # 6 s, in which everything falls and most of it comes to rest
+STEP_COUNT: Final = 300  # 5 s, in which everything falls and most of it comes to rest
 PICTURE_TIME: Final = 4.0  # [s]
 VIDEO_SIZE: Final = "640x360"
 
@@ -67,7 +67,7 @@ def _demo_files(directory: Path) -> None:
         json=False,
     )
     render(str(recording), picture, size="1280x720", time=PICTURE_TIME, duration=0.0, fps=30.0)
-    render(str(recording), video, size=VIDEO_SIZE, time=0.0, duration=0.0, fps=30.0)
+    render(str(recording), video, size=VIDEO_SIZE, time=0.0, duration=0.0, fps=24.0)
     print(
         f"\nLook at {picture} and {video}. Then try:\n"
         f"  elys info {recording}                        what a recording holds\n"

@@ -14,7 +14,8 @@ from mcap.reader import make_reader
 
 from elys.bus import codec, topics
 from elys.bus.messages.session import LogLine
-from elys.bus.messages.state_frame import pack_frame
+from elys.bus.messages.state_frame import HEADER, pack_frame
+from elys.bus.mirror import SceneMirror
 from elys.bus.recorder import record_pipe, record_session
 from elys.bus.recording import Recording
 from elys.bus.recording_pipe import FRAME_HEAD, FrameKind, PipeReader, frame_head
@@ -22,7 +23,7 @@ from elys.bus.session import Session
 from elys.bus.tap import RecordingTap
 from elys.bus.topics import Encoding
 from elys.bus.transports.loopback import LoopbackBroker
-from elys.bus.transports.mcap import recorded_channels
+from elys.bus.transports.mcap import McapWriter, recorded_channels
 from elys.bus.transports.mcap_reading import McapReader
 from elys.common.errors import RecordingError
 
@@ -349,3 +350,49 @@ def test_frames_come_out_of_a_pipe_however_it_is_cut(step: int) -> None:
     assert list(reader.read(1.0)) == []
     assert seen == sent and reader.ended
     os.close(reading)
+
+
+def write_run(writer: McapWriter, *, epoch: int, ticks: int) -> None:
+    mirror = SceneMirror()
+    mirror.epoch, mirror.sequence = epoch, 0
+    writer.write("snapshot", codec.encode_body(mirror.to_snapshot(), Encoding.JSON), log_time=1)
+    for tick in range(1, ticks + 1):
+        header = HEADER.pack(epoch, tick, tick / 60, 0, 0, 0, 0, 1)
+        writer.write("state", header, log_time=tick)
+
+
+def test_of_several_runs_the_longest_is_the_timeline(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path = tmp_path / "f.mcap"
+    writer = McapWriter(path, session="s")
+    for epoch, ticks in ((1, 5), (2, 20), (3, 10)):
+        write_run(writer, epoch=epoch, ticks=ticks)
+    writer.close()
+    with Recording(path) as recording:
+        assert recording.tick.tolist() == list(range(1, 21))
+        assert recording.mirror_at(19).epoch == 2
+        assert list(recording.messages_of(19, 19)) == []
+    assert "holds 3 runs" in caplog.text
+
+
+def test_a_recording_without_scene_or_frames_says_which(tmp_path: Path) -> None:
+    path = tmp_path / "f.mcap"
+    writer = McapWriter(path, session="s")
+    writer.write("log", b"{}", log_time=1)
+    writer.close()
+    with pytest.raises(RecordingError, match="holds no state frame"):
+        Recording(path)
+    writer = McapWriter(path, session="s")
+    writer.write("state", HEADER.pack(1, 1, 0.0, 0, 0, 0, 0, 1), log_time=1)
+    writer.close()
+    with pytest.raises(RecordingError, match="holds no scene"):
+        Recording(path)
+
+
+def test_a_recording_of_another_version_names_both(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "f.mcap"
+    monkeypatch.setattr("elys.bus.transports.mcap.PROTOCOL_VERSION", 99)
+    writer = McapWriter(path, session="s")
+    write_run(writer, epoch=1, ticks=2)
+    writer.close()
+    with pytest.raises(RecordingError, match="protocol version 99; this one reads version"):
+        Recording(path)

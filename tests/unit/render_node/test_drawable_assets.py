@@ -16,7 +16,7 @@ from elys.common.assets import AssetStore, encode_mesh, primitive
 from elys.common.components import Material, MeshRenderer, Transform
 from elys.common.errors import AssetError
 from elys.render_node.camera import framing_camera
-from elys.render_node.drawable_assets import UNKNOWN_SPHERE, DrawableAssets
+from elys.render_node.drawable_assets import UNKNOWN_EXTENT, DrawableAssets
 from elys.render_node.images import decode_image
 
 RED = np.full((4, 6, 3), (250, 10, 10), np.uint8)
@@ -35,14 +35,14 @@ def test_a_mesh_is_asked_for_once_and_comes() -> None:
     assets = DrawableAssets(fetch, on_ready=ready.set)
     assert assets.mesh(name) is None
     assert assets.mesh(name) is None
-    assert assets.bounds_of(name) == UNKNOWN_SPHERE
+    assert assets.extent_of(name) is UNKNOWN_EXTENT
     release.set()
     assert ready.wait(20)
     assets.settle()
     mesh = assets.mesh(name)
     assert mesh is not None
     np.testing.assert_array_equal(mesh.positions, primitive("cone").positions)
-    assert assets.bounds_of(name)[3] < 1.0
+    assert assets.extent_of(name).upper == pytest.approx((0.5, 0.5, 0.5))
     assert asked == [name]
     assert assets.version == 1
     assets.close()

@@ -26,7 +26,7 @@ def mirror() -> SceneMirror:
     """A glowing ball and a sun."""
     made = SceneMirror()
     ball = (Transform(), MeshRenderer(mesh="sphere"), Material(base_color=(0.0, 0.0, 0.0), emissive=(0.8, 0.0, 0.0)))
-    floor = (Transform(position=(0.0, -1.0, 0.0), scale=(8.0, 0.1, 8.0)), MeshRenderer())
+    floor = (Transform(position=(0.0, -1.0, 0.0), scale=(2.0, 0.1, 2.0)), MeshRenderer())
     sun = (Transform(rotation=tuple(look_rotation((-1, -2, -1)).tolist())), Light())
     changes = tuple(
         Spawned(

@@ -321,11 +321,11 @@ def meet_faces(colliders, i, j, axis, margin, found):
     polygon = found.polygon
     edges = found.edges
     for corner in range(4):
-        e = 1.0 if corner == 0 or corner == 3 else -1.0
-        f = 1.0 if corner < 2 else -1.0
-        polygon[3 * corner] = cu + e * eu + f * fu
-        polygon[3 * corner + 1] = cv + e * ev + f * fv
-        polygon[3 * corner + 2] = cn + e * en + f * fn
+        along_e = 1.0 if corner == 0 or corner == 3 else -1.0
+        along_f = 1.0 if corner < 2 else -1.0
+        polygon[3 * corner] = cu + along_e * eu + along_f * fu
+        polygon[3 * corner + 1] = cv + along_e * ev + along_f * fv
+        polygon[3 * corner + 2] = cn + along_e * en + along_f * fn
         edges[2 * corner] = (corner + 3) & 3
         edges[2 * corner + 1] = corner
     count = 4

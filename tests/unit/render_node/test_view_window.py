@@ -1,0 +1,153 @@
+"""The viewer's window on GLFW's null platform, each in a process of its own: a window's context stays current on its thread."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+PRELUDE = """
+import asyncio, sys, time
+import glfw
+from elys.bus import topics
+from elys.bus.messages.commands import CommandReply
+from elys.bus.messages.scene import SceneDelta, Spawned
+from elys.bus.mirror import SceneMirror
+from elys.bus.session import Session
+from elys.bus.transports.loopback import LoopbackBroker
+from elys.common.components import MeshRenderer, Transform, values_of
+from elys.common.errors import DisplayError
+from elys.render_node import view_window
+from elys.render_node.window import Dragged, KeyPressed, Scrolled, Window, probe_display
+
+async def open_session():
+    broker = LoopbackBroker()
+    host = await Session.host(broker.listen(), name="play", kind="simulation", epoch=1)
+    mirror = SceneMirror()
+    mirror.epoch = 1
+    components = {type(c).__name__: values_of(c) for c in (Transform(), MeshRenderer())}
+    box = Spawned(entity=1, name="Box", parent=0, enabled=True, components=components)
+    mirror.apply_delta(SceneDelta(epoch=1, sequence=0, tick=3, changes=(box,)))
+    async def snapshot(request, key):
+        return mirror.to_snapshot()
+    host.serve(topics.SNAPSHOT, snapshot)
+    return host, await Session.join(broker.connect(), kind="tool")
+"""
+
+
+def in_process(script: str, **environment: str) -> str:
+    """What a script prints; fails with what it said if it fails."""
+    done = subprocess.run(
+        [sys.executable, "-c", PRELUDE + script],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+        env={**os.environ, **environment},
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout.strip()
+
+
+@pytest.mark.gl
+def test_a_window_shows_frames_and_ends() -> None:
+    script = """
+async def main():
+    host, session = await open_session()
+    await view_window.run_view(session, frames=5, null_platform=True)
+    await session.close(); await host.close()
+    print("done")
+asyncio.run(main())
+"""
+    assert in_process(script) == "done"
+
+
+@pytest.mark.gl
+def test_hand_keys_and_title() -> None:
+    script = """
+made = []
+class Watched(view_window._Viewer):
+    def __init__(self, *arguments):
+        super().__init__(*arguments)
+        made.append(self)
+view_window._Viewer = Watched
+
+async def main():
+    host, session = await open_session()
+    asked = []
+    async def command(request, key):
+        asked.append(request.command.playing)
+        return CommandReply(accepted=True, tick=1)
+    host.serve(topics.COMMAND, command)
+    task = asyncio.create_task(view_window.run_view(session, null_platform=True))
+    while not made or made[0]._drawn is None:
+        await asyncio.sleep(0)
+    viewer = made[0]
+    before = viewer._camera(1.5)
+    viewer._window.on_event(Dragged(glfw.MOUSE_BUTTON_LEFT, 0.1, 0.0, alt=False, shift=False))
+    turned = viewer._camera(1.5)
+    assert turned.position != before.position
+    viewer._window.on_event(Scrolled(3.0))
+    assert viewer._camera(1.5).position != turned.position
+    viewer._window.on_event(KeyPressed(glfw.KEY_SPACE))
+    while not asked:
+        await asyncio.sleep(0)
+    assert asked == [False]
+    assert "tick 3" in viewer.title(), viewer.title()
+    await host.close()
+    while session.connected:
+        await asyncio.sleep(0)
+    assert view_window.LOST in viewer.title(), viewer.title()
+    viewer._window.on_event(KeyPressed(glfw.KEY_ESCAPE))
+    await asyncio.wait_for(task, 20)
+    await session.close()
+    print("done")
+asyncio.run(main())
+"""
+    assert in_process(script) == "done"
+
+
+@pytest.mark.gl
+def test_the_window_shows_the_same_picture_as_a_framebuffer() -> None:
+    script = """
+import numpy as np
+from elys.bus.messages.views import ViewCamera
+from elys.render_node.gpu import Framebuffer, window_context
+from elys.render_node.quality import FAST, FULL
+from elys.render_node.render_world import RenderWorld
+from elys.render_node.renderer import Renderer
+from elys.render_node.scene_tables import tables_of
+window = Window("test", (96, 64), null_platform=True)
+context = window_context()
+world = RenderWorld()
+world.set_scene(tables_of([1], [0], [{"MeshRenderer": MeshRenderer()}]))
+camera = ViewCamera(position=(0.5, 0.7, 3.0), rotation=(0.0, 0.0, 0.0, 1.0))
+for quality in (FAST, FULL):
+    renderer = Renderer(context, quality=quality)
+    apart = renderer.read_pixels(renderer.draw(world, camera, 96, 64))
+    shown = Framebuffer.of_window(context, 96, 64)
+    renderer.draw(world, camera, 96, 64, target=shown)
+    assert (renderer.read_pixels(shown)[..., :3] == apart[..., :3]).all()
+    assert apart[..., :3].std() > 10
+window.close()
+print("done")
+"""
+    assert in_process(script) == "done"
+
+
+def test_without_a_display_the_remedy_is_named() -> None:
+    script = """
+try:
+    probe_display()
+except DisplayError as error:
+    print(error)
+"""
+    said = in_process(script, DISPLAY="", WAYLAND_DISPLAY="", ELYS_NULL_PLATFORM="")
+    assert "no display" in said
+    assert "elys render" in said
+
+
+def test_the_null_platform_is_a_display_by_request() -> None:
+    assert "null platform" in in_process("print(probe_display())", ELYS_NULL_PLATFORM="1")

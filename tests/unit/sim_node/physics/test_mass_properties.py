@@ -1,0 +1,87 @@
+"""Mass properties against sums over many small cubes, and against closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from elys.sim_node.physics.kernels.tables import BOX, SPHERE
+from elys.sim_node.physics.mass_properties import Shapes, mass_properties
+from elys.sim_node.physics.rotations import matrices, quaternions
+
+
+def shapes_of(*entries):
+    kinds, halves, positions, rotations = zip(*entries, strict=True)
+    return Shapes(np.zeros(len(kinds), int), np.array(kinds), np.array(halves), np.array(positions), np.array(rotations))
+
+
+def tensor_of(properties):
+    turn = matrices(properties.axes)[0]
+    return turn @ np.diag(properties.inertia[0]) @ turn.T
+
+
+def sampled(entries, count=60):
+    """Centre and tensor per kilogram from a grid of points in every shape."""
+    points, weights = [], []
+    steps = (np.arange(count) + 0.5) / count * 2.0 - 1.0
+    grid = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), -1).reshape(-1, 3)
+    for kind, half, position, rotation in entries:
+        inside = grid[(grid**2).sum(1) <= 1.0] if kind == SPHERE else grid
+        points.append(Rotation.from_quat(rotation).apply(inside * half) + position)
+        weights.append(np.full(len(inside), np.prod(half)))
+    points, weights = np.concatenate(points), np.concatenate(weights)
+    weights /= weights.sum()
+    center = weights @ points
+    away = points - center
+    squared = (away**2).sum(1)
+    return center, (weights * squared).sum() * np.eye(3) - np.einsum("n,ni,nj->ij", weights, away, away)
+
+
+def test_a_box_and_a_ball_have_the_textbook_tensors():
+    one = mass_properties(shapes_of((BOX, [1.0, 2.0, 3.0], [0, 0, 0], [0, 0, 0, 1])), 1)
+    np.testing.assert_allclose(one.inertia[0], [(16 + 36) / 12, (4 + 36) / 12, (4 + 16) / 12])
+    one = mass_properties(shapes_of((SPHERE, [0.5] * 3, [1, 0, 0], [0, 0, 0, 1])), 1)
+    np.testing.assert_allclose(one.inertia[0], 0.4 * 0.25)
+    np.testing.assert_allclose(one.center[0], [1, 0, 0])
+
+
+def test_a_turned_box_is_turned_exactly():
+    rotation = Rotation.from_euler("xyz", [0.3, -1.1, 2.0]).as_quat()
+    one = mass_properties(shapes_of((BOX, [1.0, 2.0, 3.0], [0, 0, 0], rotation)), 1)
+    np.testing.assert_array_equal(one.axes[0], rotation)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_compound_equals_the_sum_of_its_parts(seed):
+    rng = np.random.default_rng(seed)
+    entries = []
+    for kind in rng.integers(0, 2, 3):
+        half = np.full(3, rng.uniform(0.2, 1.0)) if kind == SPHERE else rng.uniform(0.2, 1.0, 3)
+        entries.append((kind, half, rng.uniform(-2, 2, 3), Rotation.random(random_state=rng).as_quat()))
+    center, tensor = sampled(entries)
+    properties = mass_properties(shapes_of(*entries), 1)
+    np.testing.assert_allclose(properties.center[0], center, atol=2e-3)
+    np.testing.assert_allclose(tensor_of(properties), tensor, atol=3e-3 * np.trace(tensor))
+    assert (properties.inertia[0] <= properties.inertia[0].sum() - properties.inertia[0] + 1e-12).all()
+
+
+def test_bodies_do_not_mix_and_one_without_shape_still_turns():
+    shapes = Shapes(
+        np.array([0, 2, 2]),
+        np.array([BOX, BOX, BOX]),
+        np.full((3, 3), 0.5),
+        np.array([[0.0, 0, 0], [-1, 0, 0], [1, 0, 0]]),
+        np.tile([0.0, 0, 0, 1], (3, 1)),
+    )
+    properties = mass_properties(shapes, 3)
+    np.testing.assert_allclose(properties.inertia[0], 1 / 6)
+    np.testing.assert_allclose(properties.inertia[1], 0.4 * 0.25)
+    np.testing.assert_allclose(properties.inertia[2], [1 / 6, 1 / 6 + 1, 1 / 6 + 1])
+
+
+def test_quaternions_read_any_rotation_matrix():
+    turns = Rotation.random(200, random_state=1)
+    found = quaternions(turns.as_matrix())
+    expected = turns.as_quat(canonical=True)
+    np.testing.assert_allclose(abs((found * expected).sum(1)), 1.0, atol=1e-12)
