@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import Any, Final
 
@@ -137,12 +138,14 @@ def _names(recording: Recording, positions: list[int], entities: NDArray[Any]) -
 
 
 def _channels(recording: Recording, duration: float) -> tuple[ChannelInfo, ...]:
-    sizes: dict[str, int] = {}
+    sizes: Counter[str] = Counter()
+    within: Counter[str] = Counter()
     for message in recording.reader.messages():
-        sizes[message.channel] = sizes.get(message.channel, 0) + len(message.body)
+        sizes[message.channel] += len(message.body)
+        within[message.channel] += recording.is_within(message)
     counts = recording.reader.message_counts()
     return tuple(
-        ChannelInfo(name=name, count=count, bytes=sizes.get(name, 0), rate=count / duration if duration > 0.0 else 0.0)
+        ChannelInfo(name=name, count=count, bytes=sizes[name], rate=within[name] / duration if duration > 0.0 else 0.0)
         for name, count in counts.items()
     )
 

@@ -108,6 +108,10 @@ class Recording:
         except MessageError as error:
             raise RecordingError(f"a frame in {self.path} is damaged: {error}") from error
 
+    def is_within(self, message: RecordedMessage) -> bool:
+        """Whether a message belongs to the run that is the timeline, and not to another in the same file."""
+        return message.place >= self._places[0] and (self._end is None or message.place < self._end)
+
     def messages_of(self, first: int, last: int) -> Iterator[RecordedMessage]:
         """What else was recorded with the frames from `first` to `last`: after each and before the next, scene left out."""
         start = self._places[first]

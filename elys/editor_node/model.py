@@ -179,9 +179,10 @@ class EditorModel:
         self.request_redraw(0.0)
 
     def _status_arrived(self, status: SessionStatus, _: str) -> None:
-        changed = self.status is None or _shown(self.status) != _shown(status)
-        self.status = status
-        self.request_redraw(0.0 if changed else 0.25)
+        if status != self.status:
+            changed = self.status is None or _controls(self.status) != _controls(status)
+            self.status = status
+            self.request_redraw(0.0 if changed else 0.25)
 
     def _line_arrived(self, line: LogLine, _: str) -> None:
         if line.node != self.session.node.id:
@@ -209,7 +210,8 @@ class EditorModel:
             self.say("warning", "the simulation is gone; waiting for it to return")
 
 
-def _shown(status: SessionStatus) -> tuple[Any, ...]:
+def _controls(status: SessionStatus) -> tuple[Any, ...]:
+    """What a person sets, and wants to see set at once."""
     return (status.playing, status.rate, status.kind, status.scene, status.loop)
 
 

@@ -153,12 +153,13 @@ class ContactStore:
         points = self.points[pairs["slot"][pair] * POINTS + np.arange(len(pair)) - starts[pair]]
         real = (points["separation"] <= 0.0) | (points["step_impulse"] > 0.0)
         pair, points = pair[real], points[real]
+        halfway = 0.5 * points["made_separation"][:, None] * manifolds["normal"][pair]
         body_a = colliders["body"][pairs["a"][pair]]
         body_b = colliders["body"][pairs["b"][pair]]
         return ContactPoints(
             bodies["entity"][body_a],
             bodies["entity"][body_b],
-            bodies["position"][body_a] + points["anchor_a"],
+            bodies["position"][body_a] + points["anchor_a"] + halfway,
             manifolds["normal"][pair],
             -points["separation"],
             points["step_impulse"],

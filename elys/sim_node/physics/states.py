@@ -25,7 +25,7 @@ class ContactPoints(NamedTuple):
 
     entity_a: Array  # (M,) uint32
     entity_b: Array
-    point: Array  # (M, 3) in world space [m]
+    point: Array  # (M, 3) in the middle between the surfaces, in world space [m]
     normal: Array  # (M, 3) from a to b
     depth: Array  # (M,) overlap, negative for a gap [m]
     normal_impulse: Array  # (M,) of the whole step [N s]
