@@ -102,7 +102,7 @@ def _edit_numbers(field: FieldDeclaration, value: Sequence[float], context: Fiel
         form = _format_of(field, context.mixed[axis], with_unit=count == 1 or width > 95.0)
         changed, number = imgui.drag_float(
             f"###{axis}",
-            value[axis],
+            _shown(value[axis]),
             field.step * 0.2,
             minimum,
             maximum,
@@ -118,6 +118,11 @@ def _edit_numbers(field: FieldDeclaration, value: Sequence[float], context: Fiel
             edit.changed, edit.axis = True, axis if count > 1 else None
             edit.value = tuple(changed_value) if count > 1 else changed_value[0]
     return edit
+
+
+def _shown(number: float) -> float:
+    """What rounds to nothing has no sign."""
+    return 0.0 if -5e-4 < number < 0.0 else number
 
 
 def shortest(number: float) -> float:

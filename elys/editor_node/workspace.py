@@ -74,7 +74,10 @@ class Workspace:
             self._resets_layout = False
             _build_layout(dock)
             self._focuses_first = True
-        imgui.dock_space_over_viewport(dock, imgui.get_main_viewport())
+        # Passing through spares a background that panels cover anyway: on software GL every layer of pixels is dear.
+        imgui.dock_space_over_viewport(
+            dock, imgui.get_main_viewport(), imgui.DockNodeFlags_.passthru_central_node.value
+        )
 
     def _draw_menu(self) -> None:
         if not imgui.begin_main_menu_bar():

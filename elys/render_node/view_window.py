@@ -33,13 +33,13 @@ LOST: Final = "simulation lost - waiting"
 _log = logging.getLogger(__name__)
 
 
-async def run_view(session: Session, *, frames: int | None = None, null_platform: bool | None = None) -> None:
+async def run_view(session: Session, *, frames: int | None = None) -> None:
     """Shows the session in a window until it is closed, or until `frames` pictures were shown.
 
     Raises:
         DisplayError: no window can be opened here.
     """
-    window = Window(f"ELYS  {session.name}", null_platform=null_platform)
+    window = Window(f"ELYS  {session.name}")
     follower = SceneFollower(session)
     try:
         context = window_context()

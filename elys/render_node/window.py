@@ -5,13 +5,31 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any, Final
-
-import glfw
 
 from elys.common.errors import DisplayError
 
 NULL_PLATFORM_VARIABLE: Final = "ELYS_NULL_PLATFORM"  # "1": windows that need no display server and show nothing
+
+
+def _is_null() -> bool:
+    return os.environ.get(NULL_PLATFORM_VARIABLE) == "1"
+
+
+def _prefer_newer_glfw() -> None:
+    """The GLFW 3.4 of the glfw package cannot draw without a display server; the 3.5 that Dear ImGui's package brings can."""
+    found = find_spec("imgui_bundle")
+    if found is not None and found.origin is not None:
+        library = Path(found.origin).with_name("libglfw.so.3")
+        if library.exists():
+            os.environ.setdefault("PYGLFW_LIBRARY", str(library))
+
+
+if _is_null():
+    _prefer_newer_glfw()
+import glfw  # noqa: E402  reads the environment when it is imported
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,13 +63,13 @@ WindowEvent = Dragged | Scrolled | KeyPressed
 class Window:
     """One window whose context is current on this thread. What it hears goes to `on_event`, from `poll`."""
 
-    def __init__(self, title: str, size: tuple[int, int] = (1280, 720), *, null_platform: bool | None = None) -> None:
-        """Opens it; `null_platform` None asks the environment. Raises DisplayError with what to do."""
-        self.is_null = _is_null(null_platform)
+    def __init__(self, title: str, size: tuple[int, int] = (1280, 720)) -> None:
+        """Raises DisplayError, with what to do, where no window can be opened."""
+        self.is_null = _is_null()
         self.on_event: Callable[[WindowEvent], None] = lambda event: None
         self._pointer = (0.0, 0.0)
-        _initialise(null_platform=self.is_null)
-        self._window = _create(title, size, null_platform=self.is_null, visible=True)
+        _initialise()
+        self._window = _create(title, size, visible=True)
         glfw.make_context_current(self._window)
         glfw.swap_interval(0)  # waiting for the display here would hold up the bus, and a hidden window's for ever
         glfw.set_cursor_pos_callback(self._window, self._moved)
@@ -129,15 +147,14 @@ class Window:
         return any(glfw.get_key(self._window, key) == glfw.PRESS for key in keys)
 
 
-def probe_display(*, null_platform: bool | None = None) -> str:
+def probe_display() -> str:
     """What windows would open on, in a few words, found out by opening one that is not shown.
 
     Raises:
         DisplayError: there is no display, or no OpenGL 3.3 on it.
     """
-    null = _is_null(null_platform)
-    _initialise(null_platform=null)
-    window = _create("ELYS", (64, 64), null_platform=null, visible=False)
+    _initialise()
+    window = _create("ELYS", (64, 64), visible=False)
     try:
         platform = _PLATFORMS.get(glfw.get_platform(), "a display")
         monitor = glfw.get_primary_monitor()
@@ -157,13 +174,9 @@ _PLATFORMS: Final = {
 }
 
 
-def _is_null(null_platform: bool | None) -> bool:
-    return os.environ.get(NULL_PLATFORM_VARIABLE) == "1" if null_platform is None else null_platform
-
-
-def _initialise(*, null_platform: bool) -> None:
+def _initialise() -> None:
     glfw.ERROR_REPORTING = "ignore"  # errors are asked for below and become one sentence
-    glfw.init_hint(glfw.PLATFORM, glfw.PLATFORM_NULL if null_platform else glfw.ANY_PLATFORM)
+    glfw.init_hint(glfw.PLATFORM, glfw.PLATFORM_NULL if _is_null() else glfw.ANY_PLATFORM)
     if not glfw.init():
         raise DisplayError(
             f"there is no display to open a window on ({_last_error()}): start it from a desktop, forward one with "
@@ -171,14 +184,14 @@ def _initialise(*, null_platform: bool) -> None:
         )
 
 
-def _create(title: str, size: tuple[int, int], *, null_platform: bool, visible: bool) -> Any:
+def _create(title: str, size: tuple[int, int], *, visible: bool) -> Any:
     glfw.default_window_hints()
     glfw.window_hint(glfw.CONTEXT_VERSION_MAJOR, 3)
     glfw.window_hint(glfw.CONTEXT_VERSION_MINOR, 3)
     glfw.window_hint(glfw.OPENGL_PROFILE, glfw.OPENGL_CORE_PROFILE)
     glfw.window_hint(glfw.OPENGL_FORWARD_COMPAT, True)
     glfw.window_hint(glfw.VISIBLE, visible)
-    if null_platform:
+    if _is_null():
         glfw.window_hint(glfw.CONTEXT_CREATION_API, glfw.EGL_CONTEXT_API)
     else:
         glfw.window_hint(glfw.SCALE_TO_MONITOR, True)

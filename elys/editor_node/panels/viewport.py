@@ -46,6 +46,7 @@ class ViewportPanel:
         self.stream.upload(self._picture)
         imgui.push_style_var(imgui.StyleVar_.window_padding, (0.0, 0.0))
         flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse | imgui.WindowFlags_.no_nav
+        flags |= imgui.WindowFlags_.no_background
         is_visible = imgui.begin(TITLE, None, flags.value)[0]
         imgui.pop_style_var()
         self.is_hovered = False
@@ -63,8 +64,9 @@ class ViewportPanel:
         self.stream.want(View(self.camera.view, width, height, selection, ui.tools.shows_grid))
         draw_list = imgui.get_window_draw_list()
         high = (low.x + self.rectangle[2], low.y + self.rectangle[3])
-        draw_list.add_rect_filled(low, high, color_code(PANEL_LOW))
-        if self.stream.shown is not None and self._picture.name:
+        if self.stream.shown is None or not self._picture.name:
+            draw_list.add_rect_filled(low, high, color_code(PANEL_LOW))
+        else:
             # Rows run upwards in GL.
             draw_list.add_image(imgui.ImTextureRef(self._picture.name), low, high, (0.0, 1.0), (1.0, 0.0))
         # No widget that could be hovered: ImGuizmo takes hold of its handles only where there is none.

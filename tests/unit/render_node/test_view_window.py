@@ -10,6 +10,7 @@ import pytest
 
 PRELUDE = """
 import asyncio, sys, time
+import elys.render_node.window
 import glfw
 from elys.bus import topics
 from elys.bus.messages.commands import CommandReply
@@ -45,7 +46,7 @@ def in_process(script: str, **environment: str) -> str:
         text=True,
         timeout=120,
         check=False,
-        env={**os.environ, **environment},
+        env={**os.environ, "ELYS_NULL_PLATFORM": "1", **environment},
     )
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout.strip()
@@ -56,7 +57,7 @@ def test_a_window_shows_frames_and_ends() -> None:
     script = """
 async def main():
     host, session = await open_session()
-    await view_window.run_view(session, frames=5, null_platform=True)
+    await view_window.run_view(session, frames=5)
     await session.close(); await host.close()
     print("done")
 asyncio.run(main())
@@ -81,7 +82,7 @@ async def main():
         asked.append(request.command.playing)
         return CommandReply(accepted=True, tick=1)
     host.serve(topics.COMMAND, command)
-    task = asyncio.create_task(view_window.run_view(session, null_platform=True))
+    task = asyncio.create_task(view_window.run_view(session))
     while not made or made[0]._drawn is None:
         await asyncio.sleep(0)
     viewer = made[0]
@@ -119,7 +120,7 @@ from elys.render_node.quality import FAST, FULL
 from elys.render_node.render_world import RenderWorld
 from elys.render_node.renderer import Renderer
 from elys.render_node.scene_tables import tables_of
-window = Window("test", (96, 64), null_platform=True)
+window = Window("test", (96, 64))
 context = window_context()
 world = RenderWorld()
 world.set_scene(tables_of([1], [0], [{"MeshRenderer": MeshRenderer()}]))
@@ -150,4 +151,4 @@ except DisplayError as error:
 
 
 def test_the_null_platform_is_a_display_by_request() -> None:
-    assert "null platform" in in_process("print(probe_display())", ELYS_NULL_PLATFORM="1")
+    assert "null platform" in in_process("print(probe_display())")

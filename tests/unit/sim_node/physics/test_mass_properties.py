@@ -13,7 +13,9 @@ from elys.sim_node.physics.rotations import matrices, quaternions
 
 def shapes_of(*entries):
     kinds, halves, positions, rotations = zip(*entries, strict=True)
-    return Shapes(np.zeros(len(kinds), int), np.array(kinds), np.array(halves), np.array(positions), np.array(rotations))
+    return Shapes(
+        np.zeros(len(kinds), int), np.array(kinds), np.array(halves), np.array(positions), np.array(rotations)
+    )
 
 
 def tensor_of(properties):

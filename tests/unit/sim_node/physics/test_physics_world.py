@@ -145,7 +145,9 @@ def test_a_kinematic_platform_carries_what_stands_on_it():
 
 def test_damping_is_exponential():
     world = PhysicsWorld(WEIGHTLESS)
-    world.add_bodies([1], linear_velocity=[1, 0, 0], angular_velocity=[0, 2, 0], linear_damping=0.7, angular_damping=3.0)
+    world.add_bodies(
+        [1], linear_velocity=[1, 0, 0], angular_velocity=[0, 2, 0], linear_damping=0.7, angular_damping=3.0
+    )
     for _ in range(60):
         world.step(DT)
     assert world.bodies.linear_velocity[0, 0] == pytest.approx(math.exp(-0.7), rel=1e-6)
@@ -167,9 +169,7 @@ def test_gravity_scale_and_changed_properties():
 def test_friction_is_the_geometric_mean_and_restitution_the_smaller_one():
     """A block pushed over the floor slows by mu g with mu = sqrt(0.2 * 0.8); a ball rebounds with the smaller e."""
     world = PhysicsWorld()
-    world.add_bodies(
-        [1, 2, 3], motion=[STATIC, DYNAMIC, DYNAMIC], position=[[0, -0.5, 0], [0, 0.5, 0], [20, 1.5, 0]]
-    )
+    world.add_bodies([1, 2, 3], motion=[STATIC, DYNAMIC, DYNAMIC], position=[[0, -0.5, 0], [0, 0.5, 0], [20, 1.5, 0]])
     world.add_colliders(
         [1, 2, 3],
         shape=[BOX, BOX, SPHERE],

@@ -1,0 +1,57 @@
+"""make pictures: draws the pictures of the docs anew, with the real nodes. Look at them before committing."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import sys
+from pathlib import Path
+
+from elys.bus import topics
+from elys.bus.messages.commands import CommandRequest, SetPlaying, StepTicks
+from elys.verbs.nodes import joined
+from tests.benchmarks.processes import environment, running
+
+PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
+ENDPOINT = "tcp/127.0.0.1:17560"
+TICK = 110  # much lies, much still falls
+
+
+def main() -> None:
+    os.environ["ELYS_NULL_PLATFORM"] = "1"
+    PICTURES.mkdir(exist_ok=True)
+    elys = (sys.executable, "-m", "elys")
+    simulation = (*elys, "run", "yard", "--headless", "--paused", "--listen", ENDPOINT)
+    render = (*elys, "node", "render", "--connect", ENDPOINT)
+    with (
+        environment() as env,
+        running(simulation, env=env, wait_for="simulating"),
+        running(render, env=env, wait_for="drawing views"),
+    ):
+        asyncio.run(draw_editor(PICTURES / "editor.png"))
+
+
+async def draw_editor(path: Path) -> None:
+    """The editor's window on the yard, paused in its fall, with a box selected."""
+    from elys.editor_node.node import Editor
+
+    async with joined(ENDPOINT, kind="editor") as session:
+        for command in (StepTicks(count=TICK), SetPlaying(playing=False)):
+            await session.request(topics.COMMAND, CommandRequest(origin="pictures", command=command))
+        with Editor(session, null_platform=True, size=(1600, 900)) as editor:
+            window = asyncio.create_task(editor.run())
+            while not editor.model.scene.is_known:
+                await asyncio.sleep(0.05)
+            mirror = editor.model.scene.mirror
+            editor.model.selection.replace([next(e.id for e in mirror.entities.values() if e.name == "Box 8")])
+            for _ in range(60):  # the picture comes from another process: until it has, and has come to rest
+                editor.application.keep_awake(1.0)
+                await asyncio.sleep(0.1)
+            editor.screenshot(path)
+            editor.application.close()
+            await window
+    print(path)
+
+
+if __name__ == "__main__":
+    main()
