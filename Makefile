@@ -44,4 +44,4 @@ pictures: $(READY)  ## draw the pictures of the docs anew
 	@$(PY) -m tests.pictures
 
 clean:  ## take away what was made here
-	rm -rf .venv build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis demo.mcap demo.png demo.mp4
+	rm -rf .venv build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis demo.mcap demo.png demo.mp4 demo.scene.json

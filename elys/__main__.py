@@ -10,6 +10,7 @@ import typer
 
 from elys.common.errors import ElysError
 
+UsageError: type[typer.BadParameter] = typer.BadParameter.__mro__[1]  # the parent of all of them, which typer hides
 app = typer.Typer(
     name="elys",
     help="ELYS: a game engine of processes on a message bus; every session can be recorded and replayed.",
@@ -35,7 +36,7 @@ Listen = Annotated[
     typer.Option(help="endpoint to listen at, tcp/HOST:PORT; default: loopback, the first free port from 7447"),
 ]
 Json = Annotated[bool, typer.Option("--json", help="print facts as JSON")]
-Frames = Annotated[int, typer.Option(help="end after so many frames (0: never)", hidden=True)]
+Frames = Annotated[int, typer.Option(help="end after so many frames (0: never)", min=0, hidden=True)]
 
 
 @app.command()
@@ -101,7 +102,9 @@ def play(
 def record(
     output: Annotated[Path, typer.Option("--output", "-o", help="the .mcap to write")],
     connect: Connect = None,
-    seconds: Annotated[float, typer.Option(help="stop after so many seconds (0: at Ctrl-C or the session's end)")] = 0.0,
+    seconds: Annotated[
+        float, typer.Option(help="stop after so many seconds (0: at Ctrl-C or the session's end)", min=0.0)
+    ] = 0.0,
 ) -> None:
     """Record a running session from outside."""
     from elys.verbs import replay
@@ -114,8 +117,10 @@ def render(
     source: Annotated[str, typer.Argument(help="a scene or a recording (.mcap)")],
     output: Annotated[Path, typer.Option("--output", "-o", help="out.png or out.mp4")],
     size: Annotated[str, typer.Option(help="WIDTHxHEIGHT in pixels")] = "1280x720",
-    time: Annotated[float, typer.Option(help="simulation time of a picture, start of a video [s]", min=0.0)] = 0.0,
-    duration: Annotated[float, typer.Option(help="length of a video [s]; 0: a recording's, or 5 s of a scene")] = 0.0,
+    time: Annotated[float, typer.Option(help="simulation time of a picture, start of a video [s]", min=0.0, max=1e6)] = 0.0,
+    duration: Annotated[
+        float, typer.Option(help="length of a video [s]; 0: a recording's, or 5 s of a scene", min=0.0, max=1e6)
+    ] = 0.0,
     fps: Annotated[float, typer.Option(help="pictures a second of a video", min=1.0, max=240.0)] = 30.0,
 ) -> None:
     """Draw a scene or a recording offscreen, to a picture or a video."""
@@ -225,7 +230,7 @@ def topic_echo(
 def topic_hz(
     topic: Annotated[str, typer.Argument(help="name of a topic; default: all")] = "",
     connect: Connect = None,
-    seconds: Annotated[float, typer.Option(help="how long to measure [s]", min=0.1)] = 2.0,
+    seconds: Annotated[float, typer.Option(help="how long to measure [s]", min=0.1, max=1e6)] = 2.0,
     json: Json = False,
 ) -> None:
     """Measure how often and how much a topic is published."""
@@ -281,17 +286,27 @@ def node_player(
 
 
 def main() -> None:
-    """The `elys` command: errors of ELYS become one line and exit status 1."""
+    """The `elys` command: errors of ELYS become one line and exit status 1, wrong options one line and 2."""
     try:
-        app()
+        sys.exit(app(prog_name="elys", standalone_mode=False) or 0)
     except ElysError as error:
         print(f"elys: {error}", file=sys.stderr)
         sys.exit(1)
+    except UsageError as error:
+        print(_usage_sentence(error), file=sys.stderr)
+        sys.exit(2)
     except KeyboardInterrupt:
         sys.exit(130)
     except BrokenPipeError:  # `elys topic echo | head`: the reader has had enough
         sys.stderr.close()
         sys.exit(0)
+
+
+def _usage_sentence(error: typer.BadParameter) -> str:
+    text = error.format_message().strip()
+    if "\n" in text:
+        return text  # the help itself: no command was given
+    return f"elys: {text.rstrip('.')}: see {error.ctx.command_path if error.ctx else 'elys'} --help"
 
 
 if __name__ == "__main__":

@@ -287,13 +287,13 @@ def _batches(commands: tuple[Command, ...], scene: EditorScene) -> list[tuple[Co
         return [(command,) for command in commands]  # a change of parent moves the places that others are told by
     if all(isinstance(command, Despawn) for command in commands):
         # The last first: brought back in reverse, each finds those before it in their places.
-        commands = tuple(sorted(commands, key=lambda despawn: _path(despawn, scene), reverse=True))
+        commands = tuple(sorted(commands, key=lambda despawn: _order(despawn, scene), reverse=True))
     return [commands] if commands else []
 
 
-def _path(command: Command, scene: EditorScene) -> tuple[int, ...]:
+def _order(command: Command, scene: EditorScene) -> int:
     entity = getattr(command, "entity", 0)
-    return scene.path_of(entity) if scene.exists(entity) else ()
+    return scene.order_of(entity) if scene.exists(entity) else -1
 
 
 def _future() -> asyncio.Future[Outcome]:

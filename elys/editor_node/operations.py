@@ -157,7 +157,7 @@ class Operations:
         scene = self._scene
         chosen = {entity for entity in entities if scene.exists(entity)}
         tops = [entity for entity in chosen if not chosen.intersection(scene.ancestors_of(entity))]
-        return sorted(tops, key=scene.path_of)
+        return sorted(tops, key=scene.order_of)
 
     def _perform(self, label: str, commands: tuple[Command, ...], *, stroke: object = None) -> Done | None:
         return self._history.perform(label, commands, stroke=stroke) if commands else None

@@ -39,6 +39,13 @@ class Row(NamedTuple):
     is_open: bool
 
 
+class _Place(NamedTuple):
+    """Where an entity stands: in the whole tree from the top down, and among its siblings."""
+
+    order: int
+    index: int
+
+
 @dataclass(slots=True)
 class _Rows:
     """Rows and what they were made from."""
@@ -67,6 +74,8 @@ class EditorScene:
         self._opened: dict[int, bool] = {}  # what the person opened or closed
         self._opened_version = 0
         self._rows = _Rows((), [])
+        self._place_of: dict[int, _Place] = {}
+        self._places_version = -1
 
     async def follow(self) -> None:
         """Follows the host's scene until cancelled."""
@@ -113,17 +122,11 @@ class EditorScene:
 
     def place_of(self, entity: int) -> tuple[int, int]:
         """Its parent and its index among that one's children."""
-        parent = self.parent_of(entity)
-        return parent, self.mirror.children_of(parent).index(entity)
+        return self.parent_of(entity), self._places()[entity].index
 
-    def path_of(self, entity: int) -> tuple[int, ...]:
-        """Indices from the roots down: sorts entities as the tree shows them."""
-        path = []
-        while entity:
-            parent, index = self.place_of(entity)
-            path.append(index)
-            entity = parent
-        return tuple(reversed(path))
+    def order_of(self, entity: int) -> int:
+        """Sorts entities as the tree shows them, from the top down."""
+        return self._places()[entity].order
 
     def ancestors_of(self, entity: int) -> Iterator[int]:
         """Those above it, nearest first."""
@@ -185,6 +188,17 @@ class EditorScene:
             reach = collider.radius if collider.shape == "sphere" else math.hypot(*collider.size) / 2.0
             radius = max(radius, reach * stretch)
         return np.array(pose.position), radius
+
+    def _places(self) -> dict[int, _Place]:
+        if self._places_version != self.structure_version:
+            self._places_version = self.structure_version
+            self._place_of = {}
+            waiting = list(enumerate(self.mirror.roots))[::-1]
+            while waiting:
+                index, entity = waiting.pop()
+                self._place_of[entity] = _Place(len(self._place_of), index)
+                waiting.extend(list(enumerate(self.children_of(entity)))[::-1])
+        return self._place_of
 
     # --- the tree as rows ------------------------------------------------------------------------------------------
 

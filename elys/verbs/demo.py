@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import sys
 from pathlib import Path
 from typing import Final
@@ -68,10 +70,19 @@ def _demo_files(directory: Path) -> None:
     )
     render(str(recording), picture, size="1280x720", time=PICTURE_TIME, duration=0.0, fps=30.0)
     render(str(recording), video, size=VIDEO_SIZE, time=0.0, duration=0.0, fps=24.0)
+    elys = _command()
     print(
         f"\nLook at {picture} and {video}. Then try:\n"
-        f"  elys info {recording}                        what a recording holds\n"
-        f"  elys play {recording}                        serve it; in another shell: elys view, or elys edit\n"
-        f"  elys run {scene} --headless           simulate in real time; attach with elys view, elys edit\n"
-        f"  elys samples                               more scenes;  elys doctor: what this machine can do"
+        f"  {elys} info {recording}              what a recording holds\n"
+        f"  {elys} play {recording}              serve it; in another shell: {elys} view, or {elys} edit\n"
+        f"  {elys} run {scene} --headless   simulate in real time; attach with {elys} view or {elys} edit\n"
+        f"  {elys} samples                      more scenes\n"
+        f"  {elys} doctor                       what this machine can do"
     )
+
+
+def _command() -> str:
+    """What to type for `elys` here: the name alone where the shell finds it, else the path beside this interpreter."""
+    if shutil.which("elys"):
+        return "elys"
+    return os.path.relpath(Path(sys.executable).parent / "elys")

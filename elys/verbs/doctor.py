@@ -96,8 +96,7 @@ def check_kernels() -> Finding:
     from elys.sim_node.kernel_cache import kernel_cache_report
 
     report = kernel_cache_report()
-    total = len(report.present) + len(report.missing)
-    detail = f"{len(report.present)} of {total} compiled, {size_text(report.byte_count)} in {report.path}"
+    detail = f"{report.present} of {report.total} compiled, {size_text(report.size)} in {report.path}"
     if report.missing:
         return Finding(
             check="kernels",

@@ -8,11 +8,14 @@ import logging
 import sys
 import time
 from pathlib import Path
+from typing import Final
 
 from elys.bus.log import start_logging
+from elys.bus.session import Session
 from elys.verbs.nodes import hosted, joined, run_until_asked
 from elys.verbs.output import print_json, print_table, size_text
 
+PATIENCE: Final = 5.0  # [s]
 _log = logging.getLogger(__name__)
 
 
@@ -49,7 +52,7 @@ async def serve_recording(recording: Path, *, listen: str | None, paused: bool, 
 
 
 def record(output: Path, *, connect: str | None, seconds: float) -> None:
-    """Records a session from outside, until it ends or Ctrl-C."""
+    """Records a session from outside: until Ctrl-C, for so many seconds, or until its host is gone for good."""
     from elys.bus.recorder import record_session
 
     start_logging()
@@ -58,6 +61,7 @@ def record(output: Path, *, connect: str | None, seconds: float) -> None:
         async with joined(connect, kind="recorder") as session:
             _log.info("recording %s to %s; end with Ctrl-C", session.name, output)
             stop = asyncio.Event()
+            _stop_when_host_is_gone(session, stop)
             recording = asyncio.ensure_future(record_session(session, output, stop))
             with contextlib.suppress(asyncio.CancelledError, TimeoutError):
                 await asyncio.wait_for(asyncio.shield(recording), seconds or None)
@@ -66,6 +70,21 @@ def record(output: Path, *, connect: str | None, seconds: float) -> None:
 
     run_until_asked(work())
     info(output, json=False)
+
+
+def _stop_when_host_is_gone(session: Session, stop: asyncio.Event) -> None:
+    """A host that is restarted is back within seconds, and recording goes on; one that stays away has ended the session."""
+    loop = asyncio.get_running_loop()
+    ending: list[asyncio.TimerHandle] = []
+
+    def link_changed(connected: bool) -> None:
+        while ending:
+            ending.pop().cancel()
+        if not connected:
+            _log.info("the session is gone; the recording ends unless it is back within %g s", PATIENCE)
+            ending.append(loop.call_later(PATIENCE, stop.set))
+
+    session.on_link(link_changed)
 
 
 def info(recording: Path, *, json: bool) -> None:

@@ -56,21 +56,20 @@ def build(scene, *, turn=None, shift=(0.0, 0.0, 0.0), gravity=(0.0, 0.0, 0.0)):
     return world
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(scenes)
 def test_momentum_is_kept(scene):
     world = build(scene)
     linear, angular = world.momentum()
-    scale = sum(np.linalg.norm(linear) for linear in [linear]) + 1.0
-    for _ in range(60):
-        world.step(DT)
+    # Within a step contacts stay where they were found, so angular momentum is only kept as well as the step is short.
+    for _ in range(600):
+        world.step(DT / 16)
     after = world.momentum()
-    np.testing.assert_allclose(after.linear, linear, atol=1e-9 * scale)
-    # The inertia of a turning body is held within a step: its angular momentum is kept to that.
-    np.testing.assert_allclose(after.angular, angular, atol=0.05 * (np.linalg.norm(angular) + 10.0))
+    np.testing.assert_allclose(after.linear, linear, atol=1e-9 * (np.linalg.norm(linear) + 1.0))
+    np.testing.assert_allclose(after.angular, angular, atol=0.02 * (np.linalg.norm(angular) + 5.0))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(scenes)
 def test_energy_is_not_gained(scene):
     world = build(scene)

@@ -40,10 +40,12 @@ def test_a_stack_of_ten_stands_for_ten_seconds(seed):
     assert world.energy().kinetic < 1e-6
 
 
-def test_a_stack_of_thirty_stands():
+def test_a_stack_of_thirty_sways_but_stands():
     world, start = stack(30, offset=0.002)
-    run(world, 8.0)
-    assert abs(world.bodies.position - start)[:, [0, 2]].max() < 0.05
+    run(world, 20.0)
+    moved = world.bodies.position - start
+    assert abs(moved[:, [0, 2]]).max() < 0.03
+    assert moved[-1, 1] > -0.3
 
 
 def test_the_weight_of_a_stack_stands_on_its_foot():

@@ -44,6 +44,8 @@ class Gizmo:
     def __init__(self) -> None:
         self._drag: _Drag | None = None
         self.is_over = False  # the pointer is on a handle
+        self._targets_key: tuple[int, int] = (-1, -1)
+        self._found: list[int] = []
 
     @property
     def is_used(self) -> bool:
@@ -52,7 +54,7 @@ class Gizmo:
 
     def draw(self, ui: Ui, camera: ViewCamera, rectangle: tuple[float, float, float, float]) -> None:
         """Draws it over the picture at `rectangle` (x, y, width, height) that was taken with `camera`."""
-        targets = self._targets(ui)
+        targets = [e for e in self._targets(ui) if ui.model.scene.echo_of(e, "Transform") is not None]
         if not targets or ui.tools.tool == "select":
             self._drag, self.is_over = None, False
             return
@@ -74,8 +76,14 @@ class Gizmo:
 
     def _targets(self, ui: Ui) -> list[int]:
         """Topmost selected entities with a Transform, the primary one (or what is above it) last."""
+        key = (ui.model.selection.version, ui.model.scene.structure_version)
+        if key != self._targets_key:
+            self._targets_key, self._found = key, self._find_targets(ui)
+        return self._found
+
+    def _find_targets(self, ui: Ui) -> list[int]:
         model = ui.model
-        tops = [e for e in model.edit.tops(model.selection) if model.scene.echo_of(e, "Transform") is not None]
+        tops = model.edit.tops(model.selection)
         primary = model.selection.primary
         while primary and primary not in tops and model.scene.exists(primary):
             primary = model.scene.parent_of(primary)

@@ -20,6 +20,7 @@ from elys.editor_node.theme import icons
 from elys.editor_node.ui import Ui, centered_text, dim_text
 
 TITLE: Final = f"{icons.ICON_FA_SLIDERS}  Inspector###Inspector"
+COMPARED: Final = 200  # of the selected entities, the last so many are looked at for what they have in common
 _ICONS: Final = {
     "Transform": icons.ICON_FA_UP_DOWN_LEFT_RIGHT,
     "RigidBody": icons.ICON_FA_WEIGHT_HANGING,
@@ -83,7 +84,7 @@ class InspectorPanel:
         imgui.spacing()
 
     def _draw_components(self, ui: Ui, entities: Sequence[int]) -> None:
-        components = [ui.model.scene.components_of(entity) for entity in entities]
+        components = [ui.model.scene.components_of(entity) for entity in entities[-COMPARED:]]
         common = set(components[-1]).intersection(*components)
         for name, declaration in declarations().items():
             if name in common:
@@ -148,7 +149,7 @@ class InspectorPanel:
         if change is None:
             return
         try:
-            chosen = _values_of_each(declared, entities, each, change)
+            chosen = _values_of_each(ui, component, declared, entities, change)
             ui.model.edit.set_each(chosen, component, stroke=change.stroke)
         except ComponentError as error:
             ui.model.say("error", str(error))
@@ -168,7 +169,7 @@ class InspectorPanel:
             imgui.set_keyboard_focus_here()
         imgui.set_next_item_width(-1.0)
         _, self._component_search = imgui.input_text_with_hint("###search", "Search", self._component_search)
-        owned = set.intersection(*(set(ui.model.scene.components_of(entity)) for entity in entities))
+        owned = set.intersection(*(set(ui.model.scene.components_of(entity)) for entity in entities[-COMPARED:]))
         for name, declaration in declarations().items():
             if name in owned or self._component_search.casefold() not in name.casefold():
                 continue
@@ -182,7 +183,7 @@ class InspectorPanel:
 
 
 def _values_of_each(
-    declared: FieldDeclaration, entities: Sequence[int], each: Sequence[Any], change: FieldChange
+    ui: Ui, component: str, declared: FieldDeclaration, entities: Sequence[int], change: FieldChange
 ) -> dict[int, dict[str, Any]]:
     """What every entity is to be sent: of several numbers each keeps those that were not touched."""
     value, axis = change.value, change.axis
@@ -190,7 +191,10 @@ def _values_of_each(
         value = rotation_from(value)
     if axis is None:
         return {entity: {declared.name: value} for entity in entities}
-    return {
-        entity: {declared.name: (*own[:axis], value[axis], *own[axis + 1 :])}
-        for entity, own in zip(entities, each, strict=True)
-    }
+    chosen = {}
+    for entity in entities:
+        current = ui.model.scene.component_of(entity, component)
+        if current is not None:
+            own = getattr(current, declared.name)
+            chosen[entity] = {declared.name: (*own[:axis], value[axis], *own[axis + 1 :])}
+    return chosen

@@ -40,8 +40,8 @@ class ShadowPass:
             program.set("target_from_relative", target_from_relative)
             return program
 
-        # Both sides are drawn: what has holes or is one sheet throws a shadow all the same.
-        draw_calls(self._resources, plan, plan.casters, choose, cull=False)
+        # What turns its back to the sun is hidden by its own front, or is a sheet that is not there from behind either.
+        draw_calls(self._resources, plan, plan.casters, choose)
         self.drawn = ShadowState(plan.world.scene_version, plan.world.pose_version, plan.shadow.key)
 
     def use(self) -> None:

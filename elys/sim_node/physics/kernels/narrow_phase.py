@@ -7,7 +7,7 @@ import math
 from elys.sim_node.compilation import inner, kernel
 from elys.sim_node.physics.kernels.box_box import box_box
 from elys.sim_node.physics.kernels.manifold import can_recycle, write_manifold
-from elys.sim_node.physics.kernels.placement import surface_travel
+from elys.sim_node.physics.kernels.placement import turning_travel
 from elys.sim_node.physics.kernels.sphere import box_sphere, sphere_sphere
 from elys.sim_node.physics.kernels.tables import BOX, POINTS
 
@@ -24,7 +24,7 @@ def pair_margin(first, second, a, b, constants):
         relative = second.velocity[k] - first.velocity[k]
         squared += relative * relative
     h = constants.substep * constants.substeps
-    way = h * math.sqrt(squared) + surface_travel(first, a, h) + surface_travel(second, b, h)
+    way = h * math.sqrt(squared) + turning_travel(first, a, h) + turning_travel(second, b, h)
     return constants.margin + min(way, a.reach, b.reach)
 
 

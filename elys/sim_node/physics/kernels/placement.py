@@ -82,8 +82,8 @@ def place_colliders(bodies, colliders):
 
 
 @inner
-def surface_travel(body, collider, h):
-    """How far the farthest point of a collider can move by its body's turning within the time h [m]."""
+def turning_travel(body, collider, h):
+    """How far the farthest point of a collider can go by its body's turning within the time h [m]."""
     v = body.velocity
     spin = math.sqrt(v[3] * v[3] + v[4] * v[4] + v[5] * v[5])
     squared = 0.0
@@ -93,12 +93,20 @@ def surface_travel(body, collider, h):
     return min(spin * h, 2.0) * (math.sqrt(squared) + collider.reach)
 
 
+@inner
+def surface_travel(body, collider, h):
+    """How far the farthest point of a collider can go within the time h, by moving and by turning [m]."""
+    v = body.velocity
+    speed = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    return speed * h + turning_travel(body, collider, h)
+
+
 @kernel
 def fatten_boxes(bodies, colliders, all_constants):
     """Gives a new fat box to every collider that may leave its old one in this step; returns how many.
 
-    A box has to hold the contact margin and the way that the collider will go. What is added beyond that lets it last: a
-    little all around, and the way of two more steps ahead.
+    Together two boxes hold the gap that `pair_margin` looks across, all around and not only ahead: what is found must not
+    depend on how the world is turned. What is added beyond that lets a box last: a little, and two more steps ahead.
     """
     constants = all_constants[0]
     h = constants.substep * constants.substeps
@@ -109,21 +117,19 @@ def fatten_boxes(bodies, colliders, all_constants):
         around = constants.margin
         ahead = 0.0
         if body.motion != STATIC:
-            around += surface_travel(body, collider, h)
-            ahead = h
+            around += min(surface_travel(body, collider, h), collider.reach)
+            ahead = 2.0 * h
         box = collider.box
         fat = collider.fat_box
         inside = True
         for k in range(3):
-            way = body.velocity[k] * ahead
-            inside = inside and box[k] - around + min(way, 0.0) >= fat[k]
-            inside = inside and box[3 + k] + around + max(way, 0.0) <= fat[3 + k]
+            inside = inside and box[k] - around >= fat[k] and box[3 + k] + around <= fat[3 + k]
         if inside:
             collider.moved = 0
             continue
         around += constants.fattening
         for k in range(3):
-            way = 3.0 * body.velocity[k] * ahead
+            way = body.velocity[k] * ahead
             fat[k] = box[k] - around + min(way, 0.0)
             fat[3 + k] = box[3 + k] + around + max(way, 0.0)
         collider.moved = 1

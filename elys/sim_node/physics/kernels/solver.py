@@ -138,8 +138,8 @@ def solve_normals(a, b, row, row_points, first, constants, biased):
         old = point.impulse
         if gap > 0.0:  # may close the gap, but not more
             new = old - point.effective_mass * (opening + gap * inverse_h + lead)
-            if not biased:  # this substep's motion is over: what may close in the next one is left to that
-                new = min(new, old)
+            if not biased and old == 0.0:  # what may close in the next substep is left to that
+                new = 0.0
         elif biased:
             push = max(row.push_rate * gap, -constants.push_speed)
             new = old - point.effective_mass * row.mass_scale * (opening + push) - row.impulse_scale * old
