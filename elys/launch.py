@@ -22,13 +22,14 @@ import ctypes
 import os
 import signal
 import string
+import subprocess
 import sys
 import time
 import tomllib
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Mapping
 from pathlib import Path
-from typing import Final, Literal
+from typing import Annotated, Final, Literal
 
 import msgspec
 from rich.console import Console
@@ -50,7 +51,7 @@ class ProcessDescription(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
     command: tuple[str, ...]
     main: bool = False
     restart: Literal["never", "on-crash"] = "never"
-    nice: int = 0
+    nice: Annotated[int, msgspec.Meta(ge=0, le=19)] = 0
 
 
 class LaunchFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -101,12 +102,15 @@ def _command(process: ProcessDescription, values: Mapping[str, str]) -> list[str
     words = []
     for word in process.command:
         try:
-            needed = [name for _, name, _, _ in string.Formatter().parse(word) if name is not None]
+            places = [place[1:] for place in string.Formatter().parse(word) if place[1] is not None]
+            if any(form or conversion for _, form, conversion in places):
+                raise ValueError("a parameter stands as it is")
+            needed = [name for name, _, _ in places]
             unknown = [name for name in needed if name not in values]
             if unknown:
                 raise LaunchError(f"process '{process.name}' uses {{{unknown[0]}}}, which is no parameter")
             words.append(word.format_map(values))
-        except (ValueError, IndexError, KeyError) as error:
+        except (ValueError, IndexError, KeyError, OverflowError) as error:
             raise LaunchError(f"process '{process.name}' has a word that cannot be filled in: {word!r}") from error
     if words[0] == "elys":
         words[:1] = [sys.executable, "-m", "elys"]
@@ -194,7 +198,7 @@ class _Supervisor:
                 start_new_session=True,  # Ctrl-C reaches the supervisor alone, which ends the others in order
                 env={**os.environ, "PYTHONUNBUFFERED": "1"},
             )
-        except OSError as error:
+        except (OSError, ValueError, subprocess.SubprocessError) as error:
             self._stop.set()
             raise LaunchError(f"process '{described.name}' cannot be started: {error}") from error
         self._running[described.name] = process

@@ -26,6 +26,9 @@ _NO_SESSION: Final = (
     "no session is running on this machine: start one with `elys run SCENE`, or name one with --connect tcp/HOST:PORT"
 )
 _ANY_ADDRESS: Final = re.compile(r"^tcp/(0\.0\.0\.0|\[::\]):")
+_ENDPOINT: Final = re.compile(
+    r"((?P<protocol>[a-z][a-z0-9-]*)/)?(?P<host>[A-Za-z0-9_.-]+|\[[0-9a-fA-F:.%a-z]+\])(:(?P<port>\d{1,6}))?"
+)
 _log = logging.getLogger(__name__)
 
 
@@ -96,7 +99,7 @@ def choose_endpoint(connect: str | None = None) -> str:
     """Where to connect: what the user named, else the newest session on this machine.
 
     Raises:
-        ConnectionLost: nothing was named and no session runs here.
+        ConnectionLost: nothing was named and no session runs here. BusError: what was named is no endpoint.
     """
     if connect:
         return complete_endpoint(connect)
@@ -112,11 +115,12 @@ def choose_endpoint(connect: str | None = None) -> str:
 
 
 def complete_endpoint(text: str) -> str:
-    """`HOST`, `HOST:PORT` or a whole endpoint as a whole endpoint."""
-    protocol, _, address = text.rpartition("/")
-    if not re.search(r":\d+$", address):
-        address = f"{address}:{DEFAULT_PORT}"
-    return f"{protocol or 'tcp'}/{address}"
+    """`HOST`, `HOST:PORT` or a whole endpoint as a whole endpoint; BusError for what can be none."""
+    found = _ENDPOINT.fullmatch(text)
+    port = int(found["port"] or DEFAULT_PORT) if found else 0
+    if found is None or not 0 < port < 1 << 16:
+        raise BusError(f"'{text}' is no endpoint: give tcp/HOST:PORT, for instance tcp/127.0.0.1:{DEFAULT_PORT}")
+    return f"{found['protocol'] or 'tcp'}/{found['host']}:{port}"
 
 
 async def join_session(connect: str | None = None, *, kind: str, timeout: float = 5.0) -> Session:

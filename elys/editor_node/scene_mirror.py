@@ -43,7 +43,7 @@ class _Place(NamedTuple):
     """Where an entity stands: in the whole tree from the top down, and among its siblings."""
 
     order: int
-    index: int
+    sibling_index: int
 
 
 @dataclass(slots=True)
@@ -122,7 +122,7 @@ class EditorScene:
 
     def place_of(self, entity: int) -> tuple[int, int]:
         """Its parent and its index among that one's children."""
-        return self.parent_of(entity), self._places()[entity].index
+        return self.parent_of(entity), self._places()[entity].sibling_index
 
     def order_of(self, entity: int) -> int:
         """Sorts entities as the tree shows them, from the top down."""

@@ -107,7 +107,7 @@ class OfflineRenderer:
         Whoever gives the frames may let the mirror follow the scene meanwhile. Pictures between two frames are interpolated:
         the same frames always give the same film. Raises ElysError where it cannot be written.
         """
-        total = round(duration * fps) if duration is not None else 0
+        total = max(1, round(duration * fps)) if duration is not None else 0
         drawn, start = 0, None
         with VideoWriter(path, self.width, self.height, fps=fps) as video:
             for frame in frames:

@@ -28,6 +28,10 @@ from elys.render_node.scene_tables import Rows, SceneReader, SceneTables, tables
 from elys.render_node.timeline import Timeline
 
 PLAIN: Final = Material()
+GIANT: Final = (
+    1.6  # times larger than all smaller things together is what neither cameras nor shadow maps are fitted to
+)
+_CORNER_SIGNS: Final = np.array([(1, 1, 1), (-1, 1, 1), (1, -1, 1), (1, 1, -1)], np.float64)
 TEXTURE_FIELDS: Final = (
     "base_color_texture",
     "metallic_roughness_texture",
@@ -280,7 +284,12 @@ class RenderWorld:
         gram = np.einsum("nki,nkj->nij", linear, linear)
         # A scale alone leaves the Gram matrix diagonal; with shear its row sums bound the largest eigenvalue (Gershgorin).
         stretch = np.sqrt(np.abs(gram).sum(axis=2).max(axis=1, initial=0.0))
-        self.radius = (radius * stretch).astype(np.float32)
+        # What is long and thin is better enclosed by its box; four of the corners do, the others lie opposite.
+        half = (self._upper - self._lower) / 2
+        corners = np.einsum("nij,nkj->nki", linear, half[:, None, :] * _CORNER_SIGNS)
+        corner = np.sqrt(np.einsum("nki,nki->nk", corners, corners).max(axis=1, initial=0.0))
+        corner = np.where(self._is_measured, corner, np.inf)
+        self.radius = np.minimum(radius * stretch, corner).astype(np.float32)
 
     def _centre(self) -> None:
         offset = np.einsum("nij,nj->ni", self.linear, (self._lower + self._upper) / 2)
@@ -294,12 +303,12 @@ class RenderWorld:
 
 
 def without_giants(centre: NDArray[np.float64], radius: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Who of N spheres is left without those that are larger than everything smaller together; all, if that leaves none."""
+    """Who of N spheres is left without those that dwarf everything smaller together; all, if that leaves none."""
     order = np.argsort(radius, kind="stable")
     lower = np.minimum.accumulate((centre - radius[:, None])[order])
     upper = np.maximum.accumulate((centre + radius[:, None])[order])
     reach = np.linalg.norm(upper - lower, axis=1) / 2  # around the smallest k + 1
-    giants = radius[order][1:] > 1.2 * reach[:-1]
+    giants = radius[order][1:] > GIANT * reach[:-1]
     first_giant = int(np.argmax(giants)) + 1 if giants.any() else len(order)
     # One pebble does not make the house a giant: at least a few things must be left.
     if first_giant < min(4, len(order)):

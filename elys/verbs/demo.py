@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import Final
 
-from elys.common.errors import DisplayError
+from elys.common.errors import DisplayError, ElysError
 
 SAMPLE: Final = "yard"
 STEP_COUNT: Final = 300  # 5 s, in which everything falls and most of it comes to rest
@@ -52,7 +52,10 @@ def _demo_files(directory: Path) -> None:
     from elys.verbs.render import render
     from elys.verbs.run import run
 
-    directory.mkdir(parents=True, exist_ok=True)
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ElysError(f"{directory} cannot be made ({error.strerror}): choose another with --directory") from error
     recording, picture, video = (directory / f"demo.{suffix}" for suffix in ("mcap", "png", "mp4"))
     scene = directory / "demo.scene.json"
     write_sample(SAMPLE, scene)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+from elys.common.errors import SceneError
 from elys.verbs.output import print_json, print_table
 
 
@@ -21,6 +22,8 @@ def samples(name: str, output: Path | None, *, json: bool) -> None:
 
     if name:
         path = output or Path(f"{name}.scene.json")
+        if path.is_file():
+            raise SceneError(f"{path} is there already: choose another name with -o, or remove it first")
         write_sample(name, path)
         print(f"{path}\nTry: elys run {path}")
     elif json:

@@ -16,17 +16,25 @@ from elys.common.errors import RecordingError
 from elys.sim_node.node import SimulationNode
 
 
+def require_recordable(path: Path) -> None:
+    """Raises RecordingError unless a recording can be written there; makes the directories that lack."""
+    if path.suffix != ".mcap":
+        # What has another suffix may be the very scene that is to be run.
+        raise RecordingError(f"{path} cannot be recorded to: recordings have the suffix .mcap, for instance run.mcap")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.open("ab").close()
+    except OSError as error:
+        raise RecordingError(f"{path} cannot be written ({error.strerror}): choose another place") from error
+
+
 class RecordingChild:
     """A recorder process, started before the simulation is there, so that both start at the same time."""
 
     def __init__(self, path: Path) -> None:
         """Raises RecordingError if the file cannot be written."""
+        require_recordable(path)
         self.path = path
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.open("ab").close()
-        except OSError as error:
-            raise RecordingError(f"{path} cannot be written: {error.strerror}") from error
         reading, self._writing = os.pipe()
         self._tap: RecordingTap | None = None
         self._process = subprocess.Popen(

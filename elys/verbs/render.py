@@ -57,7 +57,8 @@ def _film(renderer: OfflineRenderer, output: Path, footage: Footage, first: Stat
         yield first
         yield from footage.frames
 
-    with Progress(console=Console(stderr=True), transient=True) as bar:
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(f"Drawing {output.name}", total=None)
         return renderer.write_video(
             output,

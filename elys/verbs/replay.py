@@ -12,6 +12,7 @@ from typing import Final
 
 from elys.bus.log import start_logging
 from elys.bus.session import Session
+from elys.common.errors import RecordingError
 from elys.verbs.nodes import hosted, joined, run_until_asked
 from elys.verbs.output import print_json, print_table, size_text
 
@@ -54,7 +55,9 @@ async def serve_recording(recording: Path, *, listen: str | None, paused: bool, 
 def record(output: Path, *, connect: str | None, seconds: float) -> None:
     """Records a session from outside: until Ctrl-C, for so many seconds, or until its host is gone for good."""
     from elys.bus.recorder import record_session
+    from elys.verbs.recording_child import require_recordable
 
+    require_recordable(output)
     start_logging()
 
     async def work() -> None:
@@ -107,5 +110,7 @@ def export(recording: Path, output: Path) -> None:
     """Writes a recording's motion as arrays."""
     from elys.bus.export import export_npz
 
+    if output.suffix != ".npz":
+        raise RecordingError(f"{output} is no place for arrays: give it the suffix .npz, for instance motion.npz")
     shapes = export_npz(recording, output)
     print(f"{output}: " + ", ".join(f"{name} {list(shape)}" for name, shape in shapes.items()))

@@ -39,8 +39,11 @@ def run(
         return
     from elys.render_node.window import probe_display
     from elys.verbs.kernels import compile_with_progress
+    from elys.verbs.recording_child import require_recordable
 
     require_scene(scene)
+    if record is not None:
+        require_recordable(record)
     probe_display()
     compile_with_progress()
     options = ["--steps", str(step_limit)] if step_limit else []

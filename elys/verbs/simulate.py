@@ -70,8 +70,10 @@ async def simulate(
     from elys.sim_node.node import SimulationNode
     from elys.sim_node.simulation import Simulation
     from elys.verbs.kernels import compile_with_progress
-    from elys.verbs.recording_child import RecordingChild
+    from elys.verbs.recording_child import RecordingChild, require_recordable
 
+    if record is not None:
+        require_recordable(record)
     assets = AssetStore()
     opened = open_scene_or_sample(scene, assets)
     compile_with_progress()

@@ -70,11 +70,13 @@ class McapWriter:
             raise RecordingError(f"the recording {path} cannot be written: {error.strerror}") from error
         # This class closes chunks, so that it knows in which one each frame stands.
         self._writer = Writer(self._file, chunk_size=1 << 62, compression=CompressionType.ZSTD)
-        self._writer.start(profile=PROFILE, library=f"elys {elys.__version__}")
-        self._writer.add_metadata(METADATA_NAME, _metadata(session, scene))
-        self._writer.add_attachment(0, time.time_ns(), COMPONENTS_NAME, "application/schema+json", _component_schemas())
-        self._channels = {name: self._register(name) for name in recorded_channels()}
-        self._flush()
+        try:
+            with _disk_errors(path):
+                self._begin(session, scene)
+        except RecordingError:
+            with contextlib.suppress(OSError):  # what could not be written cannot be written now either
+                self._file.close()
+            raise
 
     def write(self, channel: str, body: bytes | memoryview, *, log_time: int) -> None:
         """Adds a message in the order of the calls; `body` is without the protocol prefix."""
@@ -128,7 +130,15 @@ class McapWriter:
                 self._file.flush()
                 os.fsync(self._file.fileno())
         finally:
-            self._file.close()
+            with _disk_errors(self.path):
+                self._file.close()
+
+    def _begin(self, session: str, scene: str) -> None:
+        self._writer.start(profile=PROFILE, library=f"elys {elys.__version__}")
+        self._writer.add_metadata(METADATA_NAME, _metadata(session, scene))
+        self._writer.add_attachment(0, time.time_ns(), COMPONENTS_NAME, "application/schema+json", _component_schemas())
+        self._channels = {name: self._register(name) for name in recorded_channels()}
+        self._flush()
 
     def _attach_index(self, name: str, data: bytes) -> None:
         self._writer.add_attachment(0, time.time_ns(), name, "application/octet-stream", data)

@@ -127,8 +127,13 @@ class AssetStore:
 def replace_file(path: Path, data: bytes, *, durable: bool = True) -> None:
     """Writes a file so that others see the old content or the new one, never half of it. Raises OSError.
 
-    `durable` also waits until the new content survives a power cut.
+    `durable` also waits until the new content survives a power cut. A link stays one; what is no file (a pipe, a device) is
+    written to as it is.
     """
+    path = path.resolve()
+    if path.exists() and not path.is_file():
+        path.write_bytes(data)
+        return
     descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:64]}.")
     try:
         with os.fdopen(descriptor, "wb") as file:

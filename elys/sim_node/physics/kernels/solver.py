@@ -17,6 +17,9 @@ from elys.sim_node.physics.kernels.impact import bounce_contacts
 from elys.sim_node.physics.kernels.integrator import begin_step, integrate_positions, integrate_velocities, take_back
 from elys.sim_node.physics.kernels.tables import POINTS
 
+# A gap that was closed exactly is 0 give or take rounding, and rounding must not choose between hard and soft [m].
+TOUCHING = 1e-9
+
 
 @inner
 def push_bodies(a, b, px, py, pz):
@@ -136,7 +139,7 @@ def solve_normals(a, b, row, row_points, first, constants, biased):
         gap -= da[3] * arm[0] + da[4] * arm[1] + da[5] * arm[2]
         opening = speed + bx * arm[3] + by * arm[4] + bz * arm[5] - ax * arm[0] - ay * arm[1] - az * arm[2]
         old = point.impulse
-        if gap > 0.0:  # may close the gap, but not more
+        if gap > TOUCHING:  # may close the gap, but not more
             new = old - point.effective_mass * (opening + gap * inverse_h + lead)
             if not biased and old == 0.0:  # what may close in the next substep is left to that
                 new = 0.0
