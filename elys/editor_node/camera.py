@@ -98,6 +98,14 @@ class OrbitCamera:
         self.target = np.asarray(center, dtype=np.float64)
         self.distance = min(max(1.4 * radius / math.sin(self.field_of_view / 2.0), MIN_DISTANCE), MAX_DISTANCE)
 
+    def look_from(self, position: ArrayLike, forward: ArrayLike, distance: float) -> None:
+        """Stands at `position` [m] and looks along `forward` at what is `distance` [m] away, upright."""
+        x, y, z = _float64(forward) / np.linalg.norm(forward)
+        self.yaw = math.atan2(-x, -z)
+        self.pitch = _clamped_pitch(math.asin(min(max(y, -1.0), 1.0)))
+        self.distance = min(max(distance, MIN_DISTANCE), MAX_DISTANCE)
+        self.target = _float64(position) - self.backward * self.distance
+
 
 def view_from_world(camera: ViewCamera) -> Vector:
     """(4, 4), row by row."""

@@ -170,14 +170,19 @@ def watched_value(command: Command, scene: EditorScene) -> object:
         return None
     match command:
         case SetComponent(component=name) | AddComponent(component=name) | RemoveComponent(component=name):
-            return scene.echo_of(entity, name)
+            return _identity(scene.echo_of(entity, name))
         case Rename():
             return scene.name_of(entity)
         case Reparent():
-            return (scene.place_of(entity), scene.echo_of(entity, TRANSFORM))
+            return (scene.place_of(entity), _identity(scene.echo_of(entity, TRANSFORM)))
         case SetEnabled():
             return scene.is_enabled(entity)
         case SetSettings():
             return scene.settings
         case _:
             return None
+
+
+def _identity(echo: object) -> tuple[int, object]:
+    """Unequal to any other object's, also one of the same value: an echo counts though it changed nothing."""
+    return id(echo), echo

@@ -76,10 +76,12 @@ def element_width(count: int) -> float:
     return (imgui.get_content_region_avail().x - spacing * (count - 1)) / count
 
 
-def _format_of(field: FieldDeclaration, mixed: bool, *, with_unit: bool) -> str:
+def _format_of(field: FieldDeclaration, mixed: bool, *, width: float, with_unit: bool) -> str:
+    """As many digits as the step asks for and the widget has room for."""
     if mixed:
         return _MIXED
-    digits = 3 if field.step < 1.0 else 1
+    room = int(width / (0.55 * imgui.get_font_size()) - 3.5)
+    digits = max(1, min(3 if field.step < 1.0 else 1, room))
     unit = f" {field.unit}" if field.unit and with_unit else ""
     return f"%.{digits}f{unit}".replace("|", "/")
 
@@ -99,7 +101,7 @@ def _edit_numbers(field: FieldDeclaration, value: Sequence[float], context: Fiel
         if axis:
             imgui.same_line(0.0, imgui.get_style().item_inner_spacing.x)
         imgui.set_next_item_width(width)
-        form = _format_of(field, context.mixed[axis], with_unit=count == 1 or width > 95.0)
+        form = _format_of(field, context.mixed[axis], width=width, with_unit=count == 1 or width > 95.0)
         changed, number = imgui.drag_float(
             f"###{axis}",
             _shown(value[axis]),

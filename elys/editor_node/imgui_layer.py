@@ -71,7 +71,8 @@ class ImGuiLayer:
             case MouseMoved(x, y):
                 io.add_mouse_pos_event(x, y)
             case MousePressed(button) | MouseReleased(button):
-                io.add_mouse_button_event(button, isinstance(event, MousePressed))
+                if button < imgui.MouseButton_.count.value:
+                    io.add_mouse_button_event(button, isinstance(event, MousePressed))
                 return io.want_capture_mouse and isinstance(event, MousePressed) and not self._reserves(event)
             case MouseScrolled(x, y):
                 io.add_mouse_wheel_event(x, y)

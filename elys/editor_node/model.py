@@ -27,7 +27,7 @@ from elys.bus.messages.commands import (
 )
 from elys.bus.messages.session import LogLine, SessionStatus, TickProfile
 from elys.bus.session import Session
-from elys.common.errors import BusError
+from elys.common.errors import BusError, ConnectionLost
 from elys.editor_node.console_log import ConsoleLog, Level
 from elys.editor_node.history import History, Outcome
 from elys.editor_node.operations import Operations
@@ -158,6 +158,8 @@ class EditorModel:
     # --- inside ----------------------------------------------------------------------------------------------------
 
     async def _ask(self, command: Command) -> CommandReply:
+        if not self.connected:
+            raise ConnectionLost("the simulation is gone")
         request = CommandRequest(origin=self.session.node.id, command=command)
         return await self.session.request(topics.COMMAND, request, timeout=COMMAND_TIMEOUT)
 
@@ -166,6 +168,8 @@ class EditorModel:
             self.say("error", f"{outcome.label} refused: {reason}", tick=outcome.tick)
         is_told = outcome.stroke is not None and outcome.stroke is self._told_stroke  # a drag is one line
         self._told_stroke = outcome.stroke
+        if outcome.accepted and not outcome.refusals:
+            self.error = ""
         if outcome.accepted and not is_told:
             self.say("info", outcome.label, tick=outcome.tick)
 

@@ -67,11 +67,12 @@ class Editor:
         )
         self.ui = Ui(self.model, self.widgets.fonts)
         self.workspace = Workspace(self.ui, self.panel, close=self.application.close)
-        navigation = ViewportLayer(self.model, self.panel)
+        navigation = ViewportLayer(self.model, self.panel, hold_pointer=self.window.hold_pointer)
         self.application.push_layer(ShortcutLayer(self.ui, self.workspace.hierarchy, navigation))
         self.application.push_layer(navigation)
         self.application.push_layer(self.widgets)
         session.on_link(self._link_changed)
+        self._title = ""
 
     def __enter__(self) -> Self:
         return self
@@ -100,6 +101,10 @@ class Editor:
     def _draw(self, elapsed: float) -> None:
         self.workspace.frame_time = self.application.frame_time
         self.workspace.draw(elapsed)
+        title = f"{self.model.status.scene} - ELYS" if self.model.status is not None else "ELYS"
+        if title != self._title:
+            self._title = title
+            self.window.set_title(title)
         self.application.request_redraw(max(0.0, self.stream.next_deadline - time.monotonic()))
         if self.widgets.is_typing:
             self.application.request_redraw(TEXT_CURSOR_BLINK)

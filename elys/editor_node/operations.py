@@ -125,9 +125,9 @@ class Operations:
         return self._perform(f"Remove {component} from {self._described(targets)}", commands)
 
     def spawn(self, kind: str, *, parent: int = 0, at: Point | None = None) -> Done | None:
-        """Makes a box, a sphere, ... at a point in the world [m] and selects it."""
+        """Makes a box, a sphere, ... at a point in the world [m], or where its parent is, and selects it."""
         point = np.zeros(3) if at is None else np.asarray(at, dtype=np.float64)
-        if parent:
+        if parent and at is not None:
             local_from_world = matrix.inverse_affine(self._scene.world_from_local(parent))
             point = np.asarray(matrix.transform_points(local_from_world, point), dtype=np.float64)
         x, y, z = (round(float(value), 4) for value in point)

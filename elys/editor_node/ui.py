@@ -55,6 +55,7 @@ class Ui:
     fonts: Fonts
     tools: Tools = field(default_factory=Tools)
     landmarks: Landmarks = field(default_factory=Landmarks)
+    focus: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m] what the viewport's camera looks at
 
 
 def color_code(color: Rgba) -> int:

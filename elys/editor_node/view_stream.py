@@ -6,12 +6,14 @@ scene has moved on, so an idle scene costs nothing. A new camera or size overtak
 
 from __future__ import annotations
 
+import logging
 import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
 import simplejpeg
 
 from elys.bus import topics
@@ -22,6 +24,7 @@ from elys.editor_node.picture_ring import MAX_HEIGHT, MAX_WIDTH, open_ring
 
 ANSWER_TIMEOUT: Final = 1.5  # [s] after which a picture that was asked for is asked for again
 WAIT_TIMEOUT: Final = 3.0  # [s] the same for one that may wait for a later tick
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,20 +73,25 @@ class ViewStream:
         frame, self._arrived = self._arrived, None
         if frame is None:
             return False
-        if frame.slot >= 0 and self._ring is not None:
-            with self._ring.pixels(frame.slot, frame.width, frame.height) as pixels:
-                picture.upload(pixels, frame.width, frame.height)
-        elif frame.jpeg:
-            # JPEG rows run downwards, textures upwards.
-            picture.upload(
-                simplejpeg.decode_jpeg(frame.jpeg, colorspace="RGBA")[::-1].copy(), frame.width, frame.height
-            )
-        else:
+        try:
+            self._show(frame, picture)
+        except ValueError as error:
+            _log.warning("refused a picture from a render node: %s", error)
             return False
         self.shown = frame
         if frame.state_published_at:
             self.latency = max(0.0, (time.time_ns() - frame.state_published_at) * 1e-9)
         return True
+
+    def _show(self, frame: ViewFrame, picture: ViewportPicture) -> None:
+        """Raises ValueError for a picture that is none."""
+        if frame.slot >= 0 and self._ring is not None:
+            with self._ring.pixels(frame.slot, frame.width, frame.height) as pixels:
+                picture.upload(pixels, frame.width, frame.height)
+            return
+        rows = simplejpeg.decode_jpeg(frame.jpeg, colorspace="RGBA")
+        height, width, _ = rows.shape
+        picture.upload(np.ascontiguousarray(rows[::-1]), width, height)  # JPEG rows run downwards, textures upwards
 
     async def pick(self, x: int, y: int) -> PickReply:
         """What is seen at a pixel of the picture shown; raises BusError when the render node does not answer."""

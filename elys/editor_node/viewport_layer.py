@@ -5,10 +5,14 @@ Alt and the left button orbit, the middle one pans, the wheel zooms, the right o
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Final, Literal
+
+import numpy as np
 
 from elys.bus.messages.views import PickReply
 from elys.common.errors import BusError
+from elys.common.math import quaternion
 from elys.editor_node.events import (
     Event,
     KeyPressed,
@@ -40,7 +44,9 @@ _Action = Literal["", "click", "orbit", "pan", "fly"]
 class ViewportLayer:
     """Hears of the mouse only where ImGui has no widget, and consumes what it uses."""
 
-    def __init__(self, model: EditorModel, panel: ViewportPanel) -> None:
+    def __init__(
+        self, model: EditorModel, panel: ViewportPanel, *, hold_pointer: Callable[[bool], None] = lambda is_held: None
+    ) -> None:
         self._model = model
         self._panel = panel
         self._action: _Action = ""
@@ -49,6 +55,8 @@ class ViewportLayer:
         self._pressed_at = (0.0, 0.0)
         self._modifiers = Modifiers.NONE
         self._held: set[int] = set()
+        self._hold_pointer = hold_pointer
+        self._is_placed = False  # whether the camera was put where the scene wants it
 
     @property
     def is_flying(self) -> bool:
@@ -73,11 +81,14 @@ class ViewportLayer:
                 self._held.discard(key)
             case WindowFocused(False):
                 self._held.clear()
-                self._action = ""
+                self._release()
         return False
 
     def update(self, elapsed: float) -> None:
-        """Flies on while keys are held."""
+        """Flies on while keys are held; looks at a scene as its own camera does when it comes into sight first."""
+        if not self._is_placed and self._model.scene.is_known:
+            self._is_placed = True
+            self._look_as_the_scene_does()
         if not self.is_flying:
             return
         steps = [step for key, step in _FLY_KEYS.items() if key in self._held]
@@ -97,6 +108,20 @@ class ViewportLayer:
             self._panel.camera.frame(*ball)
             self._model.request_redraw(0.0)
 
+    def _look_as_the_scene_does(self) -> None:
+        scene = self._model.scene
+        cameras = [e for e in scene.mirror.entities if scene.echo_of(e, "Camera") and scene.is_world_enabled(e)]
+        if not cameras:
+            self.frame_selection()
+            return
+        first = max(cameras, key=lambda entity: getattr(scene.echo_of(entity, "Camera"), "priority", 0))
+        pose = scene.world_pose(first)
+        forward = quaternion.rotate(np.array(pose.rotation), (0.0, 0.0, -1.0))
+        # To turn about: where the line of sight comes through the ground, if that is within reach.
+        height, fall = pose.position[1], -float(forward[1])
+        distance = height / fall if fall > 1e-3 and 0.0 < height / fall < 200.0 else 10.0
+        self._panel.camera.look_from(pose.position, forward, distance)
+
     def _press(self, button: int, modifiers: Modifiers) -> bool:
         actions: dict[int, _Action] = {MouseButton.MIDDLE: "pan", MouseButton.RIGHT: "fly"}
         if button == MouseButton.LEFT:
@@ -104,6 +129,8 @@ class ViewportLayer:
         else:
             self._action = actions.get(button, "")
         self._button, self._modifiers, self._pressed_at = button, modifiers, self._pointer
+        if self._action == "fly":
+            self._hold_pointer(True)  # else the edge of the screen would end the turn
         return bool(self._action)
 
     def _move(self, x: float, y: float) -> bool:
@@ -121,6 +148,8 @@ class ViewportLayer:
 
     def _release(self) -> bool:
         action, self._action = self._action, ""
+        if action == "fly":
+            self._hold_pointer(False)
         moved = max(abs(self._pointer[0] - self._pressed_at[0]), abs(self._pointer[1] - self._pressed_at[1]))
         if action == "click" and moved < CLICK_DISTANCE:
             self._model.session.start(self._pick(self._modifiers))

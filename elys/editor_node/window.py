@@ -102,6 +102,11 @@ class Window:
         """As if the person had pressed the close button, or had thought better of it."""
         glfw.set_window_should_close(self._window, closing)
 
+    def hold_pointer(self, is_held: bool) -> None:
+        """Hides the pointer and lets it move without end, or gives it back where it was."""
+        mode = glfw.CURSOR_DISABLED if is_held else glfw.CURSOR_NORMAL
+        glfw.set_input_mode(self._window, glfw.CURSOR, mode)
+
     def set_title(self, title: str) -> None:
         """What the frame around it says."""
         glfw.set_window_title(self._window, title)

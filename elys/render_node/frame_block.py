@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from elys.render_node.picture_plan import EXPOSURE, MAX_LAMPS, PicturePlan
 from elys.render_node.render_world import PlacedLight
-from elys.render_node.shadow_fit import MAP_SIZE
 
 GRID_PERIOD: Final = 10.0  # [m] after which the grid's pattern repeats
 NORMAL_OFFSET: Final = 1.4  # texels by which a shaded point is lifted off its surface before its shadow is looked up
@@ -55,7 +54,7 @@ def frame_block(plan: PicturePlan) -> NDArray[np.void]:
     if plan.shadow is not None:
         frame["shadow_from_relative"] = (_MAP_FROM_CLIP @ plan.shadow.map_from_relative).T
         frame["sun_illuminance"][3] = 1.0
-        frame["shadow_scale"][:2] = (plan.shadow.texel * NORMAL_OFFSET, 1.0 / MAP_SIZE)
+        frame["shadow_scale"][:2] = (plan.shadow.texel * NORMAL_OFFSET, 1.0 / plan.shadow.map_size)
     frame["background"][:3] = settings.background
     frame["ambient"][:3] = settings.ambient
     wrapped = view.eye % GRID_PERIOD

@@ -79,6 +79,7 @@ class SceneFollower:
         self.world = RenderWorld(DrawableAssets(self._fetch, on_ready=self._asset_arrived))
         self.changed = asyncio.Event()
         self.revision = 0  # rises with every change
+        self.arrived_count = 0  # of meshes and images
         self.state_arrived_at = 0.0  # [s] by the monotonic clock
         self._closed = False
         session.on_link(self._link_changed)
@@ -128,7 +129,11 @@ class SceneFollower:
 
     def _asset_arrived(self) -> None:
         if not self._closed:
-            self._loop.call_soon_threadsafe(self.touch)
+            self._loop.call_soon_threadsafe(self._show_asset)
+
+    def _show_asset(self) -> None:
+        self.arrived_count += 1
+        self.touch()
 
     def _fetch(self, reference: str) -> bytes:
         """On a thread of the assets' pool: asks the bus, which lives on the loop."""

@@ -59,14 +59,16 @@ def plan_picture(
     selection: tuple[int, ...] = (),
     grid: bool = False,
     drawn_shadow: ShadowState | None = None,
-    without_shadow: bool = False,
+    shadow_size: int = 0,
 ) -> PicturePlan:
-    """Decides what a picture of the world in this view consists of; `drawn_shadow` is what the shadow map holds already."""
+    """Decides what a picture of the world in this view consists of; `drawn_shadow` is what the shadow map, of `shadow_size`
+    texels an edge (0 for none), holds already.
+    """
     relative_centre = (world.centre - view.eye).astype(np.float32)
     seen = _within(frustum_planes(view.clip_from_relative), relative_centre, world.radius)
     lights = world.lights()
     sun = _brightest_sun(lights)
-    shadow = None if without_shadow else _shadow(world, view, sun)
+    shadow = _shadow(world, view, sun, shadow_size) if shadow_size else None
     is_fresh = shadow is not None and drawn_shadow == ShadowState(world.scene_version, world.pose_version, shadow.key)
     rows = _RowCollector(world)
     seen_rows = np.flatnonzero(seen)
@@ -158,11 +160,10 @@ def _caster_rows(world: RenderWorld, first_blended: int) -> Rows:
     return np.flatnonzero(world.casts[:first_blended])
 
 
-def _shadow(world: RenderWorld, view: View, sun: PlacedLight | None) -> ShadowFit | None:
-    if sun is None or not sun.light.cast_shadows or not world.casts.any():
+def _shadow(world: RenderWorld, view: View, sun: PlacedLight | None, map_size: int) -> ShadowFit | None:
+    if sun is None or not sun.light.cast_shadows:
         return None
-    rows = np.flatnonzero(world.casts)
-    return fit_shadow(view, sun.direction, world.centre[rows], world.radius[rows])
+    return fit_shadow(world, view, sun.direction, map_size=map_size)
 
 
 def _brightest_sun(lights: list[PlacedLight]) -> PlacedLight | None:

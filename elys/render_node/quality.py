@@ -18,6 +18,7 @@ class Quality:
 
     samples: int  # per pixel; 0 for one
     single_shadow_tap: bool
+    shadow_size: int  # [texels] of an edge of the shadow map
     to_screen: bool
 
     @property
@@ -31,8 +32,8 @@ class Quality:
         return ("SHADOWS", "SINGLE_SHADOW_TAP") if self.single_shadow_tap else ("SHADOWS",)
 
 
-FULL: Final = Quality(samples=4, single_shadow_tap=False, to_screen=False)
-FAST: Final = Quality(samples=0, single_shadow_tap=True, to_screen=True)
+FULL: Final = Quality(samples=4, single_shadow_tap=False, shadow_size=2048, to_screen=False)
+FAST: Final = Quality(samples=0, single_shadow_tap=True, shadow_size=1024, to_screen=True)
 
 
 def interactive_quality(context: Context) -> Quality:

@@ -95,6 +95,7 @@ class RenderWorld:
         self._bodies = np.zeros(0, np.uint32)
         self._assets_version = -1
         self._placed = (-1, -1.0)
+        self._rests = False  # placed as the newest frame says, not on the way there
         self._rebuild()
 
     # --- feeding ---------------------------------------------------------------------------------------------------
@@ -143,6 +144,9 @@ class RenderWorld:
         if moment == self._placed:
             return
         self._placed = moment
+        rested, self._rests = self._rests, self.timeline.is_still or fraction >= 1.0
+        if rested and self.timeline.is_still:
+            return  # everything stands where it was placed last
         self._placement.follow(self.timeline, fraction)
         self._centre()
         self.pose_version += 1
@@ -220,9 +224,14 @@ class RenderWorld:
         if not len(chosen):
             return np.full(3, np.inf), np.full(3, -np.inf)
         fitting = chosen[without_giants(self.centre[chosen], self.radius[chosen].astype(np.float64))]
-        world_from_local = np.append(self.linear[fitting], self.position[fitting, :, None], axis=2)
-        lower, upper = transform_bounds(world_from_local, self._lower[fitting], self._upper[fitting])
-        return np.asarray(lower.min(axis=0), np.float64), np.asarray(upper.max(axis=0), np.float64)
+        lower, upper = self.boxes(fitting)
+        return lower.min(axis=0), upper.max(axis=0)
+
+    def boxes(self, rows: Rows) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Corners (N, 3) of a box along the world's axes around each of these instances."""
+        world_from_local = np.append(self.linear[rows], self.position[rows, :, None], axis=2)
+        lower, upper = transform_bounds(world_from_local, self._lower[rows], self._upper[rows])
+        return np.asarray(lower, np.float64), np.asarray(upper, np.float64)
 
     # --- inside ----------------------------------------------------------------------------------------------------
 
@@ -244,7 +253,7 @@ class RenderWorld:
         self._bodies = self.timeline.newest.entity if self.timeline.newest is not None else np.zeros(0, np.uint32)
         self._placement = Placement(self._tables, self._items, self._bodies)
         self._placement.follow(self.timeline, 1.0)
-        self._placed = (-1, -1.0)
+        self._placed, self._rests = (-1, -1.0), False
         self._measure_instances()
         self._centre()
         self.pose_version += 1

@@ -126,7 +126,7 @@ class Renderer:
         if not (0 <= x < width and 0 <= y < height):
             return 0, (0.0, 0.0, 0.0)
         view = View.of(camera, width, height).of_pixel(x, y)
-        plan = plan_picture(world, view, without_shadow=True)
+        plan = plan_picture(world, view)
         self.resources.instances.write(plan.instances)
         if self._picking is None:
             self._picking = PickingPass(self.resources)
@@ -169,7 +169,9 @@ class Renderer:
     def _plan(self, world: RenderWorld, view: View, selection: tuple[int, ...], grid: bool) -> PicturePlan:
         drawn = self._shadow.drawn if self._shadow_world is world else None
         self._shadow_world = world
-        return plan_picture(world, view, selection=selection, grid=grid, drawn_shadow=drawn)
+        return plan_picture(
+            world, view, selection=selection, grid=grid, drawn_shadow=drawn, shadow_size=self._quality.shadow_size
+        )
 
     def _upload(self, plan: PicturePlan) -> None:
         self.resources.instances.write(plan.instances)

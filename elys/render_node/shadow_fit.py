@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from elys.common.math import quaternion
 from elys.common.math.matrix import look_rotation
 from elys.render_node.camera import View, frustum_corners
-from elys.render_node.render_world import without_giants
+from elys.render_node.render_world import RenderWorld, without_giants
+from elys.render_node.scene_tables import Rows
 
-MAP_SIZE: Final = 2048  # [texels]
 BORDER: Final = 4  # texels around what is covered: the filter looks over the edge
+REACH_BEHIND: Final = 500.0  # [m] behind the casters in which shadows are seen; 24 bits of depth resolve 0.03 mm of it
 SIZE_STEPS: Final = 8  # sizes per doubling: small changes of the view leave the texels where they are
 
 
@@ -24,36 +25,36 @@ class ShadowFit:
 
     map_from_relative: NDArray[np.float64]  # (4, 4) to clip space of the map
     texel: float  # [m]
+    map_size: int  # [texels]
     key: tuple[float, ...]  # equal keys cover the same part of the world in the same way
 
 
-def fit_shadow(
-    view: View, direction: NDArray[np.float64], centre: NDArray[np.float64], radius: NDArray[np.float32]
-) -> ShadowFit | None:
-    """The box that covers the casters at `centre` (N, 3) world [m] of `radius` (N,), as far as they can darken what is seen.
+def fit_shadow(world: RenderWorld, view: View, direction: NDArray[np.float64], *, map_size: int) -> ShadowFit | None:
+    """The box that covers the world's casters, as far as they can darken what is seen of light that goes along `direction`.
 
-    Casters that dwarf all others, as a ground does, are drawn into the map but do not widen it. None if nothing is left.
+    The map has `map_size` texels an edge.
+    A floor below all others is drawn into the map but does not widen it: its shadow falls on nothing. None if nothing is left.
     """
-    if not len(centre):
+    casters = np.flatnonzero(world.casts)
+    if not len(casters):
         return None
     light_from_world = quaternion.to_matrix(look_rotation(direction)).T
-    reach = radius.astype(np.float64)
-    in_light = centre @ light_from_world.T
-    kept = without_giants(centre, reach)
+    reach = world.radius[casters].astype(np.float64)
+    in_light = world.centre[casters] @ light_from_world.T
+    kept = ~_floors(world, casters)
     lower = (in_light[kept, :2] - reach[kept, None]).min(axis=0)
     upper = (in_light[kept, :2] + reach[kept, None]).max(axis=0)
     seen = (frustum_corners(view.clip_from_relative) + view.eye) @ light_from_world.T
     lower, upper = np.maximum(lower, seen[:, :2].min(axis=0)), np.minimum(upper, seen[:, :2].max(axis=0))
     if not (upper > lower).all():
         return None
-    size = _rounded_up(float((upper - lower).max()) * MAP_SIZE / (MAP_SIZE - 2 * BORDER - 2))
-    texel = size / MAP_SIZE
+    size = _rounded_up(float((upper - lower).max()) * map_size / (map_size - 2 * BORDER - 2))
+    texel = size / map_size
     # Whole texels of the world: edges do not crawl while the camera moves.
     middle = np.floor((lower + upper) / 2 / texel) * texel
-    # Light travels along -z. Nothing nearer to the sun than the nearest caster matters, nor anything behind the last thing seen.
+    # Light travels along -z. Neither end depends on the camera, so that a still scene keeps its map while somebody looks around.
     nearest = float((in_light[:, 2] + reach).max())
-    farthest = min(float((in_light[:, 2] - reach).min()), float(seen[:, 2].min()))
-    farthest = max(farthest, float((in_light[kept, 2] - reach[kept]).min()) - 4.0 * size)
+    farthest = float((in_light[kept, 2] - reach[kept]).min()) - REACH_BEHIND
     depth = max(nearest - farthest, 1e-3)
     map_from_light = np.eye(4)
     map_from_light[0, 0] = map_from_light[1, 1] = 2.0 / size
@@ -64,7 +65,17 @@ def fit_shadow(
     light_from_relative[:3, :3] = light_from_world
     light_from_relative[:3, 3] = light_from_world @ view.eye
     key = (*direction.tolist(), *middle.tolist(), size, nearest, farthest)
-    return ShadowFit(map_from_relative=map_from_light @ light_from_relative, texel=texel, key=key)
+    return ShadowFit(map_from_relative=map_from_light @ light_from_relative, texel=texel, map_size=map_size, key=key)
+
+
+def _floors(world: RenderWorld, casters: Rows) -> NDArray[np.bool_]:
+    """Which casters dwarf all others and lie below them."""
+    giants = ~without_giants(world.centre[casters], world.radius[casters].astype(np.float64))
+    if giants.any():
+        bottom = world.boxes(casters[~giants])[0][:, 1].min()
+        top = world.boxes(casters[giants])[1][:, 1]
+        giants[giants] = top <= bottom + 0.02 * world.radius[casters[giants]]  # things sink in a little
+    return giants
 
 
 def _rounded_up(size: float) -> float:

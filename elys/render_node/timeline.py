@@ -21,6 +21,7 @@ class Timeline:
         self._previous: StateFrame | None = None
         self._arrived = 0.0  # [s]
         self._interval = 1.0 / 60.0  # [s] in which the newest frame came after the one before
+        self.is_still = False  # the newest frame shows every body where the one before did
 
     @property
     def interval(self) -> float:
@@ -39,19 +40,21 @@ class Timeline:
             if frame.published_at <= newest.published_at:
                 return False
             self.newest = frame  # a pause's edit: the same tick, told again
-            self._previous = None
+            self._previous, self.is_still = None, False
             return True
         self._previous = newest if newest is not None and self._follows(newest, frame) else None
         if self._previous is not None:
             # By the sender's clock: messages that waited arrive in bunches.
             between = (frame.published_at - self._previous.published_at) * 1e-9
             self._interval = min(max(between, 1e-3), 0.25)
+        self.is_still = self._previous is not None and _same_poses(self._previous, frame)
         self.newest, self._arrived = frame, now
         return True
 
     def forget(self) -> None:
         """Starts anew, as after the host has changed."""
         self.newest = self._previous = None
+        self.is_still = False
 
     def fraction(self, now: float) -> float:
         """How far things have gone from the frame before (0) to the newest (1)."""
@@ -89,6 +92,14 @@ class Timeline:
     def _follows(before: StateFrame, after: StateFrame) -> bool:
         gap = after.simulation_time - before.simulation_time
         return before.epoch == after.epoch and after.playing and 0.0 < gap <= LONGEST_GAP
+
+
+def _same_poses(before: StateFrame, after: StateFrame) -> bool:
+    return (
+        np.array_equal(before.entity, after.entity)
+        and np.array_equal(before.position, after.position)
+        and np.array_equal(before.rotation, after.rotation)
+    )
 
 
 def rows_in(table: NDArray[np.uint32], wanted: NDArray[np.uint32]) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:

@@ -10,8 +10,6 @@ import logging
 import time
 from typing import Final
 
-import glfw
-
 from elys.bus import topics
 from elys.bus.messages.commands import CommandRequest, SetPlaying
 from elys.bus.messages.session import SessionStatus
@@ -95,12 +93,13 @@ class _Viewer:
 
     def _draw_if_changed(self, now: float, *, always: bool) -> bool:
         width, height = self._window.framebuffer_size
-        world = self._follower.world
-        gliding = world.timeline.fraction(now) < 1.0
-        what = (self._follower.revision, width, height, gliding)
-        if not (self._is_dirty or gliding or what != self._drawn or always) or not self._window.is_visible:
+        if not self._window.is_visible:
             return False
         self._follower.refresh(now)
+        world = self._follower.world
+        what = (world.scene_version, world.pose_version, self._follower.arrived_count, width, height)
+        if not (self._is_dirty or what != self._drawn or always):
+            return False
         target = Framebuffer.of_window(self._renderer.context, width, height)
         self._renderer.draw(world, self._camera(width / height), width, height, target=target)
         self._window.swap()
@@ -128,20 +127,20 @@ class _Viewer:
     def _on_event(self, event: WindowEvent) -> None:
         self._is_dirty = True
         match event:
-            case Dragged(button=glfw.MOUSE_BUTTON_LEFT, shift=False):
+            case Dragged(button="left", shift=False):
                 self._led().turn(event.x, event.y)
-            case Dragged(button=glfw.MOUSE_BUTTON_LEFT | glfw.MOUSE_BUTTON_MIDDLE | glfw.MOUSE_BUTTON_RIGHT):
+            case Dragged():
                 self._led().pan(event.x, event.y)
             case Scrolled():
                 self._led().zoom(event.steps)
-            case KeyPressed(key=glfw.KEY_F):
+            case KeyPressed(key="f"):
                 width, height = self._window.framebuffer_size
                 self._frame(width / height)
-            case KeyPressed(key=glfw.KEY_C):
+            case KeyPressed(key="c"):
                 self._orbit = None
-            case KeyPressed(key=glfw.KEY_SPACE):
+            case KeyPressed(key="space"):
                 self._session.start(self._toggle_playing())
-            case KeyPressed(key=glfw.KEY_ESCAPE):
+            case KeyPressed(key="escape"):
                 self._window.request_close()
 
     def _led(self) -> Orbit:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 from elys.common.errors import DisplayError
 
@@ -31,16 +31,29 @@ if _is_null():
     _prefer_newer_glfw()
 import glfw  # noqa: E402  reads the environment when it is imported
 
+Button = Literal["left", "middle", "right"]
+Key = Literal["f", "c", "space", "escape"]
+_BUTTONS: Final[Mapping[int, Button]] = {
+    glfw.MOUSE_BUTTON_LEFT: "left",
+    glfw.MOUSE_BUTTON_MIDDLE: "middle",
+    glfw.MOUSE_BUTTON_RIGHT: "right",
+}
+_KEYS: Final[Mapping[int, Key]] = {
+    glfw.KEY_F: "f",
+    glfw.KEY_C: "c",
+    glfw.KEY_SPACE: "space",
+    glfw.KEY_ESCAPE: "escape",
+}
+
 
 @dataclass(frozen=True, slots=True)
 class Dragged:
     """The pointer moved with a button down; `x`, `y` in window heights, right and down."""
 
-    button: int
+    button: Button
     x: float
     y: float
-    alt: bool
-    shift: bool
+    shift: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,9 +65,9 @@ class Scrolled:
 
 @dataclass(frozen=True, slots=True)
 class KeyPressed:
-    """A key went down, by GLFW's number."""
+    """A key of those that mean something to a viewer went down."""
 
-    key: int
+    key: Key
 
 
 WindowEvent = Dragged | Scrolled | KeyPressed
@@ -126,22 +139,21 @@ class Window:
     def _moved(self, _: Any, x: float, y: float) -> None:
         before, self._pointer = self._pointer, (x, y)
         height = max(glfw.get_window_size(self._window)[1], 1)
-        for button in (glfw.MOUSE_BUTTON_LEFT, glfw.MOUSE_BUTTON_MIDDLE, glfw.MOUSE_BUTTON_RIGHT):
-            if glfw.get_mouse_button(self._window, button) == glfw.PRESS:
+        for number, button in _BUTTONS.items():
+            if glfw.get_mouse_button(self._window, number) == glfw.PRESS:
                 self.on_event(
                     Dragged(
                         button,
                         (x - before[0]) / height,
                         (y - before[1]) / height,
-                        alt=self._is_down(glfw.KEY_LEFT_ALT, glfw.KEY_RIGHT_ALT),
                         shift=self._is_down(glfw.KEY_LEFT_SHIFT, glfw.KEY_RIGHT_SHIFT),
                     )
                 )
                 return
 
     def _key(self, _: Any, key: int, __: int, action: int, ___: int) -> None:
-        if action == glfw.PRESS:
-            self.on_event(KeyPressed(key))
+        if action == glfw.PRESS and key in _KEYS:
+            self.on_event(KeyPressed(_KEYS[key]))
 
     def _is_down(self, *keys: int) -> bool:
         return any(glfw.get_key(self._window, key) == glfw.PRESS for key in keys)

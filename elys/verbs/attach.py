@@ -20,7 +20,7 @@ def view(connect: str | None, *, frame_limit: int) -> None:
     probe_display()
 
     async def work() -> None:
-        async with joined(endpoint, kind="render") as session:
+        async with joined(endpoint, kind="tool") as session:
             await run_view(session, frames=frame_limit or None)
 
     run_until_asked(work())

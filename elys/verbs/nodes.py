@@ -90,12 +90,12 @@ def simulation(
     scene: str, *, listen: str | None, step_limit: int, record: Path | None, realtime: bool, paused: bool, name: str
 ) -> None:
     """The simulation's process."""
-    from elys.verbs.simulate import simulate
+    from elys.verbs.simulate import prepare, simulate
 
     start_logging()
     run_until_asked(
         simulate(
-            scene,
+            prepare(scene, record=record),
             listen=listen,
             step_limit=step_limit,
             record=record,

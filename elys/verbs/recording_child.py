@@ -11,6 +11,7 @@ from pathlib import Path
 from elys.bus.messages.scene import Snapshot
 from elys.bus.session import Session
 from elys.bus.tap import RecordingTap
+from elys.bus.transports.mcap import open_alone
 from elys.common.assets.store import AssetStore
 from elys.common.errors import RecordingError
 from elys.sim_node.node import SimulationNode
@@ -23,9 +24,12 @@ def require_recordable(path: Path) -> None:
         raise RecordingError(f"{path} cannot be recorded to: recordings have the suffix .mcap, for instance run.mcap")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.open("ab").close()
     except OSError as error:
         raise RecordingError(f"{path} cannot be written ({error.strerror}): choose another place") from error
+    was_there = path.exists()
+    open_alone(path).close()
+    if not was_there:
+        path.unlink()  # the run may yet fail, and would leave an empty file
 
 
 class RecordingChild:

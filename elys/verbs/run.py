@@ -45,7 +45,8 @@ def run(
     if record is not None:
         require_recordable(record)
     probe_display()
-    compile_with_progress()
+    if not kernels_are_warm():  # the bar needs this terminal; a node's own lines are prefixed
+        compile_with_progress()
     options = ["--steps", str(step_limit)] if step_limit else []
     options += ["--record", str(record)] if record else []
     options += ["--paused"] if paused else []
@@ -126,14 +127,15 @@ def _run_headless(
     from elys.bus.log import start_logging
     from elys.verbs.nodes import run_until_asked
     from elys.verbs.output import print_json
-    from elys.verbs.simulate import RunReport, describe, simulate
+    from elys.verbs.simulate import RunReport, describe, prepare, simulate
 
     start_logging()
     reports: list[RunReport] = []
+    simulation = prepare(scene, record=record)
 
     async def work() -> None:
         await simulate(
-            scene,
+            simulation,
             listen=listen,
             step_limit=step_limit,
             record=record,

@@ -18,6 +18,7 @@ from elys.verbs.scenes import open_scene_or_sample
 
 if TYPE_CHECKING:
     from elys.sim_node.node import SimulationNode
+    from elys.sim_node.simulation import Simulation
 
 _log = logging.getLogger(__name__)
 
@@ -50,8 +51,26 @@ def describe(report: RunReport) -> str:
     return text
 
 
+def prepare(scene: str, *, record: Path | None) -> Simulation:
+    """Opens a scene and loads or compiles the kernels. Not on the loop: Ctrl-C ends it at once, and nothing is lost.
+
+    Raises:
+        SceneError, AssetError: the scene is missing or wrong. RecordingError: it cannot be recorded there.
+    """
+    from elys.sim_node.simulation import Simulation
+    from elys.verbs.kernels import compile_with_progress
+    from elys.verbs.recording_child import require_recordable
+
+    if record is not None:
+        require_recordable(record)
+    assets = AssetStore()
+    opened = open_scene_or_sample(scene, assets)
+    compile_with_progress()
+    return Simulation.load(opened, assets)
+
+
 async def simulate(
-    scene: str,
+    simulation: Simulation,
     *,
     listen: str | None,
     step_limit: int,
@@ -61,33 +80,21 @@ async def simulate(
     name: str,
     on_end: Callable[[RunReport], None] | None = None,
 ) -> None:
-    """Runs a scene in a session of its own.
+    """Runs a simulation in a session of its own.
 
     Raises:
-        SceneError: the scene is missing or wrong. BusError: the endpoint cannot be listened at. RecordingError: the
-            recording cannot be written.
+        BusError: the endpoint cannot be listened at. RecordingError: the recording cannot be written.
     """
     from elys.sim_node.node import SimulationNode
-    from elys.sim_node.simulation import Simulation
-    from elys.verbs.kernels import compile_with_progress
-    from elys.verbs.recording_child import RecordingChild, require_recordable
+    from elys.verbs.recording_child import RecordingChild
 
-    if record is not None:
-        require_recordable(record)
-    assets = AssetStore()
-    opened = open_scene_or_sample(scene, assets)
-    compile_with_progress()
-    simulation = Simulation.load(opened, assets)
-    epoch = time.time_ns()
-    async with hosted(listen, name=name or opened.name, kind="simulation", scene=opened.name, epoch=epoch) as (
-        session,
-        endpoint,
-    ):
-        _log.info("simulating %s at %s", opened.name, endpoint)
+    scene, epoch = simulation.name, time.time_ns()
+    async with hosted(listen, name=name or scene, kind="simulation", scene=scene, epoch=epoch) as (session, endpoint):
+        _log.info("simulating %s at %s", scene, endpoint)
         node = SimulationNode(simulation, session, realtime=realtime, playing=not paused, step_limit=step_limit)
         recorder = RecordingChild(record) if record else None
         if recorder is not None:
-            recorder.attach(session, node, assets, lossless=not realtime)
+            recorder.attach(session, node, simulation.assets, lossless=not realtime)
         started = time.perf_counter()
         try:
             await node.run()

@@ -13,11 +13,13 @@ than the open chunk, and a power cut no more than a second.
 from __future__ import annotations
 
 import contextlib
+import fcntl
+import logging
 import os
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, BinaryIO, Final
 
 import msgspec
 from mcap.writer import CompressionType, Writer
@@ -46,6 +48,7 @@ COMPONENTS_NAME: Final = "elys/components.schema.json"
 _CHUNK_SECONDS: Final = 0.2
 _CHUNK_SIZE: Final = 1 << 20  # [bytes]
 _SYNC_SECONDS: Final = 1.0
+_log = logging.getLogger(__name__)
 
 
 class McapWriter:
@@ -64,14 +67,11 @@ class McapWriter:
         self._chunk_bytes = 0
         self._chunk_opened = self._synced = time.monotonic()
         self._closed = False
-        try:
-            self._file = path.open("wb")
-        except OSError as error:
-            raise RecordingError(f"the recording {path} cannot be written: {error.strerror}") from error
-        # This class closes chunks, so that it knows in which one each frame stands.
-        self._writer = Writer(self._file, chunk_size=1 << 62, compression=CompressionType.ZSTD)
+        self._file = open_alone(path)
         try:
             with _disk_errors(path):
+                if path.is_file():
+                    self._file.truncate(0)
                 self._begin(session, scene)
         except RecordingError:
             with contextlib.suppress(OSError):  # what could not be written cannot be written now either
@@ -134,6 +134,8 @@ class McapWriter:
                 self._file.close()
 
     def _begin(self, session: str, scene: str) -> None:
+        # This class closes chunks, so that it knows in which one each frame stands.
+        self._writer = Writer(self._file, chunk_size=1 << 62, compression=CompressionType.ZSTD)
         self._writer.start(profile=PROFILE, library=f"elys {elys.__version__}")
         self._writer.add_metadata(METADATA_NAME, _metadata(session, scene))
         self._writer.add_attachment(0, time.time_ns(), COMPONENTS_NAME, "application/schema+json", _component_schemas())
@@ -164,6 +166,22 @@ def recorded_channels() -> tuple[str, ...]:
     recorded = tuple(topic.name for topic in topics.TOPICS if topic.recorded)
     assert all(topic.encoding in (Encoding.JSON, Encoding.STATE) for topic in topics.TOPICS if topic.recorded)
     return (SNAPSHOT_CHANNEL, *recorded)
+
+
+def open_alone(path: Path) -> BinaryIO:
+    """The file as it is, to be written by nobody else meanwhile; RecordingError if it cannot be written, or is being written."""
+    try:
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o666)
+    except OSError as error:
+        raise RecordingError(f"the recording {path} cannot be written: {error.strerror}") from error
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(descriptor)
+        raise RecordingError(f"{path} is being recorded by another process: choose another name") from None
+    except OSError as error:  # a file system that has no locks
+        _log.debug("%s is not locked: %s", path, error)
+    return os.fdopen(descriptor, "wb")
 
 
 @contextlib.contextmanager

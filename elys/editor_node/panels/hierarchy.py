@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
+import numpy as np
 from imgui_bundle import imgui
 
 from elys.editor_node.fields import ENTITY_PAYLOAD
@@ -284,7 +285,7 @@ def draw_add_menu(ui: Ui, *, parent: int) -> None:
     """The entities that can be made."""
     for kind in PRIMITIVES:
         if imgui.menu_item(f"{PRIMITIVE_ICONS[kind]}  {kind}###{kind}", "", False)[0]:
-            ui.model.edit.spawn(kind, parent=parent)
+            ui.model.edit.spawn(kind, parent=parent, at=None if parent else np.array(ui.focus))
         ui.landmarks.note(f"add/{kind}")
 
 

@@ -44,6 +44,8 @@ class ViewportPanel:
     def draw(self, ui: Ui) -> None:
         """Draws the panel."""
         self.stream.upload(self._picture)
+        x, y, z = self.camera.target.tolist()
+        ui.focus = (x, y, z)
         imgui.push_style_var(imgui.StyleVar_.window_padding, (0.0, 0.0))
         flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse | imgui.WindowFlags_.no_nav
         flags |= imgui.WindowFlags_.no_background

@@ -7,7 +7,6 @@ from elys.render_node.passes.drawing import depth_program, draw_calls
 from elys.render_node.picture_plan import PicturePlan, ShadowState
 from elys.render_node.render_world import Look
 from elys.render_node.resources import Geometry, Resources
-from elys.render_node.shadow_fit import MAP_SIZE
 
 SLOPE_OFFSET = (1.5, 3.0)  # pushes casters away from the sun by their slope and by a few steps of the depth's precision
 
@@ -29,7 +28,7 @@ class ShadowPass:
         assert plan.shadow is not None
         context = self._resources.context
         if self._map is None:
-            self._map = Framebuffer(context, MAP_SIZE, MAP_SIZE, (), depth=True, compare=True)
+            self._map = Framebuffer(context, plan.shadow.map_size, plan.shadow.map_size, (), depth=True, compare=True)
         self._map.use()
         self._map.clear()
         context.set_state(depth_test="less", polygon_offset=SLOPE_OFFSET)

@@ -165,3 +165,10 @@ def test_only_one_file_calls_opengl():
         "assert not {'moderngl', 'glfw', 'imgui_bundle'} & set(sys.modules), 'the model needs no window'\n"
     )
     subprocess.run([sys.executable, "-c", program], check=True)
+
+
+def test_the_camera_looks_from_where_it_is_put():
+    camera = OrbitCamera()
+    camera.look_from((1.0, 2.0, 3.0), (0.6, -0.5, -0.4), 7.0)
+    assert camera.position == pytest.approx((1.0, 2.0, 3.0))
+    assert -camera.backward == pytest.approx(np.array((0.6, -0.5, -0.4)) / np.linalg.norm((0.6, -0.5, -0.4)))

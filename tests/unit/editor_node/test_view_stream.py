@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import msgspec
+
 from elys.bus.messages.views import ViewCamera
 from elys.editor_node.view_stream import View, ViewStream
 
@@ -60,6 +62,37 @@ def test_sizes_stay_what_a_slot_can_hold(on_stage):
         request = source.requests[0]
         assert (request.width, request.height) == (16, 16)
         assert request.ring.slot_size >= 4096 * 2304 * 4
+        stream.close()
+        await source.close()
+
+    on_stage(scenario)
+
+
+class Texture:
+    """Takes what is uploaded, without GL."""
+
+    def upload(self, pixels, width: int, height: int) -> None:
+        assert len(memoryview(pixels).cast("B")) == width * height * 4
+
+
+def test_a_picture_that_is_none_is_refused_and_the_last_one_stays(on_stage, caplog):
+    async def scenario(stage):
+        source = await stage.picture_source(entity=0)
+        stream = ViewStream(stage.model.session)
+        stream.want(view(0.0))
+        await stage.until(lambda: len(source.sent) == 1 and stream.upload(Texture()))
+        shown = stream.shown
+        for broken in (
+            {"slot": 7},
+            {"slot": 0, "width": 1 << 20, "height": 1 << 20},
+            {"slot": 0, "width": -4, "height": 4},
+            {"slot": -1, "jpeg": b"not a picture"},
+            {"slot": -1, "jpeg": b""},
+        ):
+            stream._frame_arrived(msgspec.structs.replace(shown, **broken), "")
+            assert not stream.upload(Texture())
+            assert stream.shown is shown
+        assert caplog.text.count("refused a picture") == 5
         stream.close()
         await source.close()
 

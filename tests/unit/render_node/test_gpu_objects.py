@@ -129,3 +129,35 @@ def test_what_egl_says_is_translated(monkeypatch: pytest.MonkeyPatch, said: str,
         offscreen_context()
     assert remedy in str(caught.value)
     assert said in str(caught.value)
+
+
+@pytest.mark.gl
+def test_a_renderer_leaves_nothing_behind(context: Context) -> None:
+    """After pictures of many sizes, scenes and marks."""
+    from elys.bus.messages.views import ViewCamera
+    from elys.common.components import Light, Material, MeshRenderer, Transform
+    from elys.render_node.render_world import RenderWorld
+    from elys.render_node.renderer import KEPT_SIZES, Renderer
+    from elys.render_node.scene_tables import tables_of
+
+    gc.collect()
+    before = context.live_object_count
+    renderer, world = Renderer(context), RenderWorld()
+    camera = ViewCamera(position=(0.0, 0.0, 6.0), rotation=(0.0, 0.0, 0.0, 1.0))
+    counts = []
+    sizes = np.random.default_rng(1).integers(1, 200, (30, 2)).tolist()
+    for turn, (width, height) in enumerate(sizes):
+        mesh = ("box", "sphere", "cone")[turn % 3]
+        glass = Material(alpha_mode="blend", opacity=0.5)
+        components = [{"MeshRenderer": MeshRenderer(mesh=mesh)}, {"Light": Light(), "Transform": Transform()}]
+        components.append({"MeshRenderer": MeshRenderer(mesh=mesh), "Material": glass})
+        world.set_scene(tables_of([1, 2, 3], [0, 0, 0], components))
+        renderer.draw(world, camera, width, height, selection=(1,), grid=True)
+        renderer.pick(world, camera, width, height, width // 2, height // 2)
+        gc.collect()
+        counts.append(context.live_object_count)
+    settled = counts[2 * KEPT_SIZES :]
+    assert max(settled) - min(settled) < 12  # shadow, mask and one mesh come and go; nothing piles up
+    del renderer, world
+    gc.collect()
+    assert context.live_object_count == before

@@ -197,3 +197,20 @@ def test_spheres_enclose_what_is_drawn(stage) -> None:
     world = stage.world()
     points = primitive("cone").positions @ world.linear[0].T + world.position[0]
     assert np.linalg.norm(points - world.centre[0], axis=1).max() <= world.radius[0] + 1e-6
+
+
+def test_what_rests_is_not_placed_again(stage, make_frame) -> None:
+    body = stage.add(Transform(), MeshRenderer())
+    world = stage.world()
+    poses = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 0.0, 0.0), (2.0, 0.0, 0.0))
+    versions = []
+    for tick, pose in enumerate(poses):
+        frame = make_frame({body: pose}, tick=tick, simulation_time=tick * 0.1, published_at=tick * 100_000_000)
+        world.take_state(frame, tick * 0.1)
+        world.place(tick * 0.1)  # at once: still where the frame before was
+        versions.append(world.pose_version)
+        assert world.position[0][0] == poses[max(tick - 1, 0)][0]
+    assert versions[2] > versions[1]  # arrived where the second frame says
+    assert versions[3] == versions[2]
+    world.place(5.0)
+    assert world.position[0][0] == 2.0

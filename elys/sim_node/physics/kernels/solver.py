@@ -19,6 +19,8 @@ from elys.sim_node.physics.kernels.tables import POINTS
 
 # A gap that was closed exactly is 0 give or take rounding, and rounding must not choose between hard and soft [m].
 TOUCHING = 1e-9
+# Nor must an impulse that is nothing but rounding count as a contact that pushes [m/s].
+FELT = 1e-9
 
 
 @inner
@@ -139,10 +141,11 @@ def solve_normals(a, b, row, row_points, first, constants, biased):
         gap -= da[3] * arm[0] + da[4] * arm[1] + da[5] * arm[2]
         opening = speed + bx * arm[3] + by * arm[4] + bz * arm[5] - ax * arm[0] - ay * arm[1] - az * arm[2]
         old = point.impulse
-        if gap > TOUCHING:  # may close the gap, but not more
+        felt = point.effective_mass * FELT
+        if not biased and old <= felt:  # what is about to touch is left to the next substep
+            new = 0.0
+        elif gap > TOUCHING:  # may close the gap, but not more
             new = old - point.effective_mass * (opening + gap * inverse_h + lead)
-            if not biased and old == 0.0:  # what may close in the next substep is left to that
-                new = 0.0
         elif biased:
             push = max(row.push_rate * gap, -constants.push_speed)
             new = old - point.effective_mass * row.mass_scale * (opening + push) - row.impulse_scale * old
@@ -150,7 +153,7 @@ def solve_normals(a, b, row, row_points, first, constants, biased):
             new = old - point.effective_mass * opening
         new = max(new, 0.0)
         point.impulse = new
-        struck = struck or (old == 0.0 and new > 0.0)
+        struck = struck or (old <= felt < new)
         if not biased:
             point.step_impulse += new
         change = new - old
