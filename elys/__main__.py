@@ -117,7 +117,9 @@ def render(
     source: Annotated[str, typer.Argument(help="a scene or a recording (.mcap)")],
     output: Annotated[Path, typer.Option("--output", "-o", help="out.png or out.mp4")],
     size: Annotated[str, typer.Option(help="WIDTHxHEIGHT in pixels")] = "1280x720",
-    time: Annotated[float, typer.Option(help="simulation time of a picture, start of a video [s]", min=0.0, max=1e6)] = 0.0,
+    time: Annotated[
+        float, typer.Option(help="simulation time of a picture, start of a video [s]", min=0.0, max=1e6)
+    ] = 0.0,
     duration: Annotated[
         float, typer.Option(help="length of a video [s]; 0: a recording's, or 5 s of a scene", min=0.0, max=1e6)
     ] = 0.0,

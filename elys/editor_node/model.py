@@ -31,6 +31,7 @@ from elys.common.errors import BusError, ConnectionLost
 from elys.editor_node.console_log import ConsoleLog, Level
 from elys.editor_node.history import History, Outcome
 from elys.editor_node.operations import Operations
+from elys.editor_node.scene_file import SceneFile
 from elys.editor_node.scene_mirror import EditorScene
 from elys.editor_node.selection import Selection
 
@@ -51,10 +52,13 @@ class EditorModel:
         self.scene = EditorScene(session, on_change=self._scene_changed, on_state=lambda: self.request_redraw(0.1))
         self.history = History(self._ask, self.scene, on_outcome=self._tell_outcome, on_new_ids=self._follow_new_ids)
         self.edit = Operations(self.scene, self.selection, self.history)
+        self.file = SceneFile(self.scene, self.history)
         self.status: SessionStatus | None = None
         self.profiles: deque[TickProfile] = deque(maxlen=240)  # the newest last
         self.connected = session.connected
         self._told_stroke: object = None
+        self._wanted_time: float | None = None  # [s] to seek to
+        self._seeking: asyncio.Task[None] | None = None
         self.error = ""  # why what the person tried last did not work, until something else is tried
         session.subscribe(topics.STATUS, self._status_arrived)
         session.subscribe(topics.LOG, self._line_arrived)
@@ -91,8 +95,15 @@ class EditorModel:
         self.command("Step", StepTicks(count=count))
 
     def seek(self, time: float) -> None:
-        """Goes to a time [s] of a replay."""
-        self.command("Seek", Seek(time=time))
+        """Goes to a time [s] of a replay. While the host is still on its way the newest wish counts."""
+        self._wanted_time = time
+        if self._seeking is None or self._seeking.done():
+            self._seeking = self.session.start(self._seek())
+
+    async def _seek(self) -> None:
+        while self._wanted_time is not None:
+            time, self._wanted_time = self._wanted_time, None
+            await self.command("Seek", Seek(time=time))
 
     def set_rate(self, rate: float) -> None:
         """Simulated seconds per second; 0 is as fast as it can."""

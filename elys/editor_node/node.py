@@ -66,9 +66,10 @@ class Editor:
             layout_file=None if self.window.null_platform else _layout_file(),
         )
         self.ui = Ui(self.model, self.widgets.fonts)
-        self.workspace = Workspace(self.ui, self.panel, close=self.application.close)
+        self.workspace = Workspace(self.ui, self.panel, quit=self.window.request_close, close=self.application.close)
+        self.application.on_close = lambda: self.workspace.save_dialog.may_close(self.ui)
         navigation = ViewportLayer(self.model, self.panel, hold_pointer=self.window.hold_pointer)
-        self.application.push_layer(ShortcutLayer(self.ui, self.workspace.hierarchy, navigation))
+        self.application.push_layer(ShortcutLayer(self.ui, self.workspace, navigation))
         self.application.push_layer(navigation)
         self.application.push_layer(self.widgets)
         session.on_link(self._link_changed)
@@ -101,7 +102,8 @@ class Editor:
     def _draw(self, elapsed: float) -> None:
         self.workspace.frame_time = self.application.frame_time
         self.workspace.draw(elapsed)
-        title = f"{self.model.status.scene} - ELYS" if self.model.status is not None else "ELYS"
+        scene = f"{self.model.status.scene} - " if self.model.status is not None else ""
+        title = f"{'* ' if self.model.file.is_dirty else ''}{scene}ELYS"
         if title != self._title:
             self._title = title
             self.window.set_title(title)

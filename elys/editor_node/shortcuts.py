@@ -3,44 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final
 
 from elys.editor_node.events import Event, KeyPressed, Modifiers
 from elys.editor_node.keys import Key
 from elys.editor_node.model import EditorModel
-from elys.editor_node.panels.hierarchy import HierarchyPanel
 from elys.editor_node.ui import Tools, Ui
 from elys.editor_node.viewport_layer import ViewportLayer
-
-# What the help shows; the same keys are bound in `ShortcutLayer`.
-SHORTCUTS: Final = (
-    ("Ctrl+Z", "undo"),
-    ("Ctrl+Y, Ctrl+Shift+Z", "redo"),
-    ("Ctrl+D", "duplicate"),
-    ("Ctrl+A", "select all"),
-    ("Delete", "delete"),
-    ("F2", "rename"),
-    ("F", "look at the selection"),
-    ("Q  W  E  R", "select, move, rotate, scale"),
-    ("Space", "play or pause"),
-    (".", "one tick"),
-    ("Escape", "select nothing"),
-    ("Alt + left button", "orbit"),
-    ("middle button", "pan"),
-    ("wheel", "zoom to the pointer"),
-    ("right button + W A S D Q E", "fly; Shift is fast, the wheel sets the speed"),
-    ("Ctrl while dragging the gizmo", "snap"),
-)
+from elys.editor_node.workspace import Workspace
 
 
 class ShortcutLayer:
     """Keys to operations."""
 
-    def __init__(self, ui: Ui, hierarchy: HierarchyPanel, viewport: ViewportLayer) -> None:
-        model, tools = ui.model, ui.tools
+    def __init__(self, ui: Ui, workspace: Workspace, viewport: ViewportLayer) -> None:
+        model, tools, dialog = ui.model, ui.tools, workspace.save_dialog
         self._plain: dict[int, Callable[[], object]] = {
             Key.DELETE: model.edit.delete,
-            Key.F2: lambda: hierarchy.start_renaming(ui, model.selection.primary),
+            Key.F2: lambda: workspace.hierarchy.start_renaming(ui, model.selection.primary),
             Key.F: viewport.frame_selection,
             Key.Q: lambda: _take(tools, "select"),
             Key.W: lambda: _take(tools, "move"),
@@ -55,8 +34,12 @@ class ShortcutLayer:
             Key.Y: model.redo,
             Key.D: model.edit.duplicate,
             Key.A: lambda: _select_all(model),
+            Key.S: lambda: dialog.save(ui),
         }
-        self._with_ctrl_shift: dict[int, Callable[[], object]] = {Key.Z: model.redo}
+        self._with_ctrl_shift: dict[int, Callable[[], object]] = {
+            Key.Z: model.redo,
+            Key.S: lambda: dialog.ask_where(ui),
+        }
 
     def on_event(self, event: Event) -> bool:
         """Consumes the keys that mean something."""

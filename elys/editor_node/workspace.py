@@ -7,12 +7,12 @@ from typing import Final
 
 from imgui_bundle import imgui
 
-import elys
-from elys.editor_node.panels import console, hierarchy, inspector, profiler, timeline, viewport
+from elys.editor_node.panels import console, help, hierarchy, inspector, profiler, timeline, viewport
+from elys.editor_node.panels.help import draw_help
 from elys.editor_node.panels.hierarchy import HierarchyPanel, draw_add_menu
+from elys.editor_node.panels.save_dialog import SaveDialog
 from elys.editor_node.panels.toolbar import StatusBar, Toolbar
 from elys.editor_node.panels.viewport import ViewportPanel
-from elys.editor_node.shortcuts import SHORTCUTS
 from elys.editor_node.ui import Ui, dim_text
 
 _DOCK_NAME: Final = "editor"
@@ -25,11 +25,15 @@ _LOWER_SHARE: Final = 0.27
 class Workspace:
     """Draws a whole frame of the editor's widgets."""
 
-    def __init__(self, ui: Ui, viewport_panel: ViewportPanel, *, close: Callable[[], None]) -> None:
+    def __init__(
+        self, ui: Ui, viewport_panel: ViewportPanel, *, quit: Callable[[], None], close: Callable[[], None]
+    ) -> None:
+        """`quit` asks to close the window, `close` closes it."""
         self.ui = ui
         self.hierarchy = HierarchyPanel()
         self.viewport = viewport_panel
-        self._close = close
+        self.save_dialog = SaveDialog(close)
+        self._quit = quit
         self._toolbar = Toolbar()
         self._status_bar = StatusBar()
         self._panels = {
@@ -44,6 +48,7 @@ class Workspace:
         self._resets_layout = False
         self._opens_help = False
         self._focuses_first = False  # of tabs that share a place the first is to be in front
+        self._has_shown_timeline = False
         self.frame_time = 0.0  # [s] of the last frame, for the status bar
 
     def draw(self, elapsed: float) -> None:
@@ -59,7 +64,15 @@ class Workspace:
             self._focuses_first = False
             imgui.set_window_focus(console.TITLE)
             imgui.set_window_focus(viewport.TITLE)
+        self._show_timeline_once()
         self._draw_help()
+        self.save_dialog.draw(self.ui)
+
+    def _show_timeline_once(self) -> None:
+        """Who opens a replay wants to go back and forth in it."""
+        if self.ui.model.is_replay and not self._has_shown_timeline:
+            self._has_shown_timeline = True
+            imgui.set_window_focus(timeline.TITLE)
 
     def reset_layout(self) -> None:
         """All panels back to where they were at first."""
@@ -104,8 +117,13 @@ class Workspace:
 
     def _draw_file_menu(self) -> None:
         if imgui.begin_menu("File###File"):
+            if imgui.menu_item("Save", "Ctrl+S", False)[0]:
+                self.save_dialog.save(self.ui)
+            if imgui.menu_item("Save as...", "Ctrl+Shift+S", False)[0]:
+                self.save_dialog.ask_where(self.ui)
+            imgui.separator()
             if imgui.menu_item("Quit", "", False)[0]:
-                self._close()
+                self._quit()
             imgui.end_menu()
 
     def _draw_edit_menu(self) -> None:
@@ -142,26 +160,9 @@ class Workspace:
 
     def _draw_help(self) -> None:
         if self._opens_help:
-            imgui.open_popup("Keys and mouse###help")
+            imgui.open_popup(help.TITLE)
             self._opens_help = False
-        center = imgui.get_main_viewport().get_center()
-        imgui.set_next_window_pos(center, imgui.Cond_.appearing.value, (0.5, 0.5))
-        flags = imgui.WindowFlags_.always_auto_resize.value
-        is_open, _ = imgui.begin_popup_modal("Keys and mouse###help", True, flags)
-        if not is_open:
-            return
-        if imgui.begin_table("keys", 2):
-            for keys, meaning in SHORTCUTS:
-                imgui.table_next_column()
-                imgui.text_unformatted(f"{keys}    ")
-                imgui.table_next_column()
-                dim_text(meaning)
-            imgui.end_table()
-        imgui.spacing()
-        dim_text(f"ELYS {elys.__version__}")
-        if imgui.is_key_pressed(imgui.Key.escape):
-            imgui.close_current_popup()
-        imgui.end_popup()
+        draw_help()
 
 
 def _build_layout(dock: int) -> None:

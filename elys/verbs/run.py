@@ -38,6 +38,7 @@ def run(
         )
         return
     from elys.render_node.window import probe_display
+    from elys.sim_node.kernel_cache import kernels_are_warm
     from elys.verbs.kernels import compile_with_progress
     from elys.verbs.recording_child import require_recordable
 

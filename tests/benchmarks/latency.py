@@ -21,7 +21,17 @@ Row = tuple[str, str]
 
 def measure() -> list[Row]:
     """Rows of the table."""
-    simulation = (sys.executable, "-m", "elys", "run", "yard", "--headless", "--realtime", "--listen", "tcp/127.0.0.1:17550")
+    simulation = (
+        sys.executable,
+        "-m",
+        "elys",
+        "run",
+        "yard",
+        "--headless",
+        "--realtime",
+        "--listen",
+        "tcp/127.0.0.1:17550",
+    )
     render = (sys.executable, "-m", "elys", "node", "render", "--connect", "tcp/127.0.0.1:17550")
     with (
         environment() as env,

@@ -32,14 +32,25 @@ def measure() -> list[Row]:
 
 def run_with(viewer_count: int) -> tuple[dict[str, float], list[float]]:
     """The report of a real-time run that so many viewers watch, and how old the frames were that they got [ms]."""
-    words = (sys.executable, "-m", "elys", "run", SCENE, "--headless", "--realtime", "--steps", str(STEP_COUNT), "--json")
+    words = (
+        sys.executable,
+        "-m",
+        "elys",
+        "run",
+        SCENE,
+        "--headless",
+        "--realtime",
+        "--steps",
+        str(STEP_COUNT),
+        "--json",
+    )
     watcher = (sys.executable, "-m", "tests.benchmarks.watcher")
     with environment() as env, contextlib.ExitStack() as viewers:
         simulation = viewers.enter_context(running(words, env=env, wait_for="simulating"))
-        watching = [
-            viewers.enter_context(running(watcher, env=env, wait_for="watching")) for _ in range(viewer_count)
-        ]
+        watching = [viewers.enter_context(running(watcher, env=env, wait_for="watching")) for _ in range(viewer_count)]
         assert simulation.stdout is not None
         text = simulation.stdout.read()
-        ages = [age for process in watching if process.stdout for age in json.loads(process.stdout.read().split("\n")[-2])]
+        ages = [
+            age for process in watching if process.stdout for age in json.loads(process.stdout.read().split("\n")[-2])
+        ]
     return json.loads(text[text.index("{") :]), ages

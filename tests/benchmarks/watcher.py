@@ -1,6 +1,6 @@
 """A viewer without a picture: follows the scene and every state frame, and at the end tells how old the frames were.
 
-    python -m tests.benchmarks.watcher      says "watching", prints a JSON list of ages [ms] when the session ends
+python -m tests.benchmarks.watcher      says "watching", prints a JSON list of ages [ms] when the session ends
 """
 
 from __future__ import annotations

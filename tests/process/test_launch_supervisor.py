@@ -14,6 +14,11 @@ from elys.common.errors import LaunchError
 from elys.launch import fill_in, read_launch_file, run_processes
 
 pytestmark = pytest.mark.process
+SUPERVISE = """
+from pathlib import Path
+from elys.launch import fill_in, read_launch_file, run_processes
+run_processes(fill_in(read_launch_file(Path({path!r})), {{}}))
+"""
 
 
 def write(path: Path, text: str) -> Path:
@@ -75,7 +80,7 @@ def test_no_orphan_when_the_supervisor_is_killed(tmp_path):
     pid_file = tmp_path / "pid"
     child = f"import os, time; open({str(pid_file)!r}, 'w').write(str(os.getpid())); time.sleep(60)"
     path = write(tmp_path / "it.toml", process("child", child))
-    code = f"from pathlib import Path; from elys.launch import *; run_processes(fill_in(read_launch_file(Path({str(path)!r})), {{}}))"
+    code = SUPERVISE.format(path=str(path))
     supervisor = subprocess.Popen([sys.executable, "-c", code])
     assert wait_until(lambda: pid_file.exists() and pid_file.read_text() != "")
     supervisor.kill()
@@ -94,7 +99,7 @@ def test_a_signal_to_the_supervisor_ends_all_in_order(tmp_path, number):
         "time.sleep(60)"
     )
     path = write(tmp_path / "it.toml", process("child", child))
-    code = f"from pathlib import Path; from elys.launch import *; run_processes(fill_in(read_launch_file(Path({str(path)!r})), {{}}))"
+    code = SUPERVISE.format(path=str(path))
     supervisor = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, text=True)
     assert wait_until(lambda: pid_file.exists() and pid_file.read_text() != "")
     supervisor.send_signal(number)

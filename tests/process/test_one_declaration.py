@@ -49,7 +49,9 @@ def heat() -> Iterator[type[Component]]:
     class Heat(Component, frozen=True):
         """How hot an entity is."""
 
-        temperature: Annotated[float, about("Above freezing.", unit="C", minimum=-273.0, maximum=5000.0, step=0.5)] = 20.0
+        temperature: Annotated[float, about("Above freezing.", unit="C", minimum=-273.0, maximum=5000.0, step=0.5)] = (
+            20.0
+        )
         source: Annotated[Literal["none", "gas", "sun"], about("What heats it.")] = "none"
         flow: Annotated[Vec3, about("Heat that leaves it.", unit="W/m2")] = (0.0, 0.0, 0.0)
         is_boiling: Annotated[bool, about("Whether it boils.")] = False
@@ -105,7 +107,9 @@ async def edit_it_over_the_bus(simulation: Simulation, recording, heat: type[Com
     node = asyncio.create_task(SimulationNode(simulation, host, playing=False).run())
     guest = await Session.join(broker.connect(), kind="tool")
     stop = asyncio.Event()
-    recorder = asyncio.create_task(record_session(await Session.join(broker.connect(), kind="recorder"), recording, stop))
+    recorder = asyncio.create_task(
+        record_session(await Session.join(broker.connect(), kind="recorder"), recording, stop)
+    )
 
     # Wire: the mirror has the value as a component, and an edit comes back as one.
     mirror = SceneMirror()

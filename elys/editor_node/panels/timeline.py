@@ -82,7 +82,8 @@ class TimelinePanel:
         for time in _marks(status.start_time, status.end_time, width):
             x = low.x + width * (time - status.start_time) / duration
             draw_list.add_line((x, high.y - 6.0), (x, high.y), color_code(TEXT_DIM))
-            draw_list.add_text((x + 3.0, low.y + 3.0), color_code(TEXT_DIM), f"{time:g}")
+            if x < high.x - 20.0:
+                draw_list.add_text((x + 3.0, low.y + 3.0), color_code(TEXT_DIM), f"{time:g}")
         draw_list.add_line((place, low.y), (place, high.y), color_code(TEXT), 2.0)
 
 

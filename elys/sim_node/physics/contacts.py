@@ -36,6 +36,7 @@ class BoxTree:
         self.leaves = np.zeros(count, TREE_LEAF)
         self.nodes = np.zeros((2 * leaf_count, 6))
         self.stack = np.zeros(TREE_DEPTH, np.int32)
+        self.entries = np.zeros(TREE_DEPTH)
         self._histogram = np.zeros(1025, np.int32)
         self._corners = np.zeros(6)
         self._moved = count  # since the boxes were sorted

@@ -39,7 +39,8 @@ def raycast(
     distance = np.full(count, np.inf)
     normal = np.zeros((count, 3))
     if len(colliders):
-        cast_rays(colliders, tree.leaves, tree.nodes, tree.stack, start, along, limits, hit, distance, normal)
+        walk = (tree.leaves, tree.nodes, tree.stack, tree.entries)
+        cast_rays(colliders, *walk, start, along, limits, hit, distance, normal)
     entity = np.zeros(count, np.uint32)
     entity[hit >= 0] = colliders["entity"][hit[hit >= 0]]
     return RayHits(entity, distance, normal)

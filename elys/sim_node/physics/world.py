@@ -70,6 +70,7 @@ class PhysicsWorld:
 
     @property
     def body_count(self) -> int:
+        """How many bodies there are."""
         return len(self._bodies.rows)
 
     def take_problems(self) -> list[Problem]:

@@ -26,7 +26,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 def _inlined(function: Function) -> Function:
     """Compiles a piece of a kernel's arithmetic into it: left to itself the compiler calls half of them, at a third more time."""
-    return njit(error_model="numpy", nogil=True, forceinline=True)(function)  # type: ignore[no-any-return]
+    return njit(error_model="numpy", nogil=True, forceinline=True)(function)
 
 
 class Links(NamedTuple):

@@ -45,22 +45,23 @@ def _kernels() -> tuple[Kernel, ...]:
     vectors = np.zeros((1, 3))
     boxes = np.zeros(2, tables.COLLIDER)["box"]
     words = np.zeros((1, 2), np.uint64)
+    # The quick ones first, so that a progress bar moves early.
     listed: list[tuple[Any, tuple[Any, ...]]] = [
-        (solve_contacts, (bodies, manifolds, points, rows, row_points, 0, constants)),
-        (update_manifolds, (bodies, colliders, pairs, 0, manifolds, points, found, constants, indices)),
-        (prepare_contacts, (bodies, colliders, pairs, indices, 0, manifolds, points, rows, row_points, constants)),
-        (find_new_pairs, (bodies, colliders, leaves, nodes, pairs, indices, pairs, indices)),
-        (merge_pairs, (colliders, pairs, 0, pairs, 0, pairs, indices, indices, indices)),
-        (give_slots, (pairs, 0, manifolds, points, indices, indices)),
-        (index_pairs, (pairs, 0, indices)),
-        (build_tree, (boxes, leaves, nodes, indices, numbers, True)),
-        (place_inertia, (bodies, numbers)),
-        (place_colliders, (bodies, colliders)),
-        (fatten_boxes, (bodies, colliders, constants)),
-        (finish_step, (bodies, poses, indices)),
-        (publish_poses, (bodies, poses)),
+        (cast_rays, (colliders, leaves, nodes, indices, numbers, vectors, vectors, numbers, indices, numbers, vectors)),
         (hash_bodies, (entities, words)),
-        (cast_rays, (colliders, leaves, nodes, indices, vectors, vectors, numbers, indices, numbers, vectors)),
+        (publish_poses, (bodies, poses)),
+        (finish_step, (bodies, poses, indices)),
+        (fatten_boxes, (bodies, colliders, constants)),
+        (place_colliders, (bodies, colliders)),
+        (place_inertia, (bodies, numbers)),
+        (build_tree, (boxes, leaves, nodes, indices, numbers, True)),
+        (index_pairs, (pairs, 0, indices)),
+        (give_slots, (pairs, 0, manifolds, points, indices, indices)),
+        (merge_pairs, (colliders, pairs, 0, pairs, 0, pairs, indices, indices, indices)),
+        (find_new_pairs, (bodies, colliders, leaves, nodes, pairs, indices, pairs, indices)),
+        (prepare_contacts, (bodies, colliders, pairs, indices, 0, manifolds, points, rows, row_points, constants)),
+        (update_manifolds, (bodies, colliders, pairs, 0, manifolds, points, found, constants, indices)),
+        (solve_contacts, (bodies, manifolds, points, rows, row_points, 0, constants)),
     ]
     return tuple((f"physics.{function.__name__}", function, (signature_of(*a),)) for function, a in listed)
 

@@ -25,13 +25,13 @@ def slab(origin, inverse, low, high):
 
 
 @inner
-def meets_box(box, ox, oy, oz, ix, iy, iz, limit):
-    """Whether a ray meets an axis-aligned box no farther away than the limit."""
+def entry_of(box, ox, oy, oz, ix, iy, iz, limit):
+    """Where a ray enters an axis-aligned box, FAR when it does not before the limit. Takes the inverse direction."""
     x0, x1 = slab(ox, ix, box[0], box[3])
     y0, y1 = slab(oy, iy, box[1], box[4])
     z0, z1 = slab(oz, iz, box[2], box[5])
     enter = max(x0, y0, z0, 0.0)
-    return enter <= min(x1, y1, z1, limit)
+    return enter if enter <= min(x1, y1, z1, limit) else FAR
 
 
 @inner
@@ -84,11 +84,12 @@ def ray_box(box, ox, oy, oz, dx, dy, dz):
 
 
 @kernel
-def cast_rays(colliders, leaves, nodes, stack, origins, directions, limits, hit, distance, normal):
+def cast_rays(colliders, leaves, nodes, stack, entries, origins, directions, limits, hit, distance, normal):
     """The first collider that each ray meets.
 
-    Parameters: rays (R, 3) with unit directions and the farthest distance (R,) of each. Writes per ray the collider, or
-    -1, the distance [m] and the surface normal. A ray that begins inside a shape hits it at once, against its direction.
+    Parameters: rays (R, 3) with unit directions and the farthest distance (R,) of each; `stack` and `entries` are room for
+    the walk down the tree. Writes per ray the collider, or -1, the distance [m] and the surface normal. A ray that begins
+    inside a shape hits it at once, against its direction.
     """
     leaf_count = nodes.shape[0] // 2
     n = colliders.shape[0]
@@ -99,33 +100,34 @@ def cast_rays(colliders, leaves, nodes, stack, origins, directions, limits, hit,
         limit = limits[r]
         hit[r] = -1
         stack[0] = 1
+        entries[0] = 0.0
         top = 1
         while top > 0:
             top -= 1
             node = stack[top]
-            if not meets_box(nodes[node], ox, oy, oz, ix, iy, iz, limit):
+            if entries[top] > limit:
                 continue
             if node < leaf_count:
-                # The child on the ray's side goes on top: what it hits spares the other.
-                width = abs(nodes[2 * node, 0] - nodes[2 * node + 1, 0])
-                near = 2 * node if (nodes[2 * node, 0] <= nodes[2 * node + 1, 0]) == (dx > 0.0) else 2 * node + 1
-                if width < abs(nodes[2 * node, 1] - nodes[2 * node + 1, 1]):
-                    near = 2 * node if (nodes[2 * node, 1] <= nodes[2 * node + 1, 1]) == (dy > 0.0) else 2 * node + 1
-                stack[top] = 4 * node + 1 - near
-                stack[top + 1] = near
-                top += 2
+                # The nearer child goes on top: what it hits spares the other.
+                first = entry_of(nodes[2 * node], ox, oy, oz, ix, iy, iz, limit)
+                second = entry_of(nodes[2 * node + 1], ox, oy, oz, ix, iy, iz, limit)
+                near = 2 * node if first <= second else 2 * node + 1
+                if max(first, second) < FAR:
+                    stack[top], entries[top] = 4 * node + 1 - near, max(first, second)
+                    top += 1
+                if min(first, second) < FAR:
+                    stack[top], entries[top] = near, min(first, second)
+                    top += 1
                 continue
-            first = (node - leaf_count) * LEAF
-            for place in range(first, min(n, first + LEAF)):
+            start = (node - leaf_count) * LEAF
+            for place in range(start, min(n, start + LEAF)):
                 c = leaves[place].order
                 collider = colliders[c]
-                if not meets_box(collider.box, ox, oy, oz, ix, iy, iz, limit):
-                    continue
                 if collider.kind == BOX:
                     t, nx, ny, nz = ray_box(collider, ox, oy, oz, dx, dy, dz)
                 else:
                     t, nx, ny, nz = ray_sphere(collider, ox, oy, oz, dx, dy, dz)
-                if t == MISS or t > limit or (t == limit and (hit[r] >= 0 and hit[r] < c)):
+                if t == MISS or t > limit or (t == limit and hit[r] >= 0 and hit[r] < c):
                     continue
                 limit = t
                 hit[r] = c

@@ -1,0 +1,116 @@
+"""The questions about the scene's file: where to save it, and whether to save it before closing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from imgui_bundle import imgui
+
+from elys.common.errors import ElysError
+from elys.common.scene import SCENE_SUFFIX
+from elys.editor_node.theme import ERROR
+from elys.editor_node.ui import Ui, dim_text
+
+_SAVE: Final = "Save scene###save"
+_CLOSE: Final = "Close ELYS###close"
+
+
+class SaveDialog:
+    """At most one question at a time. `close` ends the application."""
+
+    def __init__(self, close: Callable[[], None]) -> None:
+        self._close = close
+        self._asks = ""
+        self._path = ""
+        self._error = ""
+        self._closes_after = False
+
+    def save(self, ui: Ui) -> None:
+        """Saves where it was saved before; asks where, the first time."""
+        if ui.model.file.path is None:
+            self.ask_where(ui)
+        else:
+            self._write(ui, str(ui.model.file.path))
+
+    def ask_where(self, ui: Ui) -> None:
+        """Asks where to save."""
+        status = ui.model.status
+        name = (status.scene if status is not None else "") or "scene"
+        self._path = str(ui.model.file.path or Path.cwd() / f"{name.lower().replace(' ', '-')}{SCENE_SUFFIX}")
+        self._error, self._asks = "", _SAVE
+
+    def may_close(self, ui: Ui) -> bool:
+        """Whether the window may close now; if not, the person is asked."""
+        if not ui.model.file.is_dirty or ui.model.is_replay:
+            return True
+        self._asks = _CLOSE
+        return False
+
+    def draw(self, ui: Ui) -> None:
+        """Draws the open question."""
+        if self._asks:
+            imgui.open_popup(self._asks)
+            self._asks = ""
+        center = imgui.get_main_viewport().get_center()
+        imgui.set_next_window_pos(center, imgui.Cond_.appearing.value, (0.5, 0.5))
+        self._draw_where(ui)
+        imgui.set_next_window_pos(center, imgui.Cond_.appearing.value, (0.5, 0.5))
+        self._draw_close(ui)
+
+    def _draw_where(self, ui: Ui) -> None:
+        if not imgui.begin_popup_modal(_SAVE, None, imgui.WindowFlags_.always_auto_resize.value)[0]:
+            return
+        if imgui.is_window_appearing():
+            imgui.set_keyboard_focus_here()
+        imgui.set_next_item_width(imgui.get_font_size() * 34.0)
+        flags = imgui.InputTextFlags_.enter_returns_true.value
+        entered, self._path = imgui.input_text("###path", self._path, flags)
+        dim_text("As it is now, with moving bodies where they are now.")
+        if self._error:
+            imgui.text_colored(imgui.ImVec4(*ERROR), self._error)
+        saves = imgui.button("Save") or entered
+        ui.landmarks.note("save/save")
+        imgui.same_line()
+        if imgui.button("Cancel") or imgui.is_key_pressed(imgui.Key.escape):
+            self._closes_after = False
+            imgui.close_current_popup()
+        if saves and self._write(ui, self._path):
+            imgui.close_current_popup()
+        imgui.end_popup()
+
+    def _draw_close(self, ui: Ui) -> None:
+        if not imgui.begin_popup_modal(_CLOSE, None, imgui.WindowFlags_.always_auto_resize.value)[0]:
+            return
+        imgui.text_unformatted("There are edits that were not saved.")
+        imgui.spacing()
+        if imgui.button("Save and close"):
+            self._closes_after = True
+            imgui.close_current_popup()
+            self.save(ui)
+        imgui.same_line()
+        if imgui.button("Close without saving"):
+            imgui.close_current_popup()
+            self._close()
+        ui.landmarks.note("close/close")
+        imgui.same_line()
+        if imgui.button("Cancel") or imgui.is_key_pressed(imgui.Key.escape):
+            imgui.close_current_popup()
+        imgui.end_popup()
+
+    def _write(self, ui: Ui, path: str) -> bool:
+        try:
+            unnamed = ui.model.file.save(path)
+        except ElysError as error:
+            self._error, self._closes_after = str(error), False
+            ui.model.say("error", str(error))
+            return False
+        ui.model.say("info", f"Saved {ui.model.file.path}")
+        if unnamed:
+            ui.model.say(
+                "warning", f"{unnamed} meshes or images are named by their content: keep the model they are from"
+            )
+        if self._closes_after:
+            self._close()
+        return True
