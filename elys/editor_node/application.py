@@ -47,7 +47,7 @@ class Application:
         self._redraw_at = 0.0
         self._awake_until = 0.0
         self._last_frame = -math.inf
-        self._closing = False
+        self.is_closing = False  # `run` ends before the next frame
         window.on_event = self.offer
 
     def push_layer(self, layer: Layer) -> None:
@@ -76,7 +76,7 @@ class Application:
 
     def close(self) -> None:
         """Ends `run` before the next frame."""
-        self._closing = True
+        self.is_closing = True
         self._wake.set()
 
     async def run(self, *, frames: int | None = None) -> None:
@@ -105,13 +105,13 @@ class Application:
         return self.window.is_visible and self._clock() >= max(self._redraw_at, self._last_frame + FRAME_INTERVAL)
 
     def _is_closed(self) -> bool:
-        if self.window.is_closing and not self._closing:
+        if self.window.is_closing and not self.is_closing:
             if self.on_close():
-                self._closing = True
+                self.is_closing = True
             else:
                 self.window.request_close(False)
                 self.request_redraw()
-        return self._closing
+        return self.is_closing
 
     def _poll_interval(self, now: float) -> float:
         if now < self._awake_until:

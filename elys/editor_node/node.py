@@ -66,7 +66,9 @@ class Editor:
             layout_file=None if self.window.null_platform else _layout_file(),
         )
         self.ui = Ui(self.model, self.widgets.fonts)
-        self.workspace = Workspace(self.ui, self.panel, quit=self.window.request_close, close=self.application.close)
+        self.workspace = Workspace(
+            self.ui, self.panel, ask_to_close=self.window.request_close, close=self.application.close
+        )
         self.application.on_close = lambda: self.workspace.save_dialog.may_close(self.ui)
         navigation = ViewportLayer(self.model, self.panel, hold_pointer=self.window.hold_pointer)
         self.application.push_layer(ShortcutLayer(self.ui, self.workspace, navigation))

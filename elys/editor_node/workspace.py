@@ -7,9 +7,9 @@ from typing import Final
 
 from imgui_bundle import imgui
 
-from elys.editor_node.panels import console, help, hierarchy, inspector, profiler, timeline, viewport
-from elys.editor_node.panels.help import draw_help
+from elys.editor_node.panels import console, hierarchy, inspector, keys_help, profiler, timeline, viewport
 from elys.editor_node.panels.hierarchy import HierarchyPanel, draw_add_menu
+from elys.editor_node.panels.keys_help import draw_help
 from elys.editor_node.panels.save_dialog import SaveDialog
 from elys.editor_node.panels.toolbar import StatusBar, Toolbar
 from elys.editor_node.panels.viewport import ViewportPanel
@@ -26,14 +26,14 @@ class Workspace:
     """Draws a whole frame of the editor's widgets."""
 
     def __init__(
-        self, ui: Ui, viewport_panel: ViewportPanel, *, quit: Callable[[], None], close: Callable[[], None]
+        self, ui: Ui, viewport_panel: ViewportPanel, *, ask_to_close: Callable[[], None], close: Callable[[], None]
     ) -> None:
-        """`quit` asks to close the window, `close` closes it."""
+        """`ask_to_close` asks to close the window, `close` closes it."""
         self.ui = ui
         self.hierarchy = HierarchyPanel()
         self.viewport = viewport_panel
         self.save_dialog = SaveDialog(close)
-        self._quit = quit
+        self._ask_to_close = ask_to_close
         self._toolbar = Toolbar()
         self._status_bar = StatusBar()
         self._panels = {
@@ -123,7 +123,7 @@ class Workspace:
                 self.save_dialog.ask_where(self.ui)
             imgui.separator()
             if imgui.menu_item("Quit", "", False)[0]:
-                self._quit()
+                self._ask_to_close()
             imgui.end_menu()
 
     def _draw_edit_menu(self) -> None:
@@ -160,7 +160,7 @@ class Workspace:
 
     def _draw_help(self) -> None:
         if self._opens_help:
-            imgui.open_popup(help.TITLE)
+            imgui.open_popup(keys_help.TITLE)
             self._opens_help = False
         draw_help()
 

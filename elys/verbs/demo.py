@@ -59,7 +59,7 @@ def _demo_files(directory: Path) -> None:
     recording, picture, video = (directory / f"demo.{suffix}" for suffix in ("mcap", "png", "mp4"))
     scene = directory / "demo.scene.json"
     write_sample(SAMPLE, scene)
-    print(f"No screen here, so the demo writes files. Simulating {STEP_COUNT} ticks of {scene} ...")
+    print(f"No screen here, so the demo writes files. Simulating {STEP_COUNT} ticks of {scene} ...", flush=True)
     run(
         str(scene),
         headless=True,

@@ -58,7 +58,7 @@ class IndexBuilder:
         elif channel in (SNAPSHOT_CHANNEL, DELTA_CHANNEL):
             try:
                 head = _heads.decode(body)
-            except (msgspec.DecodeError, UnicodeDecodeError):
+            except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
                 return
             if 0 <= head.epoch < 1 << 64 and -1 <= head.sequence < 1 << 63:
                 self._scene.append((head.epoch, head.sequence, channel == SNAPSHOT_CHANNEL, chunk, message))

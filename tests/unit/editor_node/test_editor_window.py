@@ -10,6 +10,9 @@ import pytest
 from PIL import Image
 
 from elys.bus.session import Session
+from elys.common.assets import AssetStore
+from elys.common.components import component_from
+from elys.common.scene import open_scene
 from elys.editor_node.camera import project
 from elys.editor_node.events import (
     CharacterTyped,
@@ -25,6 +28,7 @@ from elys.editor_node.events import (
 )
 from elys.editor_node.keys import Key
 from elys.editor_node.node import Editor
+from elys.editor_node.scene_file import scene_records
 
 pytestmark = pytest.mark.gl
 CTRL, SHIFT, ALT = Modifiers.CTRL, Modifiers.SHIFT, Modifiers.ALT
@@ -413,5 +417,43 @@ def test_the_picture_shown_is_the_one_that_was_sent(at_the_editor, screenshot_di
             assert lower == pytest.approx((20, 60, 200), abs=6)
             await source.close()
             await person.until(lambda: editor.stream.renderer is None)
+
+    at_the_editor(scenario)
+
+
+def test_saving_and_closing_with_edits_that_were_not(at_the_editor, tmp_path, monkeypatch, screenshot_directory):
+    monkeypatch.chdir(tmp_path)
+
+    async def scenario(person):
+        editor, file = person.editor, person.editor.model.file
+        assert not file.is_dirty
+        await editor.model.edit.rename(person.stage.named("Crate"), "Treasure")
+        assert file.is_dirty
+        await person.press(Key.S, CTRL)
+        await person.frames(3)
+        editor.screenshot(screenshot_directory / "editor-save.png")
+        await person.click("save/save")
+        await person.until(lambda: not file.is_dirty)
+        opened = open_scene(tmp_path / "yard.scene.json", AssetStore())
+        assert [record.name for record in opened.records][:4] == ["Ground", "Treasure", "Lid", "Handle"]
+
+        def meaning(records):
+            return [
+                (r.name, r.parent, r.enabled, {name: component_from(name, v) for name, v in r.components.items()})
+                for r in records
+            ]
+
+        assert meaning(opened.records) == meaning(scene_records(editor.model.scene))
+
+        await editor.model.edit.rename(person.stage.named("Treasure"), "Crate")
+        editor.window.request_close()
+        await person.frames(4)
+        editor.screenshot(screenshot_directory / "editor-close.png")
+        assert not editor.application.is_closing
+        await person.press(Key.ESCAPE)
+        await person.press(Key.S, CTRL)
+        await person.until(lambda: not file.is_dirty)
+        editor.window.request_close()
+        await person.until(lambda: editor.application.is_closing)
 
     at_the_editor(scenario)
