@@ -35,7 +35,7 @@ bench: $(READY)  ## measure: tick times, latency, starts (README's table)
 	@$(PY) -m tests.benchmarks
 
 soak: $(READY)  ## long campaigns: kills and fuzz
-	@$(PY) -m pytest tests/process --soak
+	@$(PY) -m pytest tests/process tests/property --soak
 
 golden: $(READY)  ## draw the golden pictures anew (look at them before committing)
 	@$(PY) -m pytest tests/golden --draw-golden

@@ -5,6 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+# The same examples on every run and machine: a red test must be red again when it is looked at. `make soak` tries others.
+settings.register_profile("tests", derandomize=True)
+settings.register_profile("soak", derandomize=False, max_examples=500)
+settings.load_profile("tests")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -25,3 +31,8 @@ def shared_assets() -> Path:
 def soak(request: pytest.FixtureRequest) -> bool:
     """Whether long campaigns run whole."""
     return bool(request.config.getoption("--soak"))
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if config.getoption("--soak"):
+        settings.load_profile("soak")
