@@ -8,9 +8,7 @@ from typing import Final
 
 import imgui_bundle
 from imgui_bundle import imgui
-from imgui_bundle.immapp import icons_fontawesome_6 as icons
-
-__all__ = ["icons"]
+from imgui_bundle.immapp import icons_fontawesome_6 as icons  # noqa: F401  all panels take it from here
 
 Rgb = tuple[float, float, float]
 Rgba = tuple[float, float, float, float]
@@ -121,7 +119,7 @@ def _apply_spacing(style: imgui.Style) -> None:
     style.hover_delay_short = 0.25
 
 
-def _colors() -> dict[str, Rgba]:
+def _colors() -> dict[str, Rgba]:  # a table: it is as long as ImGui has colours
     accent = ACCENT[:3]
     clear = (0.0, 0.0, 0.0, 0.0)
     return {

@@ -35,6 +35,8 @@ STATUS_INTERVAL: Final = 0.25  # [s]
 COMMANDS_PER_TICK: Final = 1000  # what comes beyond waits for the next tick, so that a flood cannot stop time
 TICK_TIMES_KEPT: Final = 36_000
 COMMAND_LIMIT: Final = 20_000  # waiting; beyond it commands are refused
+STEP_LIMIT: Final = 1_000_000  # ticks asked for at once
+REASON_LENGTH: Final = 500  # characters of a refusal, which may quote what was sent
 
 _log = logging.getLogger(__name__)
 
@@ -134,7 +136,8 @@ class SimulationNode:
         if stepping:
             self._step(stages)
         else:
-            self.simulation.settle(stages)
+            self.simulation.settle()
+            stages.done("follow_changes")
         self._publish_changes()
         if stepping or replies:
             self._publish_frame()
@@ -150,7 +153,8 @@ class SimulationNode:
             publish_profile(self.session, self.simulation, stages.times, total=stages.total, late=late)
 
     def _step(self, stages: StageTimes) -> None:
-        self.simulation.step(stages)
+        self.simulation.step()
+        stages.include(self.simulation.stage_times)
         self._clock.advance()
         self.steps_done += 1
         self._steps_asked = max(self._steps_asked - 1, 0)
@@ -192,7 +196,10 @@ class SimulationNode:
             if entities is None:
                 entities = apply_command(self.simulation, request.command)
         except ElysError as error:
-            return CommandReply(accepted=False, tick=tick, reason=str(error))
+            return CommandReply(accepted=False, tick=tick, reason=str(error)[:REASON_LENGTH])
+        except Exception as error:  # a fault of ELYS's own: it is told in full, and does not end everybody's session
+            _log.exception("command %s failed", type(request.command).__name__)
+            return CommandReply(accepted=False, tick=tick, reason=f"ELYS failed: {error!r}"[:REASON_LENGTH])
         return CommandReply(accepted=True, tick=tick, entities=entities)
 
     def _apply_to_time(self, command: Command) -> tuple[int, ...] | None:
@@ -200,13 +207,16 @@ class SimulationNode:
         match command:
             case SetPlaying(playing=playing):
                 self._clock.play() if playing else self._clock.pause()
+                self._steps_asked = 0
                 self._events.append(Event(kind="playing" if playing else "paused"))
             case StepTicks(count=count):
                 if count < 1:
                     raise RequestError("a simulation cannot step backwards: record it, and step in the replay")
                 if self.playing:
                     raise RequestError("pause before stepping")
-                self._steps_asked += min(count, 1_000_000)
+                if self._steps_asked + count > STEP_LIMIT:
+                    raise RequestError(f"at most {STEP_LIMIT} ticks can be asked for at once: play instead")
+                self._steps_asked += count
             case SetRate(rate=rate):
                 if not 0.0 <= rate <= 100.0:
                     raise RequestError(f"the rate must lie between 0 (as fast as it can) and 100, not {rate:g}")

@@ -1,9 +1,17 @@
 """A scene that runs: a world, its physics and its tick. No process and no bus, so tests and notebooks can drive it too.
 
-simulation = Simulation.load(open_scene("yard.scene.json", assets), assets)
-for _ in range(600):
-    simulation.step()
-simulation.moving_bodies().position        # [N, 3] m
+    simulation = Simulation.load(open_scene("yard.scene.json", assets), assets)
+    for _ in range(600):
+        simulation.step()
+    simulation.moving_bodies().position        # [N, 3] m
+
+What happens in a tick is `simulation.systems`, in the order in which they stand there. One more is put in front of them; what it
+records in `world.commands` is done when it returns, and physics sees it in the same tick:
+
+    def rain(world: World) -> None:
+        world.commands.spawn([Transform(position=(0.0, 9.0, 0.0)), RigidBody(), Collider()])
+
+    simulation.systems = (rain, *simulation.systems)
 """
 
 from __future__ import annotations
@@ -14,12 +22,12 @@ from elys.bus.messages.session import Event
 from elys.common.assets.store import AssetStore
 from elys.common.scene import OpenedScene, SceneSettings
 from elys.sim_node.ecs.changes import WorldChanges
+from elys.sim_node.ecs.schedule import System, run
 from elys.sim_node.ecs.world import World
 from elys.sim_node.physics.settings import PhysicsSettings
 from elys.sim_node.physics.world import PhysicsWorld
 from elys.sim_node.scene.loading import load_records
 from elys.sim_node.systems.simulate_physics import MovingBodies, RigidBodies
-from elys.sim_node.timing import StageTimes
 
 _log = logging.getLogger(__name__)
 
@@ -31,6 +39,8 @@ class Simulation:
         world: entities and components; change it between ticks.
         physics: its rigid bodies, kept equal to the components by the step.
         tick: steps done since the beginning.
+        systems: what a step does, in this order.
+        stage_times: what each of them took in the last step [ms], the stages of physics as `physics.STAGE` among them.
     """
 
     def __init__(
@@ -42,6 +52,8 @@ class Simulation:
         self.world = World()
         self.physics = PhysicsWorld(physics_settings(self.settings))
         self.tick = 0
+        self.systems: tuple[System, ...] = (self.follow_changes, self.simulate_physics, self.propagate_transforms)
+        self.stage_times: dict[str, float] = {}
         self._bodies = RigidBodies(self.world, self.physics)
         self._changes: list[WorldChanges] = []
         self._events: list[Event] = []
@@ -60,34 +72,44 @@ class Simulation:
         """Simulated time since the beginning [s]: ticks over the tick rate, never a sum of steps."""
         return self.tick / self.settings.tick_rate
 
-    def step(self, stages: StageTimes | None = None) -> None:
-        """One tick: scripts, physics, transforms, each timed into `stages`."""
-        stages = stages if stages is not None else StageTimes()
-        self.settle(stages)
+    def step(self) -> None:
+        """One tick: every system in its turn."""
+        self.stage_times = {}
+        run(self.world, self.systems, self.stage_times)
+        self.tick += 1
+
+    def settle(self) -> None:
+        """Makes bodies and world transforms follow what was changed, without letting time go on."""
+        self.follow_changes(self.world)
+
+    # Systems
+
+    def follow_changes(self, world: World) -> None:
+        """Bodies and world transforms become what was changed by hand, by commands or by systems before this one."""
+        changes = world.drain_changes()
+        if changes:
+            self._changes.append(changes)
+            self._bodies.follow(changes)
+        world.transforms.propagate()
+
+    def simulate_physics(self, world: World) -> None:
+        """Moves the bodies by one tick, and their poses and velocities into the components."""
         seconds: dict[str, float] = {}
         self.physics.step(1.0 / self.settings.tick_rate, seconds)
-        stages.times.update({f"physics.{stage}": 1000.0 * time for stage, time in seconds.items()})
-        stages.done("simulate_physics")
+        self.stage_times.update({f"physics.{stage}": 1000.0 * time for stage, time in seconds.items()})
         self._report_problems()
         self._bodies.write_back()
-        self.world.transforms.propagate()
-        stages.done("propagate_transforms")
-        self.tick += 1
+
+    def propagate_transforms(self, world: World) -> None:
+        """World transforms from local ones, parents before children, where anything moved."""
+        world.transforms.propagate()
 
     def _report_problems(self) -> None:
         for problem in self.physics.take_problems():
             _log.error("%s", problem.text)
             self._events.append(Event(kind="physics", entity=problem.entity, values={"text": problem.text}))
 
-    def settle(self, stages: StageTimes | None = None) -> None:
-        """Makes bodies and world transforms follow what was changed, without letting time go on."""
-        changes = self.world.drain_changes()
-        if changes:
-            self._changes.append(changes)
-            self._bodies.follow(changes)
-        self.world.transforms.propagate()
-        if stages is not None:
-            stages.done("follow_changes")
+    # What others ask
 
     def change_settings(self, settings: SceneSettings) -> None:
         """Gravity, substeps and the like, from the next tick on."""

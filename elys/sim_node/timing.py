@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from time import perf_counter
 
@@ -26,6 +27,11 @@ class StageTimes:
         now = perf_counter()
         self.times[stage] = self.times.get(stage, 0.0) + (now - self._last) * 1000.0
         self._last = now
+
+    def include(self, times: Mapping[str, float]) -> None:
+        """Stages [ms] that were timed elsewhere since the last one was done; the next one begins now."""
+        self.times.update(times)
+        self._last = perf_counter()
 
     @property
     def total(self) -> float:

@@ -57,6 +57,10 @@ async def picture_that(editor: Editor, path: Path, condition) -> None:
             await until(editor, lambda: editor.stream.shown.sequence > sequence)  # noqa: B023
 
 
+def shows_own_camera(editor: Editor) -> bool:
+    return editor.stream.shown is not None and editor.stream.shown.camera == editor.panel.camera.view
+
+
 def named(editor: Editor, name: str) -> int:
     return next(entity.id for entity in editor.model.scene.mirror.entities.values() if entity.name == name)
 
@@ -68,7 +72,9 @@ def test_an_edit_shows_in_the_simulation_and_in_the_picture(elys, free_port, tmp
 
     async def scenario() -> None:
         async with editor_at(endpoint) as editor:
-            await until(editor, lambda: editor.stream.shown is not None)
+            # The first picture may be one from before the scene said where its camera stands.
+            await until(editor, lambda: editor.model.scene.is_known and editor.application.frame_count > 3)
+            await until(editor, lambda: shows_own_camera(editor))
             before = await picture(editor, tmp_path / "before.png")
             assert before.std() > 10.0  # there is something to be seen
             ground = named(editor, "Ground")

@@ -43,7 +43,7 @@ class CommandBuffer:
         self._record(entity, self._world.remove, entity, component)
 
     def set_parent(self, entity: Entity, parent: Entity, *, keep_world_pose: bool = True) -> None:
-        """As `World.reparent`."""
+        """As `World.set_parent`."""
         self._record(entity, self._world.set_parent, entity, parent, keep_world_pose=keep_world_pose)
 
     def set_enabled(self, entity: Entity, enabled: bool) -> None:

@@ -74,15 +74,13 @@ def records_of(world: World, entity: Entity = NO_ENTITY) -> list[EntityRecord]:
 
 
 def _parents_of(records: Sequence[EntityRecord]) -> Indices:
-    parents = np.array([record.parent for record in records], np.intp)
-    misplaced = np.flatnonzero((parents >= np.arange(len(records))) | (parents < -1))
-    if misplaced.size:
-        place = int(misplaced[0])
-        raise SceneError(
-            f"record {place} '{records[place].name}' names record {parents[place]} as its parent; a parent must stand before "
-            "its children, -1 is for none"
-        )
-    return parents
+    for place, record in enumerate(records):
+        if not -1 <= record.parent < place:
+            raise SceneError(
+                f"record {place} '{record.name}' names record {record.parent} as its parent; a parent must stand before its "
+                "children, -1 is for none"
+            )
+    return np.array([record.parent for record in records], np.intp)
 
 
 def _columns_of(world: World, records: Sequence[EntityRecord]) -> dict[str, tuple[Indices | None, dict[str, Column]]]:

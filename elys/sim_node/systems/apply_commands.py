@@ -21,6 +21,8 @@ from elys.sim_node.scene.loading import load_records
 from elys.sim_node.simulation import Simulation
 
 MAX_NAME_LENGTH = 200  # characters
+MAX_SPAWNED = 100_000  # records of one command, which take about a second
+MAX_PLACED = 1000  # of them with a place among siblings, which is looked for one by one
 
 
 def apply_command(simulation: Simulation, command: Command) -> tuple[int, ...]:
@@ -57,8 +59,13 @@ def apply_command(simulation: Simulation, command: Command) -> tuple[int, ...]:
 
 
 def _spawn(simulation: Simulation, command: Spawn) -> tuple[int, ...]:
+    if len(command.records) > MAX_SPAWNED:
+        raise EntityError(f"one command may spawn {MAX_SPAWNED} entities, not {len(command.records)}: send several")
     for record in command.records:
         _checked_name(record.name)
+        _checked_name(record.prefab)
+    if command.index >= 0 and sum(record.parent < 0 for record in command.records) > MAX_PLACED:
+        raise EntityError(f"at most {MAX_PLACED} entities can be put at an index: spawn them last, or below one parent")
     return tuple(load_records(simulation.world, command.records, parent=Entity(command.parent), index=command.index))
 
 
