@@ -25,6 +25,16 @@ node_app = typer.Typer(help="Single nodes, as launch files start them.", no_args
 app.add_typer(topic_app, name="topic")
 app.add_typer(node_app, name="node", hidden=True)
 
+# What the simulation alone can do without, by the extra of pyproject.toml that brings it.
+_EXTRA_OF = {
+    "PIL": "render",
+    "av": "render",
+    "glfw": "render",
+    "imgui_bundle": "editor",
+    "moderngl": "render",
+    "simplejpeg": "render",
+}
+
 Scene = Annotated[str, typer.Argument(help="a NAME.scene.json, .gltf or .glb; or the name of a sample (elys samples)")]
 Recording = Annotated[Path, typer.Argument(help="a recording (.mcap)")]
 Connect = Annotated[
@@ -297,6 +307,12 @@ def main() -> None:
     except UsageError as error:
         print(_usage_sentence(error), file=sys.stderr)
         sys.exit(2)
+    except ModuleNotFoundError as error:
+        extra = _EXTRA_OF.get((error.name or "").partition(".")[0])
+        if extra is None:
+            raise
+        print(f"elys: this needs {error.name}, which is not installed: pip install 'elys[{extra}]'", file=sys.stderr)
+        sys.exit(1)
     except KeyboardInterrupt:
         sys.exit(130)
     except BrokenPipeError:  # `elys topic echo | head`: the reader has had enough

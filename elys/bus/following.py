@@ -9,22 +9,18 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from elys.bus import topics
 from elys.bus.messages.scene import SceneDelta, SnapshotRequest
 from elys.bus.messages.state_frame import StateFrame
+from elys.bus.mirror import MirrorUpdate, SceneMirror
 from elys.bus.session import Session
 from elys.bus.transports.transport import Closer
 from elys.common.errors import BusError, MessageError
 
-if TYPE_CHECKING:
-    from elys.bus.mirror import MirrorUpdate, SceneMirror
-
 _PAUSE: Final = 0.1  # [s] between two requests, so that a host in trouble is not flooded
-_BUFFER_LIMIT: Final = (
-    10_000  # deltas kept while there is no snapshot; beyond it the oldest go, and a new one is needed
-)
+_BUFFER_LIMIT: Final = 10_000  # deltas kept while there is no snapshot; of more the oldest go, and a new one is needed
 _log = logging.getLogger(__name__)
 
 

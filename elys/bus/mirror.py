@@ -10,14 +10,14 @@ State frames are kept as they are and looked up; they are not written into compo
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
-from elys.bus import rigid_poses
-from elys.bus.following import follow_scene, follow_state
 from elys.bus.messages.scene import (
     ComponentRemoved,
     ComponentSet,
@@ -37,9 +37,8 @@ from elys.bus.transports.transport import Closer
 from elys.common.components import Component, Quat, Transform, Vec3, component_from
 from elys.common.components.columns import StringTable
 from elys.common.errors import ComponentError, MessageError
+from elys.common.math import poses
 from elys.common.scene import SceneSettings
-
-__all__ = ["MirrorEntity", "MirrorUpdate", "SceneMirror", "WorldPose", "follow_scene", "follow_state"]
 
 _IDENTITY = Transform()
 
@@ -127,6 +126,15 @@ class SceneMirror:
             found.extend(self.entities[current].children)
         return found
 
+    def in_order(self) -> list[MirrorEntity]:
+        """All entities, parents before children and siblings in order."""
+        found, waiting = [], list(reversed(self.roots))
+        while waiting:
+            entity = self.entities[waiting.pop()]
+            found.append(entity)
+            waiting.extend(reversed(entity.children))
+        return found
+
     def world_pose(self, entity: int) -> WorldPose:
         """Where the entity is: a body where the latest state frame says, anything else where its local transforms put it."""
         chain = [entity]
@@ -142,8 +150,8 @@ class SceneMirror:
             if row >= 0 and (frame := self.latest_frame) is not None:
                 position, rotation = tuple(frame.position[row].tolist()), tuple(frame.rotation[row].tolist())
             else:
-                position, rotation = rigid_poses.compose(position, rotation, scale, local.position, local.rotation)
-            scale = rigid_poses.stretch(scale, local.scale)
+                position, rotation = poses.compose(position, rotation, scale, local.position, local.rotation)
+            scale = poses.stretch(scale, local.scale)
         return WorldPose(position, rotation, scale)
 
     def frame_row(self, entity: int) -> int:
@@ -217,8 +225,8 @@ class SceneMirror:
     def to_snapshot(self, *, frame: StateFrame | None = None) -> Snapshot:
         """The inverse of `apply_snapshot`; with a frame, its bodies stand and move as it says."""
         if frame is not None:
-            return rigid_poses.place_bodies(self, frame).to_snapshot()
-        ordered = [entity for root in self.roots for entity in self._depth_first(root)]
+            return _placed(self, frame).to_snapshot()
+        ordered = self.in_order()
         values: dict[str, tuple[list[int], list[Component]]] = {}
         for entity in ordered:
             for name, component in entity.components.items():
@@ -248,14 +256,6 @@ class SceneMirror:
     def _tell(self, update: MirrorUpdate) -> None:
         for listener in tuple(self._listeners):
             listener(update)
-
-    def _depth_first(self, root: int) -> list[MirrorEntity]:
-        found, waiting = [], [root]
-        while waiting:
-            entity = self.entities[waiting.pop()]
-            found.append(entity)
-            waiting.extend(reversed(entity.children))
-        return found
 
     def _follow(self, change: SceneChange, sequence: int, removed: list[int]) -> None:
         match change:
@@ -320,6 +320,34 @@ class SceneMirror:
             return self.entities[entity]
         except KeyError:
             raise MessageError(f"there is no entity {entity} to change") from None
+
+
+def _placed(mirror: SceneMirror, frame: StateFrame) -> SceneMirror:
+    """A copy of the mirror whose bodies' Transform and RigidBody say what the frame says."""
+    placed = copy.copy(mirror)
+    placed.keep_frame(frame)
+    placed.entities = dict(mirror.entities)
+    placed.tick, placed.simulation_time = frame.tick, frame.simulation_time
+    rotations, linear, angular = (
+        column.tolist() for column in (frame.rotation, frame.linear_velocity, frame.angular_velocity)
+    )
+    for row, (body, position) in enumerate(zip(frame.entity.tolist(), frame.position.tolist(), strict=True)):
+        if body not in mirror.entities or placed.frame_row(body) != row:
+            continue
+        entity = copy.copy(mirror.entities[body])
+        components = dict(entity.components)
+        entity.components = components
+        placed.entities[body] = entity
+        pose: tuple[Vec3, Quat] = tuple(position), tuple(rotations[row])
+        if entity.parent:
+            pose = poses.local_pose(*placed.world_pose(entity.parent), *pose)
+        before = components.get("Transform", Transform())
+        components["Transform"] = msgspec.structs.replace(before, position=pose[0], rotation=pose[1])
+        if "RigidBody" in components:
+            components["RigidBody"] = msgspec.structs.replace(
+                components["RigidBody"], linear_velocity=tuple(linear[row]), angular_velocity=tuple(angular[row])
+            )
+    return placed
 
 
 def _component(name: str, values: dict[str, object]) -> Component:

@@ -15,13 +15,14 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from elys.bus.following import follow_scene, follow_state
 from elys.bus.messages.scene import ComponentRemoved, ComponentSet, SettingsSet
 from elys.bus.messages.state_frame import StateFrame
-from elys.bus.mirror import MirrorEntity, MirrorUpdate, SceneMirror, WorldPose, follow_scene, follow_state
-from elys.bus.rigid_poses import local_pose
+from elys.bus.mirror import MirrorEntity, MirrorUpdate, SceneMirror, WorldPose
 from elys.bus.session import Session
 from elys.common.components import Collider, Component, MeshRenderer, RigidBody, Transform
 from elys.common.math import matrix
+from elys.common.math.poses import local_pose
 from elys.common.scene import SceneSettings
 
 OPEN_AT_FIRST: Final = 64  # a root with at most so many children shows them

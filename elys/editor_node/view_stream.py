@@ -18,9 +18,10 @@ import simplejpeg
 
 from elys.bus import topics
 from elys.bus.messages.views import PickReply, PickRequest, ViewCamera, ViewFrame, ViewRequest
+from elys.bus.picture_ring import MAX_HEIGHT, MAX_WIDTH, PictureRing
 from elys.bus.session import Node, Session
+from elys.common.errors import BusError
 from elys.editor_node.gpu import ViewportPicture
-from elys.editor_node.picture_ring import MAX_HEIGHT, MAX_WIDTH, open_ring
 
 ANSWER_TIMEOUT: Final = 1.5  # [s] after which a picture that was asked for is asked for again
 WAIT_TIMEOUT: Final = 3.0  # [s] the same for one that may wait for a later tick
@@ -44,7 +45,7 @@ class ViewStream:
     def __init__(self, session: Session, *, on_frame: Callable[[], None] = lambda: None) -> None:
         self._session = session
         self._on_frame = on_frame
-        self._ring = open_ring()
+        self._ring = _open_ring()
         self._name = session.node.id
         self._wanted: View | None = None
         self._asked: View | None = None  # of the request under way
@@ -169,3 +170,11 @@ class ViewStream:
         self.lost_renderer = not nodes and (self.renderer is not None or self.lost_renderer)
         self.renderer = nodes[-1] if nodes else None
         self.refresh()
+
+
+def _open_ring() -> PictureRing | None:
+    try:
+        return PictureRing()
+    except BusError as error:
+        _log.info("pictures come as JPEG: %s", error)
+        return None

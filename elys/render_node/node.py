@@ -15,9 +15,10 @@ from typing import Final
 
 from elys.bus import topics
 from elys.bus.asset_service import AssetClient, open_asset_cache
+from elys.bus.following import follow_scene, follow_state
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.messages.views import PickReply, PickRequest, ViewFrame, ViewRequest
-from elys.bus.mirror import MirrorUpdate, SceneMirror, follow_scene, follow_state
+from elys.bus.mirror import MirrorUpdate, SceneMirror
 from elys.bus.session import Node, Session
 from elys.common.assets import AssetStore
 from elys.common.errors import ElysError, RequestError

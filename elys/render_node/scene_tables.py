@@ -105,12 +105,7 @@ class SceneReader:
 
 def tables_of_mirror(mirror: SceneMirror) -> SceneTables:
     """Tables of all that is in a mirror, children after their parents and siblings in order."""
-    ordered: list[MirrorEntity] = []
-    waiting = list(reversed(mirror.roots))
-    while waiting:
-        entity = mirror.entities[waiting.pop()]
-        ordered.append(entity)
-        waiting.extend(reversed(entity.children))
+    ordered = mirror.in_order()
     return tables_of(
         [entity.id for entity in ordered],
         [entity.parent for entity in ordered],

@@ -12,9 +12,9 @@ import numpy as np
 import simplejpeg
 
 from elys.bus.messages.views import SharedRing, ViewCamera, ViewRequest
+from elys.bus.picture_ring import RingWriter
 from elys.common.errors import BusError
 from elys.render_node.gpu import Framebuffer
-from elys.render_node.picture_ring import PictureRing
 
 MIN_INTERVAL: Final = 1.0 / 62.0  # [s] between two pictures of a view
 SILENCE: Final = 10.0  # [s] without a request after which a view is forgotten
@@ -32,7 +32,7 @@ class View:
     def __init__(self, request: ViewRequest) -> None:
         self.request = request
         self.width, self.height = 1, 1
-        self._ring: PictureRing | None = None
+        self._ring: RingWriter | None = None
         self._ring_address: SharedRing | None = None
         self._is_answered = True
         self._shown: tuple[object, ...] | None = None
@@ -87,7 +87,7 @@ class View:
         if address is None:
             return
         try:
-            self._ring = PictureRing(address)
+            self._ring = RingWriter(address)
         except BusError as error:
             _log.info("view %s gets its pictures as JPEG: %s", self.request.view, error)
 

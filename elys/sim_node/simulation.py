@@ -90,6 +90,7 @@ class Simulation:
         if changes:
             self._changes.append(changes)
             self._bodies.follow(changes)
+            self._report_problems()
         world.transforms.propagate()
 
     def simulate_physics(self, world: World) -> None:
@@ -105,7 +106,7 @@ class Simulation:
         world.transforms.propagate()
 
     def _report_problems(self) -> None:
-        for problem in self.physics.take_problems():
+        for problem in (*self._bodies.take_problems(), *self.physics.take_problems()):
             _log.error("%s", problem.text)
             self._events.append(Event(kind="physics", entity=problem.entity, values={"text": problem.text}))
 

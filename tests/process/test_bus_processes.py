@@ -18,8 +18,9 @@ import pytest
 from mcap.reader import make_reader
 
 from elys.bus.discovery import join_session
+from elys.bus.following import follow_scene, follow_state
 from elys.bus.messages.state_frame import StateFrame
-from elys.bus.mirror import SceneMirror, follow_scene, follow_state
+from elys.bus.mirror import SceneMirror
 from elys.bus.player import Player
 from elys.bus.recorder import record_session
 from elys.bus.recording import Recording

@@ -1,4 +1,4 @@
-"""Array functions for rotations, transforms and boxes: many at once, numpy only.
+"""Rotations, transforms and boxes: array functions for many at once, and `poses` for one of a thing in plain floats.
 
-float32 input gives float32 output, everything else is computed in float64.
+Of arrays float32 input gives float32 output, everything else is computed in float64.
 """

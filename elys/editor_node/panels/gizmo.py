@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from elys.bus.messages.views import ViewCamera
 from elys.bus.mirror import WorldPose
-from elys.bus.rigid_poses import local_pose
 from elys.common.components import Transform
 from elys.common.errors import ComponentError
 from elys.common.math import matrix, quaternion
+from elys.common.math.poses import local_pose
 from elys.editor_node.camera import clip_from_view, view_from_world
 from elys.editor_node.ui import Tool, Ui
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +22,12 @@ from elys.common.math.matrix import transform_points
 from elys.sim_node.ecs.changes import EntityReparented, EntitySpawned, WorldChanges
 from elys.sim_node.ecs.entities import Entities
 from elys.sim_node.ecs.world import World
+from elys.sim_node.physics.states import Problem
 from elys.sim_node.physics.world import PhysicsWorld
 
 STATIC: Final = 2  # place of "static" among the choices of RigidBody.motion
+REACH: Final = 1e9  # [m] what lies farther from the origin, or is larger, is left out of physics
+THINNEST: Final = 1e-4  # [m] a collider scaled to nothing keeps the least size that a Collider may have
 _PHYSICAL: Final = ("RigidBody", "Collider", "Transform")
 
 
@@ -52,6 +55,12 @@ class RigidBodies:
         self._members: dict[int, list[int]] = {}  # body's entity -> its colliders'
         self._seen: tuple[int, ...] = ()
         self._moving_rows: NDArray[np.intp] | None = None
+        self._problems: list[Problem] = []
+
+    def take_problems(self) -> list[Problem]:
+        """What had to be left out of physics since this was last asked."""
+        problems, self._problems = self._problems, []
+        return problems
 
     def follow(self, changes: WorldChanges) -> None:
         """Makes bodies anew where their components, places or switches were changed."""
@@ -65,8 +74,8 @@ class RigidBodies:
         if affected is not None:
             wanted &= affected
         if wanted:
-            self._add_bodies(np.array(sorted(wanted, key=index_of), np.uint32))
-            self._present |= wanted
+            added = self._add_bodies(np.array(sorted(wanted, key=index_of), np.uint32))
+            self._present.update(added.tolist())
         if stale or wanted:
             self._moving_rows = None
 
@@ -158,8 +167,13 @@ class RigidBodies:
 
     # --- making them -----------------------------------------------------------------------------------------------
 
-    def _add_bodies(self, owners: Entities) -> None:
+    def _add_bodies(self, owners: Entities) -> Entities:
+        """Makes bodies of those that physics can work with, and returns them."""
         poses = self._world.transforms.world_poses(owners)
+        usable = _is_within_reach(poses.position) & np.isfinite(poses.rotation).all(axis=1)
+        if not usable.all():
+            self._leave_out(owners[~usable], "body")
+            return self._add_bodies(owners[usable]) if usable.any() else owners[usable]
         table = self._world.table(RigidBody)
         rows = table.rows(owners)
         still = {"motion": STATIC, "linear_velocity": 0.0, "angular_velocity": 0.0}  # a Collider without a RigidBody
@@ -169,6 +183,7 @@ class RigidBodies:
         }
         self._physics.add_bodies(owners, position=poses.position, rotation=poses.rotation, **values)
         self._add_colliders(owners, poses.position, poses.rotation)
+        return owners
 
     def _add_colliders(self, owners: Entities, positions: NDArray[np.float64], rotations: NDArray[np.float32]) -> None:
         world = self._world
@@ -182,19 +197,38 @@ class RigidBodies:
         rows = table.rows(entities)
         poses = world.transforms.world_poses(entities)
         centre = transform_points(world.transforms.world_affines(entities), table.column("offset")[rows])
-        stretch = np.abs(poses.scale)
+        stretch = np.abs(poses.scale.astype(np.float64))
         body_from_world = quaternion.conjugate(rotations[of_body].astype(np.float64))
-        self._physics.add_colliders(
-            owners[of_body],
-            owners=entities,
-            shape=table.column("shape")[rows],
-            size=table.column("size")[rows] * stretch,
-            radius=table.column("radius")[rows] * stretch.max(axis=1),
-            position=quaternion.rotate(body_from_world, centre - positions[of_body]),
-            rotation=quaternion.multiply(body_from_world, poses.rotation.astype(np.float64)),
-            friction=table.column("friction")[rows],
-            restitution=table.column("restitution")[rows],
-        )
+        columns = {
+            "shape": table.column("shape")[rows],
+            "size": np.maximum(table.column("size")[rows] * stretch, THINNEST),
+            "radius": np.maximum(table.column("radius")[rows] * stretch.max(axis=1), THINNEST),
+            "position": quaternion.rotate(body_from_world, centre - positions[of_body]),
+            "rotation": quaternion.multiply(body_from_world, poses.rotation.astype(np.float64)),
+            "friction": table.column("friction")[rows],
+            "restitution": table.column("restitution")[rows],
+        }
+        usable = _is_within_reach(columns["size"], columns["radius"][:, None], columns["position"])
+        usable &= np.isfinite(columns["rotation"]).all(axis=1)
+        if not usable.all():
+            self._leave_out(entities[~usable], "collider")
+            entities, of_body = entities[usable], of_body[usable]
+            columns = {name: column[usable] for name, column in columns.items()}
+        if len(entities):
+            self._physics.add_colliders(owners[of_body], owners=entities, **columns)
+
+    def _leave_out(self, entities: Entities, what: str) -> None:
+        for entity in entities.tolist():
+            text = (
+                f"{self._world.describe(Entity(entity))} has no {what} in physics: it must lie within {REACH:g} m of the origin "
+                "and be no larger; move or scale it back"
+            )
+            self._problems.append(Problem(entity, text))
+
+
+def _is_within_reach(*columns: NDArray[np.floating[Any]]) -> NDArray[np.bool_]:
+    """[N] whether all lengths [N, ...] of a row are numbers that physics can work with; NaN is none."""
+    return np.logical_and.reduce([(np.abs(column) <= REACH).all(axis=1) for column in columns])
 
 
 def _rows_or(column: Column, rows: NDArray[np.int32], fallback: float) -> Column:

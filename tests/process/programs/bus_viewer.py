@@ -8,8 +8,9 @@ import sys
 import numpy as np
 
 from elys.bus.discovery import join_session
+from elys.bus.following import follow_scene, follow_state
 from elys.bus.messages.state_frame import StateFrame
-from elys.bus.mirror import SceneMirror, follow_scene, follow_state
+from elys.bus.mirror import SceneMirror
 
 
 def show(frame: StateFrame) -> None:

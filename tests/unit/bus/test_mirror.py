@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from elys.bus import codec, topics
+from elys.bus.following import follow_scene, follow_state
 from elys.bus.messages.scene import (
     ComponentRemoved,
     ComponentSet,
@@ -28,7 +29,7 @@ from elys.bus.messages.scene import (
     Spawned,
 )
 from elys.bus.messages.state_frame import StateFrame
-from elys.bus.mirror import MirrorUpdate, SceneMirror, follow_scene, follow_state
+from elys.bus.mirror import MirrorUpdate, SceneMirror
 from elys.bus.session import Session
 from elys.bus.topics import Encoding
 from elys.bus.transports.loopback import LoopbackBroker

@@ -17,6 +17,7 @@ import pytest
 from elys.bus import topics
 from elys.bus.asset_service import AssetClient, referenced_assets
 from elys.bus.export import export_npz, recording_info
+from elys.bus.following import follow_scene, follow_state
 from elys.bus.messages.commands import (
     Command,
     CommandReply,
@@ -30,7 +31,7 @@ from elys.bus.messages.commands import (
 )
 from elys.bus.messages.session import Event, EventBatch, SessionStatus
 from elys.bus.messages.state_frame import StateFrame
-from elys.bus.mirror import SceneMirror, follow_scene, follow_state
+from elys.bus.mirror import SceneMirror
 from elys.bus.player import Player
 from elys.bus.recorder import record_pipe
 from elys.bus.recording import Recording

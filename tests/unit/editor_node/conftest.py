@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import simplejpeg
 
-from elys.bus import rigid_poses, topics
+from elys.bus import topics
 from elys.bus.messages import commands as c
 from elys.bus.messages import scene as s
 from elys.bus.messages.session import SessionStatus
@@ -27,6 +27,7 @@ from elys.bus.transports.loopback import LoopbackBroker
 from elys.common.components import component_from, values_of
 from elys.common.errors import ElysError, EntityError, RequestError
 from elys.common.ids import entity_of, generation_of, index_of
+from elys.common.math import poses
 from elys.common.scene import EntityRecord
 from elys.editor_node.model import EditorModel
 
@@ -196,7 +197,7 @@ class SceneHost:
             position, rotation = pose.position, pose.rotation
             if command.parent:
                 above = self.mirror.world_pose(command.parent)
-                position, rotation = rigid_poses.local_pose(*above, position, rotation)
+                position, rotation = poses.local_pose(*above, position, rotation)
             changes.append(self._set(command.entity, "Transform", {"position": position, "rotation": rotation}))
         return changes
 

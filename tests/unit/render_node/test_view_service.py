@@ -6,8 +6,6 @@ import asyncio
 import itertools
 import mmap
 import os
-import subprocess
-import sys
 from collections.abc import AsyncIterator, Callable, Coroutine
 from contextlib import asynccontextmanager
 from typing import Any
@@ -22,12 +20,12 @@ from elys.bus.messages.scene import ComponentSet, SceneDelta, Snapshot, Snapshot
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.messages.views import PickRequest, SharedRing, ViewCamera, ViewFrame, ViewRequest
 from elys.bus.mirror import SceneMirror
+from elys.bus.picture_ring import boot_id
 from elys.bus.session import Session
 from elys.bus.transports.loopback import LoopbackBroker
 from elys.common.components import Light, Material, MeshRenderer, Transform, values_of
 from elys.common.errors import BusError
 from elys.render_node.node import serve_views
-from elys.render_node.picture_ring import PictureRing, boot_id
 from elys.render_node.quality import FAST
 from elys.render_node.view_desk import SILENCE, ViewDesk, sane_camera, sane_size
 
@@ -237,68 +235,6 @@ def test_pictures_go_into_a_ring_and_never_where_the_last_one_is(context) -> Non
         run(context, act)
     finally:
         os.close(descriptor)
-
-
-@pytest.mark.parametrize(
-    ("changes", "said"),
-    [
-        ({"machine": "elsewhere"}, "another machine"),
-        ({"process": 2**22 + 5}, "cannot be opened"),
-        ({"slot_count": 1}, "no ring has"),
-        ({"slot_size": 1 << 40}, "no ring has"),
-        ({"slot_count": 9}, "smaller"),
-        ({"descriptor": 1}, "not shared memory"),
-    ],
-)
-def test_a_ring_that_cannot_be_is_refused_with_a_reason(changes: dict[str, Any], said: str) -> None:
-    descriptor = os.memfd_create("elys-test")
-    os.ftruncate(descriptor, 3 * 64)
-    values: dict[str, Any] = {
-        "machine": boot_id(),
-        "process": os.getpid(),
-        "descriptor": descriptor,
-        "slot_count": 3,
-        "slot_size": 64,
-    }
-    try:
-        PictureRing(SharedRing(**values)).close()
-        with pytest.raises(BusError, match=said):
-            PictureRing(SharedRing(**(values | changes)))
-    finally:
-        os.close(descriptor)
-
-
-READER = """
-import mmap, os, sys
-descriptor = os.memfd_create("elys-test")
-os.ftruncate(descriptor, 3 * 64)
-print(os.getpid(), descriptor, flush=True)
-for line in sys.stdin:
-    slot = int(line)
-    print(mmap.mmap(descriptor, 3 * 64)[slot * 64 : slot * 64 + 4].hex(), flush=True)
-"""
-
-
-def test_a_ring_reaches_another_process_and_outlives_it() -> None:
-    with subprocess.Popen(
-        [sys.executable, "-c", READER], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as other:
-        assert other.stdin is not None and other.stdout is not None
-        process, descriptor = map(int, other.stdout.readline().split())
-        address = SharedRing(machine=boot_id(), process=process, descriptor=descriptor, slot_count=3, slot_size=64)
-        ring = PictureRing(address)
-        for value in (1, 2, 3, 4):
-            slot = ring.next_slot()
-            with ring.pixels(slot, 1, 1) as pixels:
-                pixels[:] = bytes([value] * 4)
-            other.stdin.write(f"{slot}\n")
-            other.stdin.flush()
-            assert other.stdout.readline().strip() == f"{value:02x}" * 4
-        other.kill()
-        other.wait()
-        with ring.pixels(ring.next_slot(), 1, 1) as pixels:
-            pixels[:] = b"gone"
-        ring.close()
 
 
 @pytest.mark.gl

@@ -1,6 +1,10 @@
-"""The asking process' shared memory, into which pictures of the same machine are put instead of sent.
+"""Shared memory through which pictures go from a render node to who asked for them, on one machine.
 
-Slot i starts at byte i * slot_size and holds RGBA rows without padding, the bottom row first, as GL reads them.
+    who asks    PictureRing   an anonymous file of its own process; its address travels in every ViewRequest
+    who draws   RingWriter    the same file, reached through /proc; which slot was filled is said by the ViewFrame
+
+Slot i starts at byte i * slot_size and holds RGBA rows without padding, the bottom row first, as GL reads them. Nothing
+appears in /dev/shm and nothing is left behind, however either side ends.
 """
 
 from __future__ import annotations
@@ -14,19 +18,59 @@ from typing import Final
 from elys.bus.messages.views import SharedRing
 from elys.common.errors import BusError
 
-MIN_SLOTS: Final = 2
-MAX_SLOTS: Final = 64
+SLOT_COUNT: Final = 3  # one shown, one filled, one between
+MAX_WIDTH: Final = 4096  # [pixels] of a picture that fits into a slot
+MAX_HEIGHT: Final = 2304
+_SLOT_COUNTS: Final = range(2, 65)  # of rings that are written to
+_MAX_SLOT_SIZE: Final = 1 << 32  # [bytes]
 _BOOT_ID: Final = Path("/proc/sys/kernel/random/boot_id")
 
 
 class PictureRing:
+    """The slots of who asks, and how to reach them from outside. Memory is taken only for what was written."""
+
+    def __init__(self) -> None:
+        """Raises BusError where the system cannot share memory so; then pictures come as JPEG."""
+        self.slot_size = MAX_WIDTH * MAX_HEIGHT * 4
+        size = SLOT_COUNT * self.slot_size
+        try:
+            self._descriptor = os.memfd_create("elys-view", os.MFD_CLOEXEC)
+            os.ftruncate(self._descriptor, size)
+            self._memory = mmap.mmap(self._descriptor, size)
+        except (OSError, AttributeError) as error:  # AttributeError: no such call outside Linux
+            raise BusError(f"this system shares no memory for pictures: {error}") from error
+        self._view = memoryview(self._memory)
+        self.address = SharedRing(
+            machine=boot_id(),
+            process=os.getpid(),
+            descriptor=self._descriptor,
+            slot_count=SLOT_COUNT,
+            slot_size=self.slot_size,
+        )
+
+    def pixels(self, slot: int, width: int, height: int) -> memoryview:
+        """The bytes of the picture in a slot; ValueError when it cannot be there."""
+        size = width * height * 4
+        if not (0 <= slot < SLOT_COUNT and 0 < size <= self.slot_size):
+            raise ValueError(f"no picture of {width} x {height} in slot {slot}")
+        start = slot * self.slot_size
+        return self._view[start : start + size]
+
+    def close(self) -> None:
+        """Gives the memory back; views handed out must be gone."""
+        self._view.release()
+        self._memory.close()
+        os.close(self._descriptor)
+
+
+class RingWriter:
     """Slots of another process' memory file."""
 
     def __init__(self, address: SharedRing) -> None:
         """Raises BusError, saying why, where the memory cannot be reached; then pictures are sent as JPEG."""
-        if address.machine != boot_id():
+        if not address.machine or address.machine != boot_id():
             raise BusError("the memory is on another machine")
-        if not (MIN_SLOTS <= address.slot_count <= MAX_SLOTS and 0 < address.slot_size <= 1 << 32):
+        if not (address.slot_count in _SLOT_COUNTS and 0 < address.slot_size <= _MAX_SLOT_SIZE):
             raise BusError(f"no ring has {address.slot_count} slots of {address.slot_size} bytes")
         self.address = address
         self._slot = -1

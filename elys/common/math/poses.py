@@ -1,20 +1,11 @@
-"""Poses of single entities in plain floats: numpy costs more than the arithmetic where there is one of a thing.
+"""Poses of single things in plain floats: numpy costs more than the arithmetic where there is one of a thing.
 
 Formulas: quaternion rotation v + 2 w (u x v) + 2 u x (u x v), Hamilton's product.
 """
 
 from __future__ import annotations
 
-import copy
-from typing import TYPE_CHECKING
-
-import msgspec
-
-from elys.bus.messages.state_frame import StateFrame
-from elys.common.components import Quat, Transform, Vec3
-
-if TYPE_CHECKING:
-    from elys.bus.mirror import SceneMirror
+from elys.common.components import Quat, Vec3
 
 
 def rotate(rotation: Quat, vector: Vec3) -> Vec3:
@@ -69,33 +60,3 @@ def local_pose(
         turned[2] / parent_scale[2] if parent_scale[2] else 0.0,
     )
     return local, multiply(back, rotation)
-
-
-def place_bodies(mirror: SceneMirror, frame: StateFrame) -> SceneMirror:
-    """A copy of the mirror whose bodies' Transform and RigidBody say what the frame says."""
-    placed = copy.copy(mirror)
-    placed.keep_frame(frame)
-    placed.entities = dict(mirror.entities)
-    placed.tick, placed.simulation_time = frame.tick, frame.simulation_time
-    rotations, linear, angular = (
-        frame.rotation.tolist(),
-        frame.linear_velocity.tolist(),
-        frame.angular_velocity.tolist(),
-    )
-    for row, (body, position) in enumerate(zip(frame.entity.tolist(), frame.position.tolist(), strict=True)):
-        if body not in mirror.entities or placed.frame_row(body) != row:
-            continue
-        entity = copy.copy(mirror.entities[body])
-        components = dict(entity.components)
-        entity.components = components
-        placed.entities[body] = entity
-        pose: tuple[Vec3, Quat] = tuple(position), tuple(rotations[row])
-        if entity.parent:
-            pose = local_pose(*placed.world_pose(entity.parent), *pose)
-        before = components.get("Transform", Transform())
-        components["Transform"] = msgspec.structs.replace(before, position=pose[0], rotation=pose[1])
-        if "RigidBody" in components:
-            components["RigidBody"] = msgspec.structs.replace(
-                components["RigidBody"], linear_velocity=tuple(linear[row]), angular_velocity=tuple(angular[row])
-            )
-    return placed
