@@ -5,14 +5,13 @@ from __future__ import annotations
 import contextlib
 import logging
 import sys
-from typing import Final, Literal
+from typing import Final
 
 from elys.bus import topics
-from elys.bus.messages.session import LogLine
+from elys.bus.messages.session import LogLevel, LogLine
 from elys.bus.session import Session
 
-Level = Literal["debug", "info", "warning", "error"]
-_LEVELS: Final[tuple[tuple[int, Level], ...]] = (
+_LEVELS: Final[tuple[tuple[int, LogLevel], ...]] = (
     (logging.ERROR, "error"),
     (logging.WARNING, "warning"),
     (logging.INFO, "info"),
@@ -77,7 +76,7 @@ class _LineFormatter(logging.Formatter):
         return text
 
 
-def _level_of(number: int) -> Level:
+def _level_of(number: int) -> LogLevel:
     for threshold, name in _LEVELS:
         if number >= threshold:
             return name

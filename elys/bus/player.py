@@ -62,10 +62,8 @@ class Player:
         self._mirror = recording.mirror_at(0)
         self._sequence = 0
         self._ticks = np.unique(recording.tick)
-        self._anchor = (
-            time.monotonic(),
-            float(recording.time[0]),
-        )  # wall clock and simulation time that belong together
+        # Wall clock and simulation time that belong together.
+        self._anchor = (time.monotonic(), float(recording.time[0]))
         self._measured = (time.monotonic(), float(recording.time[0]))
         self._realtime_factor = 0.0
         self._wake = asyncio.Event()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import re
 import time
 from pathlib import Path
 from typing import Any, Final
@@ -16,10 +15,9 @@ from elys.bus.recording_pipe import FrameKind, PipeFrame, PipeReader
 from elys.bus.session import Session
 from elys.bus.topics import Encoding, Topic
 from elys.bus.transports.mcap import McapWriter, recorded_channels
-from elys.common.assets.store import PREFIX, AssetStore
+from elys.common.assets.store import AssetStore, references_in
 from elys.common.errors import BusError, ElysError, MessageError, ProtocolError
 
-_REFERENCE: Final = re.compile(PREFIX.encode() + rb"[0-9a-f]{32}")
 _RETRY: Final = 0.2  # [s] between requests for a snapshot or an asset that cannot be had now
 _log = logging.getLogger(__name__)
 
@@ -46,8 +44,7 @@ class Recorder:
 
     def lacking(self, body: bytes) -> list[str]:
         """The assets that a snapshot's or a delta's body names and that are not in the recording yet."""
-        found = dict.fromkeys(reference.decode() for reference in _REFERENCE.findall(body))
-        return [reference for reference in found if reference not in self._assets]
+        return [reference for reference in references_in(body) if reference not in self._assets]
 
     def keep_time(self) -> None:
         """Closes chunks and syncs when it is time; call it at least every `seconds_until_due`."""

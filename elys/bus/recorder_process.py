@@ -7,11 +7,11 @@ pipe's end is what ends the recorder, with a whole file.
 from __future__ import annotations
 
 import argparse
-import logging
 import signal
 import sys
 from pathlib import Path
 
+from elys.bus.log import start_logging
 from elys.bus.recorder import record_pipe
 from elys.common.errors import RecordingError
 
@@ -22,7 +22,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--fd", type=int, required=True, help="the pipe's end to read from")
     parser.add_argument("--output", type=Path, required=True, help="the recording to write")
     chosen = parser.parse_args(arguments)
-    logging.basicConfig(level=logging.INFO, format="%(levelname)s %(message)s")
+    start_logging()
     for ignored in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(ignored, signal.SIG_IGN)
     try:

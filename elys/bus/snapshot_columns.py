@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elys.bus.messages.scene import ComponentColumns, FieldColumn, Snapshot
-from elys.common.components import Component, ComponentDeclaration, FieldDeclaration, declarations
+from elys.common.components import Component, ComponentDeclaration, FieldDeclaration, declaration_of, declarations
 from elys.common.components.columns import StringTable, columns_from, components_from, pack_array
 from elys.common.errors import ComponentError, MessageError
 
@@ -104,8 +104,16 @@ def is_known(component: str) -> bool:
     return False
 
 
-def _decode(packed: ComponentColumns, strings: StringTable) -> tuple[str, list[int], list[Component]]:
-    declaration = declarations()[packed.component]
+def unpack_columns(
+    packed: ComponentColumns, strings: StringTable
+) -> tuple[NDArray[np.uint32], dict[str, NDArray[Any]]]:
+    """The inverse of `component_columns`: entities [N] and a column [N] or [N, width] per field, texts as rows of `strings`.
+
+    Raises:
+        MessageError: a column is not what the component's declaration says.
+        ComponentError: there is no such component, or it does not take a value.
+    """
+    declaration = declaration_of(packed.component)
     if len(packed.entities) % 4:
         raise MessageError(f"the ids of {packed.component} are {len(packed.entities)} bytes, not a multiple of 4")
     entities = np.frombuffer(packed.entities, "<u4")
@@ -116,7 +124,13 @@ def _decode(packed: ComponentColumns, strings: StringTable) -> tuple[str, list[i
         field.name: _column(declaration, field, fields[field.name], len(entities), strings)
         for field in declaration.fields
     }
-    return packed.component, entities.tolist(), _shared_components(declaration, columns, len(entities), strings)
+    return entities, columns
+
+
+def _decode(packed: ComponentColumns, strings: StringTable) -> tuple[str, list[int], list[Component]]:
+    entities, columns = unpack_columns(packed, strings)
+    components = _shared_components(declaration_of(packed.component), columns, len(entities), strings)
+    return packed.component, entities.tolist(), components
 
 
 def _shared_components(

@@ -11,7 +11,6 @@ import asyncio
 import contextlib
 import logging
 import os
-import re
 import threading
 import time
 from collections import deque
@@ -23,11 +22,10 @@ from elys.bus.messages.scene import Snapshot
 from elys.bus.recording_pipe import FrameKind, frame_head
 from elys.bus.session import Session
 from elys.bus.topics import Delivery, Encoding, Topic
-from elys.common.assets.store import PREFIX, AssetStore
+from elys.common.assets.store import AssetStore, references_in
 from elys.common.errors import AssetError
 
 QUEUE_SIZE: Final = 64 << 20  # [bytes]
-_REFERENCE: Final = re.compile(PREFIX.encode() + rb"[0-9a-f]{32}")
 _RESYNC: Final = b'"resync":true'
 _log = logging.getLogger(__name__)
 
@@ -116,8 +114,7 @@ class RecordingTap:
         self._send(FrameKind.MESSAGE, topics.SNAPSHOT.name, body)
 
     def _send_assets(self, body: bytes) -> None:
-        for found in _REFERENCE.findall(body):
-            reference = found.decode()
+        for reference in references_in(body):
             if reference in self._sent_assets:
                 continue
             self._sent_assets.add(reference)

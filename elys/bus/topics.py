@@ -190,11 +190,6 @@ def node_key(session_name: str, kind: str, node: str) -> str:
     return f"{ROOT}/{session_name}/node/{kind}/{node}"
 
 
-def all_keys(session_name: str) -> str:
-    """Everything said in a session."""
-    return f"{ROOT}/{session_name}/**"
-
-
 def topic_of(key: str) -> tuple[Topic[Any], str] | None:
     """The topic a key belongs to and the key's last part for keyed topics; None for what is no topic."""
     parts = key.split("/", 2)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +20,7 @@ from elys.common.scene_document import (
     SceneDocument,
     SceneSettings,
 )
-from elys.common.scene_expansion import expand
+from elys.common.scene_expansion import expand, relative_name
 from elys.common.scene_reading import MAX_DEPTH
 
 logger = logging.getLogger(__name__)
@@ -119,7 +118,7 @@ def _instance(job: _Collapse, row: int, depth: int) -> EntityNode | None:
     return EntityNode(
         name="" if record.name == baseline[0].name else record.name,
         enabled=record.enabled or not baseline[0].enabled,
-        prefab=_relative(job.prefab_directory / record.prefab, job.directory),
+        prefab=relative_name(job.prefab_directory / record.prefab, job.directory),
         components={name: _named(job, values) for name, values in changes.items()},
         overrides=overrides,
         children=[_node(job, child, depth + 1) for child in added],
@@ -203,8 +202,4 @@ def _source(job: _Collapse, value: str) -> str:
     if not is_reference(value):
         return value
     path, hash_sign, fragment = job.assets.source(value).partition("#")
-    return _relative(Path(path), job.directory) + hash_sign + fragment if path else value
-
-
-def _relative(path: Path, directory: Path) -> str:
-    return Path(os.path.relpath(os.path.normpath(path), directory)).as_posix()
+    return relative_name(Path(path), job.directory) + hash_sign + fragment if path else value

@@ -82,7 +82,7 @@ def _append_entity(job: _Expansion, node: EntityNode, parent: int, place: _Place
         root = job.drafts[row]
         root.name = node.name or root.name
         root.enabled = root.enabled and node.enabled
-        root.prefab = _relative(place.directory / node.prefab, job.directory)
+        root.prefab = relative_name(place.directory / node.prefab, job.directory)
         _lay_over(root, components)
         _apply_overrides(job, row, node, place)
     else:
@@ -240,7 +240,8 @@ def _path(directory: Path, name: str, place: _Place) -> Path:
     return Path(os.path.normpath(directory / name))
 
 
-def _relative(path: Path, directory: Path) -> str:
+def relative_name(path: Path, directory: Path) -> str:
+    """A file as scene files in `directory` name it."""
     return Path(os.path.relpath(os.path.normpath(path), directory)).as_posix()
 
 

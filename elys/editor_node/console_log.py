@@ -6,10 +6,11 @@ import time
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final, get_args
 
-Level = Literal["debug", "info", "warning", "error"]
-LEVELS: Final[tuple[Level, ...]] = ("debug", "info", "warning", "error")
+from elys.bus.messages.session import LogLevel
+
+LEVELS: Final[tuple[LogLevel, ...]] = get_args(LogLevel)
 LINE_LIMIT: Final = 5000
 
 
@@ -19,7 +20,7 @@ class ConsoleLine:
 
     time: float  # [s] since 1970
     node: str
-    level: Level
+    level: LogLevel
     text: str
     tick: int = -1
     count: int = 1
@@ -38,7 +39,7 @@ class ConsoleLog:
     def __iter__(self) -> Iterator[ConsoleLine]:
         return iter(self._lines)
 
-    def add(self, node: str, level: Level, text: str, *, tick: int = -1, at: float | None = None) -> None:
+    def add(self, node: str, level: LogLevel, text: str, *, tick: int = -1, at: float | None = None) -> None:
         """Appends a line; the same text from the same node again only raises the last line's count."""
         self.version += 1
         last = self._lines[-1] if self._lines else None
@@ -53,7 +54,7 @@ class ConsoleLog:
         self._lines.clear()
         self.version += 1
 
-    def matching(self, levels: frozenset[Level], text: str) -> list[ConsoleLine]:
+    def matching(self, levels: frozenset[LogLevel], text: str) -> list[ConsoleLine]:
         """The lines of these levels in which `text` stands, whatever the case."""
         wanted = text.casefold()
         return [

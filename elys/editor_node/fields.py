@@ -10,7 +10,9 @@ from typing import Any, Final
 import numpy as np
 from imgui_bundle import imgui
 
+from elys.common.assets import PRIMITIVES
 from elys.common.components import FieldDeclaration, Kind
+from elys.common.components.decimals import shortest_decimal
 from elys.common.math import quaternion
 from elys.editor_node.scene_mirror import EditorScene
 from elys.editor_node.theme import AXES, icons
@@ -18,7 +20,6 @@ from elys.editor_node.ui import Landmarks, color_code
 
 ENTITY_PAYLOAD: Final = "elys_entity"  # what the hierarchy lets one drag
 _MIXED: Final = "—"  # shown where several entities differ
-_MESHES: Final = ("box", "sphere", "cylinder", "plane")
 
 
 @dataclass(slots=True)
@@ -115,8 +116,8 @@ def _edit_numbers(field: FieldDeclaration, value: Sequence[float], context: Fiel
         context.landmarks.note(f"{context.path}/{axis}" if count > 1 else context.path)
         if count > 1:
             _mark_axis(axis)
-        if changed:
-            changed_value = [*value[:axis], shortest(number), *value[axis + 1 :]]
+        if changed:  # ImGui works in 32 bits, where the 1.1 that a person meant is 1.10000002384
+            changed_value = [*value[:axis], shortest_decimal(number), *value[axis + 1 :]]
             edit.changed, edit.axis = True, axis if count > 1 else None
             edit.value = tuple(changed_value) if count > 1 else changed_value[0]
     return edit
@@ -125,11 +126,6 @@ def _edit_numbers(field: FieldDeclaration, value: Sequence[float], context: Fiel
 def _shown(number: float) -> float:
     """What rounds to nothing has no sign."""
     return 0.0 if -5e-4 < number < 0.0 else number
-
-
-def shortest(number: float) -> float:
-    """The decimal a person meant: ImGui works in 32 bits, where 1.1 is 1.10000002384."""
-    return float(str(np.float32(number)))
 
 
 def _mark_axis(axis: int) -> None:
@@ -155,7 +151,7 @@ def _edit_rotation(field: FieldDeclaration, value: Any, context: FieldContext) -
         _mark_axis(axis)
         if changed:
             edit.changed = True
-            edit.value = (*angles[:axis], shortest(angle), *angles[axis + 1 :])
+            edit.value = (*angles[:axis], shortest_decimal(angle), *angles[axis + 1 :])
     return edit
 
 
@@ -242,7 +238,7 @@ def linear_from_srgb(value: float) -> float:
 def _edit_text(field: FieldDeclaration, value: str, context: FieldContext) -> FieldEdit:
     """Sent when the person presses Enter or goes elsewhere, not at every letter."""
     edit = FieldEdit()
-    offers = _MESHES if field.name == "mesh" else ()
+    offers = tuple(PRIMITIVES) if field.name == "mesh" else ()
     button = imgui.get_frame_height() + imgui.get_style().item_inner_spacing.x if offers else 0.0
     imgui.set_next_item_width(element_width(1) - button)
     hint = "several values" if context.mixed[0] else ""

@@ -25,10 +25,10 @@ from elys.bus.messages.commands import (
     SetRate,
     StepTicks,
 )
-from elys.bus.messages.session import LogLine, SessionStatus, TickProfile
+from elys.bus.messages.session import LogLevel, LogLine, SessionStatus, TickProfile
 from elys.bus.session import Session
 from elys.common.errors import BusError, ConnectionLost
-from elys.editor_node.console_log import ConsoleLog, Level
+from elys.editor_node.console_log import ConsoleLog
 from elys.editor_node.history import History, Outcome
 from elys.editor_node.operations import Operations
 from elys.editor_node.scene_file import SceneFile
@@ -154,7 +154,7 @@ class EditorModel:
 
     # --- telling ---------------------------------------------------------------------------------------------------
 
-    def say(self, level: Level, text: str, *, tick: int = -1) -> None:
+    def say(self, level: LogLevel, text: str, *, tick: int = -1) -> None:
         """A line of the editor's own in the console."""
         self.console.add("editor", level, text, tick=tick)
         if level == "error":
@@ -212,7 +212,7 @@ class EditorModel:
         if record.origin == self.session.node.id:
             return
         verdict = "" if record.accepted else f" refused: {record.reason}"
-        level: Level = "info" if record.accepted else "warning"
+        level: LogLevel = "info" if record.accepted else "warning"
         self.console.add(self.node_label(record.origin), level, f"{_named(record.command)}{verdict}", tick=record.tick)
         self.request_redraw(0.1)
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from elys.editor_node.events import Event, KeyPressed, Modifiers
 from elys.editor_node.keys import Key
 from elys.editor_node.model import EditorModel
-from elys.editor_node.ui import Tools, Ui
+from elys.editor_node.ui import Tool, Tools, Ui
 from elys.editor_node.viewport_layer import ViewportLayer
 from elys.editor_node.workspace import Workspace
 
@@ -64,8 +64,8 @@ class ShortcutLayer:
         """Nothing moves here."""
 
 
-def _take(tools: Tools, tool: str) -> None:
-    tools.tool = tool  # type: ignore[assignment]
+def _take(tools: Tools, tool: Tool) -> None:
+    tools.tool = tool
 
 
 def _select_all(model: EditorModel) -> None:

@@ -44,7 +44,6 @@ AXIS_Z: Final = _rgba(0x3F7FD9)
 AXES: Final = (AXIS_X, AXIS_Y, AXIS_Z)
 
 FONT_SIZE: Final = 15.0  # at 96 dpi
-SMALL_FONT_SIZE: Final = 13.0
 
 
 @dataclass(frozen=True, slots=True)

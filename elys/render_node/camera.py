@@ -13,11 +13,8 @@ from elys.common.math import quaternion
 from elys.common.math.matrix import look_rotation, perspective
 
 Vector = NDArray[np.float64]
-FRAMING_DIRECTION: Final = (
-    -0.55,
-    -0.42,
-    -0.72,
-)  # where an automatic camera looks: down onto the scene, from the front right
+# Where an automatic camera looks: down onto the scene, from the front right.
+FRAMING_DIRECTION: Final = (-0.55, -0.42, -0.72)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -78,12 +78,6 @@ class DrawableAssets:
             self._extents[name] = _extent(mesh)
         return self._extents[name]
 
-    @property
-    def pending_count(self) -> int:
-        """How many are on their way."""
-        with self._lock:
-            return len(self._pending)
-
     def settle(self, timeout: float = 60.0) -> None:
         """Waits until nothing is on its way, at most `timeout` seconds."""
         with self._lock:

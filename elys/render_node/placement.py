@@ -37,11 +37,6 @@ class Placement:
         carrier_from_world = inverse_affine(world_from_carrier)[self._carrier]
         self._carrier_from_item = multiply_affine(carrier_from_world, world_from_item[self._moving]).astype(np.float32)
 
-    @property
-    def moving_count(self) -> int:
-        """How many of the items move with bodies."""
-        return len(self._moving)
-
     def follow(self, timeline: Timeline, fraction: float) -> None:
         """Moves the items to where they are `fraction` of the way to the newest frame."""
         if timeline.newest is None or not len(self._moving):

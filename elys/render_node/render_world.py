@@ -28,9 +28,7 @@ from elys.render_node.scene_tables import Rows, SceneReader, SceneTables, tables
 from elys.render_node.timeline import Timeline
 
 PLAIN: Final = Material()
-GIANT: Final = (
-    1.6  # times larger than all smaller things together is what neither cameras nor shadow maps are fitted to
-)
+GIANT: Final = 1.6  # times larger than all smaller things together: neither cameras nor shadow maps are fitted to it
 _CORNER_SIGNS: Final = np.array([(1, 1, 1), (-1, 1, 1), (1, -1, 1), (1, 1, -1)], np.float64)
 TEXTURE_FIELDS: Final = (
     "base_color_texture",
@@ -39,9 +37,8 @@ TEXTURE_FIELDS: Final = (
     "occlusion_texture",
     "emissive_texture",
 )
-MISSING: Final = Material(
-    base_color=(0.0, 0.0, 0.0), emissive=(0.8, 0.0, 0.6)
-)  # what is drawn where a mesh cannot be had
+# What is drawn where a mesh cannot be had.
+MISSING: Final = Material(base_color=(0.0, 0.0, 0.0), emissive=(0.8, 0.0, 0.6))
 
 
 class Look(NamedTuple):

@@ -139,7 +139,7 @@ def _rain(height: float) -> EntityNode:
 def _drop(number: int, position: tuple[float, float, float], chance: random.Random) -> EntityNode:
     color = chance.choice(PALETTE)
     metallic = float(chance.random() < 0.15)
-    looks = {"color": color, "metallic": metallic, "roughness": round(chance.uniform(0.25, 0.8), 2)}
+    roughness = round(chance.uniform(0.25, 0.8), 2)
     if number % 2:
         diameter = round(chance.uniform(0.4, 0.9), 2)
         return body(
@@ -149,7 +149,9 @@ def _drop(number: int, position: tuple[float, float, float], chance: random.Rand
             position=position,
             friction=0.5,
             restitution=0.25,
-            **looks,  # type: ignore[arg-type]
+            color=color,
+            metallic=metallic,
+            roughness=roughness,
         )
     # The diagonal stays below the grid's spacing, so that no two touch, however they are turned.
     size = [round(chance.uniform(0.35, 0.65), 2) for _ in range(3)]
@@ -162,7 +164,9 @@ def _drop(number: int, position: tuple[float, float, float], chance: random.Rand
         position=position,
         rotation=rotation,
         restitution=0.1,
-        **looks,  # type: ignore[arg-type]
+        color=color,
+        metallic=metallic,
+        roughness=roughness,
     )
 
 

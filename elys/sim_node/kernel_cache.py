@@ -14,7 +14,6 @@ import shutil
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -29,14 +28,6 @@ _STAMP = "complete"
 
 # What takes longest to compile, dealt out so that two processes finish together; all others belong to the first.
 _SECOND_PROCESS = ("physics.update_manifolds", "physics.prepare_contacts", "physics.cast_rays")
-
-
-class WarmReport(NamedTuple):
-    """What a warm-up has done."""
-
-    kernel_count: int
-    compiled_count: int  # the others were loaded
-    seconds: float
 
 
 class KernelCacheReport(NamedTuple):
@@ -62,7 +53,7 @@ def kernels_are_warm() -> bool:
     return all(_stamp(package).exists() for package in kernel_packages())
 
 
-def warm_kernels(progress: Progress | None = None) -> WarmReport:
+def warm_kernels(progress: Progress | None = None) -> None:
     """Compiles every kernel of the simulation, or loads it from the cache.
 
     On a first start two processes share the work. `progress` is told of each kernel as it becomes ready.
@@ -70,10 +61,8 @@ def warm_kernels(progress: Progress | None = None) -> WarmReport:
     Raises:
         ElysError: the cache's folder cannot be written, or the second process failed.
     """
-    began = time.perf_counter()
     kernels = _all_kernels()
     done = 0
-
     lock = threading.Lock()
 
     def ready(name: str) -> None:
@@ -83,18 +72,16 @@ def warm_kernels(progress: Progress | None = None) -> WarmReport:
             if progress is not None:
                 progress(name, done, len(kernels))
 
-    compiled = 0
     if kernels_are_warm():
         for kernel in kernels:
-            compiled += _compile(kernel)
+            _compile(kernel)
             ready(kernel.name)
-    else:
-        _make_folders()
-        compiled = _compile_in_two_processes(kernels, ready)
-        for package in kernel_packages():
-            _stamp(package).touch()
-        _forget_old_states()
-    return WarmReport(len(kernels), compiled, time.perf_counter() - began)
+        return
+    _make_folders()
+    _compile_in_two_processes(kernels, ready)
+    for package in kernel_packages():
+        _stamp(package).touch()
+    _forget_old_states()
 
 
 def kernel_cache_report() -> KernelCacheReport:
@@ -119,29 +106,26 @@ def _all_kernels() -> tuple[Kernel, ...]:
     return tuple(Kernel(*entry) for module in modules for entry in module.KERNELS)
 
 
-def _compile(kernel: Kernel) -> int:
-    """Makes a kernel callable; returns 1 when it had to be compiled, 0 when it was in the cache (or none is kept)."""
+def _compile(kernel: Kernel) -> None:
+    """Makes a kernel callable: compiled, or loaded where it is in the cache."""
     if not hasattr(kernel.function, "stats"):  # the compiler is switched off
-        return 0
-    before = sum(kernel.function.stats.cache_misses.values())
+        return
     for signature in kernel.signatures:
         kernel.function.compile(signature)
-    return int(sum(kernel.function.stats.cache_misses.values()) > before)
 
 
-def _compile_in_two_processes(kernels: tuple[Kernel, ...], ready: Callable[[str], None]) -> int:
+def _compile_in_two_processes(kernels: tuple[Kernel, ...], ready: Callable[[str], None]) -> None:
     """The first share here, the second in another process, which leaves it in the cache to be loaded."""
-    compiled = 0
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     command = [sys.executable, "-m", "elys.sim_node.kernel_cache"]
     with subprocess.Popen(
         command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True
     ) as second:
-        listener = _Listener(second, ready)
+        listener = threading.Thread(target=_listen, args=(second, ready), daemon=True)
         listener.start()
         try:
             for kernel in _share(kernels, second=False):
-                compiled += _compile(kernel)
+                _compile(kernel)
                 ready(kernel.name)
         except BaseException:
             second.kill()
@@ -154,24 +138,13 @@ def _compile_in_two_processes(kernels: tuple[Kernel, ...], ready: Callable[[str]
         raise ElysError(f"The second process that compiles kernels failed: {last}")
     for kernel in _share(kernels, second=True):
         _compile(kernel)
-    return compiled + listener.compiled
 
 
-class _Listener(threading.Thread):
+def _listen(second: subprocess.Popen[str], ready: Callable[[str], None]) -> None:
     """Hears which kernels the second process has ready while the first one works."""
-
-    def __init__(self, process: subprocess.Popen[str], ready: Callable[[str], None]) -> None:
-        super().__init__(daemon=True)
-        self.compiled = 0
-        self._process = process
-        self._ready = ready
-
-    def run(self) -> None:
-        assert self._process.stdout is not None
-        for line in self._process.stdout:
-            name, _, misses = line.strip().partition(" ")
-            self.compiled += int(misses)
-            self._ready(name)
+    assert second.stdout is not None
+    for line in second.stdout:
+        ready(line.strip())
 
 
 def _share(kernels: tuple[Kernel, ...], *, second: bool) -> Iterator[Kernel]:
@@ -216,7 +189,8 @@ def _forget_old_states() -> None:
 
 def _compile_second_share() -> None:
     for kernel in _share(_all_kernels(), second=True):
-        print(kernel.name, _compile(kernel), flush=True)
+        _compile(kernel)
+        print(kernel.name, flush=True)
 
 
 if __name__ == "__main__":

@@ -20,6 +20,8 @@ import logging
 
 from elys.bus.messages.session import Event
 from elys.common.assets.store import AssetStore
+from elys.common.components import RigidBody, Transform
+from elys.common.ids import Entity
 from elys.common.scene import OpenedScene, SceneSettings
 from elys.sim_node.ecs.changes import WorldChanges
 from elys.sim_node.ecs.schedule import System, run
@@ -89,7 +91,7 @@ class Simulation:
         changes = world.drain_changes()
         if changes:
             self._changes.append(changes)
-            self._bodies.follow(changes)
+            self._tell_where_they_are(self._bodies.follow(changes))
             self._report_problems()
         world.transforms.propagate()
 
@@ -104,6 +106,16 @@ class Simulation:
     def propagate_transforms(self, world: World) -> None:
         """World transforms from local ones, parents before children, where anything moved."""
         world.transforms.propagate()
+
+    def _tell_where_they_are(self, entities: list[Entity]) -> None:
+        """Puts into the changes what physics wrote into components: who follows them has heard of it in frames alone."""
+        for entity in entities:
+            for component in (Transform, RigidBody):
+                value = self.world.try_get(entity, component)
+                if value is not None:
+                    self.world.set(entity, value)
+        if entities:
+            self._changes.append(self.world.drain_changes())
 
     def _report_problems(self) -> None:
         for problem in (*self._bodies.take_problems(), *self.physics.take_problems()):

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from elys.sim_node.kernel_cache import WarmReport, kernels_are_warm, warm_kernels
+from elys.sim_node.kernel_cache import kernels_are_warm, warm_kernels
 
 
-def compile_with_progress() -> WarmReport:
+def compile_with_progress() -> None:
     """Loads the kernels, or compiles them with a bar that names what is being compiled."""
     if kernels_are_warm():
-        return warm_kernels(None)
+        warm_kernels()
+        return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -26,6 +27,5 @@ def compile_with_progress() -> WarmReport:
         def show(name: str, index: int, total: int) -> None:
             bar.update(task, completed=index, total=total, description=name)
 
-        report = warm_kernels(show)
+        warm_kernels(show)
         bar.update(task, description="done")
-    return report

@@ -8,7 +8,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-from elys.bus.messages.scene import Snapshot
 from elys.bus.session import Session
 from elys.bus.tap import RecordingTap
 from elys.bus.transports.mcap import open_alone
@@ -51,11 +50,7 @@ class RecordingChild:
 
     def attach(self, session: Session, node: SimulationNode, assets: AssetStore, *, lossless: bool) -> None:
         """From now on everything that the session publishes is recorded, and a lossless run keeps step with the recorder."""
-
-        def take_snapshot() -> Snapshot:
-            return node.snapshot()
-
-        self._tap = RecordingTap(session, self._writing, take_snapshot=take_snapshot, assets=assets, lossless=lossless)
+        self._tap = RecordingTap(session, self._writing, take_snapshot=node.snapshot, assets=assets, lossless=lossless)
         node.recorder = self._tap
 
     async def finish(self) -> int:

@@ -1,4 +1,4 @@
-"""The extras are honest: without the libraries of drawing, everything that draws nothing works, and what draws says what is missing."""
+"""The extras are honest: without the libraries of drawing all that draws nothing works, and what draws says what is missing."""
 
 from __future__ import annotations
 

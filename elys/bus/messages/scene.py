@@ -30,7 +30,8 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
     """The whole scene at one tick. Entities stand parents first and siblings in order.
 
     `entities` and `parents` are u32 (parent 0: none), `enabled` u8, all of one length with `names` and `prefabs`. Fields of
-    kind TEXT and ASSET hold rows of `strings`. `sequence` is the last delta that is contained.
+    kind TEXT and ASSET hold rows of `strings`. `sequence` is the last delta that is contained. `free_entities` are the u32 ids
+    that will be given out next, so that who restores the scene spawns the same ids.
     """
 
     epoch: int
@@ -46,9 +47,7 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
     prefabs: tuple[str, ...]
     strings: tuple[str, ...]
     components: tuple[ComponentColumns, ...]
-    free_entities: bytes = (
-        b""  # u32 ids that will be given out next, so that who restores the scene spawns the same ids
-    )
+    free_entities: bytes = b""
 
 
 class SnapshotRequest(msgspec.Struct, frozen=True, kw_only=True):

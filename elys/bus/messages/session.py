@@ -6,14 +6,14 @@ from typing import Any, Literal
 
 import msgspec
 
-NodeKind = Literal["simulation", "replay", "render", "editor", "recorder", "tool"]
+LogLevel = Literal["debug", "info", "warning", "error"]
 
 
 class Hello(msgspec.Struct, frozen=True, kw_only=True):
     """A node introduces itself to the host, before anything else."""
 
     protocol: int
-    kind: str
+    kind: str  # what it is: simulation, replay, render, editor, recorder or tool
     node: str  # its id, unique in the session
     version: str  # of ELYS
 
@@ -51,7 +51,7 @@ class LogLine(msgspec.Struct, frozen=True, kw_only=True):
     """One line for the console."""
 
     node: str
-    level: Literal["debug", "info", "warning", "error"]
+    level: LogLevel
     text: str
     time: float  # [s] since 1970
     tick: int = -1

@@ -30,7 +30,6 @@ from numpy.typing import NDArray
 
 from elys.common.errors import MessageError
 
-PREFIX_SIZE: Final = 8
 HEADER: Final = struct.Struct("<QQdQQQII")
 COLUMNS: Final[tuple[tuple[str, str, int], ...]] = (
     ("position", "<f8", 3),

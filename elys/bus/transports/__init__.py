@@ -1,1 +1,1 @@
-"""What carries bytes: zenoh between processes, loopback inside one, MCAP on disk. All have the face of `transport.Transport`."""
+"""What carries bytes: zenoh between processes, loopback inside one (both as `transport.Transport` says), MCAP files on disk."""

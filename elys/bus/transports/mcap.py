@@ -3,7 +3,7 @@
     channel     one per recorded topic, named like it, plus "snapshot"; messages in the order in which they came
     body        as on the bus without the protocol prefix: JSON with its schema, or the packed state frame
     log_time    wall clock of the recorder [ns]; tick and simulation time stand in the messages themselves
-    attachment  every asset the scene names, by its reference; at the end an index of the state frames
+    attachment  every asset the scene names, by its reference; at the end indexes of the state frames and the scene
     metadata    "elys": versions of protocol and program, session, start
 
 Chunks close by time as well as by size and reach the disk once a second, so that a kill of everything at once loses no more

@@ -269,16 +269,16 @@ class ZenohQuery:
         self._query = None
 
     def _send(self, send: Callable[[zenoh.Query], None]) -> None:
+        # Taken here, not on the thread that answers: of two answers the first one counts, whichever thread is faster.
+        query, self._query = self._query, None
+        if query is None:
+            return  # answered already
+
         def work() -> None:
-            query = self._query
-            if query is None:
-                return  # answered already
             try:
                 send(query)
             except zenoh.ZError as error:
                 _log.debug("an answer on %s found nobody: %s", self.key, _cause(error))
-            finally:
-                self.drop()
 
         with contextlib.suppress(RuntimeError):  # the transport is closing: nobody is left to answer
             self._answering.submit(work)

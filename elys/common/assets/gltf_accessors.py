@@ -54,12 +54,8 @@ class Buffers:
                 raise AssetError(f"{place} has {accessor.count} elements and no data")
             array = np.zeros((accessor.count, width), dtype=dtype)
         else:
-            stride = (
-                self._document.buffer_views[accessor.buffer_view].byte_stride
-                if (accessor.buffer_view < len(self._document.buffer_views))
-                else None
-            )
             data = self.view(accessor.buffer_view, place)
+            stride = self._document.buffer_views[accessor.buffer_view].byte_stride
             array = _strided(data, accessor.byte_offset, accessor.count, width, dtype, stride, place)
         if accessor.sparse is not None:
             array = self._with_sparse(array, accessor, width, dtype, place)

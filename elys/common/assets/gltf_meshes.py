@@ -17,7 +17,6 @@ logger = logging.getLogger(__name__)
 
 TRIANGLES: Final = 4
 TRIANGLE_STRIP: Final = 5
-TRIANGLE_FAN: Final = 6
 _WIDTHS: Final = {"POSITION": (3,), "NORMAL": (3,), "TEXCOORD_0": (2,), "TANGENT": (4,), "COLOR_0": (3, 4)}
 
 
@@ -85,7 +84,7 @@ def _triangles(indices: IndexArray, mode: int) -> IndexArray:
     if mode == TRIANGLE_STRIP:
         odd = step % 2
         corners: NDArray[np.intp] = np.stack((step, step + 1 + odd, step + 2 - odd), axis=-1)
-    else:
+    else:  # a fan
         corners = np.stack((step + 1, step + 2, np.zeros_like(step)), axis=-1)
     return indices[corners.ravel()]
 

@@ -18,6 +18,7 @@ AssetKind = Literal["mesh", "image"]
 PREFIX: Final = "blake2b:"
 _DIGEST_SIZE: Final = 16
 _REFERENCE: Final = re.compile(r"blake2b:[0-9a-f]{32}")
+_REFERENCE_BYTES: Final = re.compile(_REFERENCE.pattern.encode())
 
 
 def reference_of(data: bytes) -> str:
@@ -28,6 +29,11 @@ def reference_of(data: bytes) -> str:
 def is_reference(text: str) -> bool:
     """Whether `text` is the name of content, as `reference_of` makes them."""
     return _REFERENCE.fullmatch(text) is not None
+
+
+def references_in(data: bytes) -> list[str]:
+    """The names of content that stand anywhere in a message or a file, each once, in order."""
+    return list(dict.fromkeys(found.decode() for found in _REFERENCE_BYTES.findall(data)))
 
 
 class AssetStore:

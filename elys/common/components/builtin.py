@@ -61,7 +61,9 @@ class Collider(Component, frozen=True):
 class MeshRenderer(Component, frozen=True):
     """Draws a mesh at the entity's place."""
 
-    mesh: Annotated[str, about("box, sphere, cylinder, plane, or a mesh asset.", kind=Kind.ASSET)] = "box"
+    mesh: Annotated[str, about("box, sphere, cylinder, cone, capsule, plane, or a mesh asset.", kind=Kind.ASSET)] = (
+        "box"
+    )
     visible: Annotated[bool, about("Drawn at all.")] = True
     cast_shadows: Annotated[bool, about("Stops the sun's light.")] = True
 

@@ -31,9 +31,7 @@ _VECTORS: Final = (Kind.VEC3, Kind.QUAT, Kind.COLOR)
 _FLOATS: Final = (Kind.FLOAT, *_VECTORS)
 _NUMBER_TYPES: Final = frozenset({float, int})
 _UNIT_TOLERANCE: Final = 1e-6  # as check_value's: what is of length 1 to rounding stays as it is
-_STORED_UNIT_TOLERANCE: Final = (
-    1e-3  # rotations that a simulation stored have drifted a little, and must not be refused
-)
+_STORED_UNIT_TOLERANCE: Final = 1e-3  # rotations that a simulation stored have drifted a little, and are not refused
 
 
 class StringTable:
@@ -208,9 +206,10 @@ def _takes(field: FieldDeclaration, array: NDArray[Any], *, unit_tolerance: floa
         return False
     if field.dtype == "f4" and max(-lowest, highest) > FLOAT32_MAX:
         return False
-    if (field.minimum is not None and lowest < field.minimum) or (
-        field.maximum is not None and highest > field.maximum
-    ):
+    # The bounds as the column holds them: 1e-4 in 32 bits is less than 1e-4.
+    if field.minimum is not None and lowest < np.dtype(field.dtype).type(field.minimum):
+        return False
+    if field.maximum is not None and highest > np.dtype(field.dtype).type(field.maximum):
         return False
     if field.kind is not Kind.QUAT:
         return True

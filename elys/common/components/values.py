@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Final
 
 from elys.common.components.declaration import Component, ComponentDeclaration, FieldDeclaration, Kind, declaration_of
 from elys.common.errors import ComponentError
+
+MAX_TEXT_LENGTH: Final = 4096  # characters: every text is kept, and travels in every snapshot
 
 
 def component_from(name: str, values: Mapping[str, Any], *, base: Component | None = None) -> Component:
@@ -40,25 +42,27 @@ def check_value(declaration: ComponentDeclaration, field: FieldDeclaration, valu
             return _in_range(where, field, _number(where, value))
         case Kind.INT:
             if isinstance(value, bool) or not isinstance(value, int):
-                raise ComponentError(f"{where} must be a whole number, not {value!r}")
+                raise ComponentError(f"{where} must be a whole number, not {_shown(value)}")
             if not -(2**31) <= value < 2**31:
-                raise ComponentError(f"{where} must fit 32 bits, not {value}")
+                raise ComponentError(f"{where} must fit 32 bits, not {_shown(value)}")
             return int(_in_range(where, field, value))
         case Kind.BOOL:
             if not isinstance(value, bool):
-                raise ComponentError(f"{where} must be true or false, not {value!r}")
+                raise ComponentError(f"{where} must be true or false, not {_shown(value)}")
             return value
         case Kind.CHOICE:
             if value not in field.choices:
-                raise ComponentError(f"{where} must be one of {', '.join(field.choices)}, not {value!r}")
+                raise ComponentError(f"{where} must be one of {', '.join(field.choices)}, not {_shown(value)}")
             return value
         case Kind.TEXT | Kind.ASSET:
             if not isinstance(value, str):
-                raise ComponentError(f"{where} must be a text, not {value!r}")
+                raise ComponentError(f"{where} must be a text, not {_shown(value)}")
+            if len(value) > MAX_TEXT_LENGTH:
+                raise ComponentError(f"{where} may have {MAX_TEXT_LENGTH} characters, not {len(value)}")
             return value
         case Kind.ENTITY:
             if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 2**32:
-                raise ComponentError(f"{where} must be an entity id (0 for none), not {value!r}")
+                raise ComponentError(f"{where} must be an entity id (0 for none), not {_shown(value)}")
             return value
         case Kind.QUAT:
             return _unit(where, _numbers(where, field, value))
@@ -68,19 +72,19 @@ def check_value(declaration: ComponentDeclaration, field: FieldDeclaration, valu
 
 def _number(where: str, value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ComponentError(f"{where} must be a number, not {value!r}")
+        raise ComponentError(f"{where} must be a number, not {_shown(value)}")
     try:
         number = float(value)
     except OverflowError:
         number = math.inf
     if not math.isfinite(number):
-        raise ComponentError(f"{where} must be a finite number, not {value!r}")
+        raise ComponentError(f"{where} must be a finite number, not {_shown(value)}")
     return number
 
 
 def _numbers(where: str, field: FieldDeclaration, value: Any) -> tuple[float, ...]:
     if not isinstance(value, list | tuple) or len(value) != field.width:
-        raise ComponentError(f"{where} must be {field.width} numbers, not {value!r}")
+        raise ComponentError(f"{where} must be {field.width} numbers, not {_shown(value)}")
     return tuple(_number(where, element) for element in value)
 
 
@@ -96,8 +100,17 @@ def _in_range(where: str, field: FieldDeclaration, value: float) -> float:
 def _unit(where: str, value: tuple[float, ...]) -> tuple[float, ...]:
     length = math.sqrt(sum(element * element for element in value))
     if length < 1e-6:
-        raise ComponentError(f"{where} must be a rotation (x, y, z, w) of length 1, not {value!r}")
+        raise ComponentError(f"{where} must be a rotation (x, y, z, w) of length 1, not {_shown(value)}")
     # What is a unit quaternion to rounding stays as it is, so that files and recordings round-trip exactly.
     if abs(length - 1.0) <= 1e-6:
         return value
     return tuple(element / length for element in value)
+
+
+def _shown(value: Any) -> str:
+    """A value as it stands in a sentence."""
+    try:
+        text = repr(value)
+    except ValueError:  # a whole number of thousands of digits, which Python does not write
+        return "a huge number"
+    return text if len(text) <= 100 else f"{text[:97]}..."

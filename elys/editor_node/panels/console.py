@@ -7,13 +7,14 @@ from typing import Final
 
 from imgui_bundle import imgui
 
-from elys.editor_node.console_log import LEVELS, ConsoleLine, Level
+from elys.bus.messages.session import LogLevel
+from elys.editor_node.console_log import LEVELS, ConsoleLine
 from elys.editor_node.theme import ACCENT, ERROR, GOOD, TEXT, TEXT_DIM, WARNING, Rgba, icons
 from elys.editor_node.ui import Ui, color_code, icon_button
 
 TITLE: Final = f"{icons.ICON_FA_TERMINAL}  Console###Console"
-_COLORS: Final[dict[Level, Rgba]] = {"debug": TEXT_DIM, "info": TEXT, "warning": WARNING, "error": ERROR}
-_ICONS: Final[dict[Level, str]] = {
+_COLORS: Final[dict[LogLevel, Rgba]] = {"debug": TEXT_DIM, "info": TEXT, "warning": WARNING, "error": ERROR}
+_ICONS: Final[dict[LogLevel, str]] = {
     "debug": icons.ICON_FA_BUG,
     "info": icons.ICON_FA_CIRCLE_INFO,
     "warning": icons.ICON_FA_TRIANGLE_EXCLAMATION,
@@ -26,7 +27,7 @@ class ConsolePanel:
     """Follows the newest line as long as the person has not scrolled up."""
 
     def __init__(self) -> None:
-        self._levels: set[Level] = {"info", "warning", "error"}
+        self._levels: set[LogLevel] = {"info", "warning", "error"}
         self._text = ""
         self._key: tuple[object, ...] = ()
         self._lines: list[ConsoleLine] = []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, Final
 
 import msgspec
@@ -58,7 +59,7 @@ def draw_scene_settings(ui: Ui, rows: FieldRows) -> None:
             declared,
             f"inspector/settings/{name}",
             (getattr(scene.settings, name),),
-            reset=lambda name=name, value=declared.default: _set(ui, name, value, None),  # type: ignore[misc]
+            reset=partial(_set, ui, name, declared.default, None),
         )
         if change is not None:
             _set(ui, name, change.value, change.stroke)

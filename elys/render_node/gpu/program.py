@@ -28,9 +28,8 @@ TEXTURE_UNITS: Final[Mapping[str, int]] = {
     "mask": 0,
 }
 _INCLUDE: Final = re.compile(r'\s*#include\s+"([^"]+)"')
-_ERROR_LINE: Final = re.compile(
-    r"^\s*(?:ERROR:\s*)?\d+[:(](\d+)", re.MULTILINE
-)  # Mesa 0:12(3), NVIDIA 0(12), Apple ERROR: 0:12
+# Mesa 0:12(3), NVIDIA 0(12), Apple ERROR: 0:12
+_ERROR_LINE: Final = re.compile(r"^\s*(?:ERROR:\s*)?\d+[:(](\d+)", re.MULTILINE)
 
 Place = tuple[str, int]  # file and line, from 1
 

@@ -23,7 +23,7 @@ FORMATS: Final[dict[str, tuple[int, str, int]]] = {
     "rgba32f": (4, "f4", 0),
     "r32ui": (1, "u4", 0),
 }
-ANISOTROPY: Final = 1.0
+ANISOTROPY: Final = 4.0  # enough for floors; too dear where the processor draws
 
 
 class Texture:

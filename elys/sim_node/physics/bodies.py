@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 
 from elys.common.errors import PhysicsError
 from elys.common.ids import MAX_ENTITIES
-from elys.sim_node.physics import checks, rotations
+from elys.common.math import quaternion
+from elys.sim_node.physics import checks
 from elys.sim_node.physics.kernels.integrator import publish_poses
 from elys.sim_node.physics.kernels.tables import BODY, DYNAMIC, KINEMATIC, POSE, STATIC
 from elys.sim_node.physics.mass_properties import MassProperties
@@ -67,7 +68,7 @@ class BodyTable:
         index = np.concatenate([self._index, (entities & MAX_ENTITIES).astype(np.int64)])
         order = np.argsort(index, kind="stable")
         poses = np.zeros(len(entities), POSE)
-        poses["axes"] = rotations.IDENTITY
+        poses["axes"] = quaternion.IDENTITY
         self._index = index[order]
         self.faulty_room = np.zeros(len(order), np.int32)
         self.rows = np.concatenate([self.rows, rows])[order]
@@ -89,13 +90,13 @@ class BodyTable:
     def entity_poses(self, rows: Array) -> tuple[Array, Array]:
         """Positions (M, 3) and rotations (M, 4) of the entities in rows, in float64."""
         poses = self.poses[rows]
-        rotation = rotations.multiply(self.rows["rotation"][rows], rotations.conjugate(poses["axes"]))
-        return self.rows["position"][rows] - rotations.rotate(rotation, poses["center"]), rotation
+        rotation = quaternion.multiply(self.rows["rotation"][rows], quaternion.conjugate(poses["axes"]))
+        return self.rows["position"][rows] - quaternion.rotate(rotation, poses["center"]), rotation
 
     def place(self, rows: Array, position: Array, rotation: Array) -> None:
         """Puts the entities in rows at positions (M, 3) with rotations (M, 4)."""
-        self.rows["position"][rows] = position + rotations.rotate(rotation, self.poses["center"][rows])
-        self.rows["rotation"][rows] = rotations.multiply(rotation, self.poses["axes"][rows])
+        self.rows["position"][rows] = position + quaternion.rotate(rotation, self.poses["center"][rows])
+        self.rows["rotation"][rows] = quaternion.multiply(rotation, self.poses["axes"][rows])
 
     def set_mass_properties(self, rows: Array, properties: MassProperties) -> None:
         """Moves the bodies' frames to new centres of mass and axes; the entities stay where they are."""

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from elys.sim_node.physics import checks, rotations
+from elys.common.math import quaternion
+from elys.sim_node.physics import checks
 from elys.sim_node.physics.kernels.tables import COLLIDER, SPHERE
 from elys.sim_node.physics.kernels.tree import FAR
 from elys.sim_node.physics.mass_properties import Shapes
@@ -69,10 +70,10 @@ class ColliderTable:
 
     def attach(self, rows: Array, center: Array, axes: Array) -> None:
         """Expresses the shapes in rows in their bodies' frames, given for each: centre of mass and entity_from_principal."""
-        principal_from_entity = rotations.conjugate(axes)
+        principal_from_entity = quaternion.conjugate(axes)
         away = self.shapes["position"][rows] - center
-        self.rows["local_position"][rows] = rotations.rotate(principal_from_entity, away)
-        self.rows["local_rotation"][rows] = rotations.multiply(principal_from_entity, self.shapes["rotation"][rows])
+        self.rows["local_position"][rows] = quaternion.rotate(principal_from_entity, away)
+        self.rows["local_rotation"][rows] = quaternion.multiply(principal_from_entity, self.shapes["rotation"][rows])
 
     def forget_boxes(self, rows: Array) -> None:
         """Makes the next step find the pairs of these colliders anew."""

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from elys.common.math.quaternion import IDENTITY, from_matrix, to_matrix
 from elys.sim_node.physics.kernels.tables import SPHERE
-from elys.sim_node.physics.rotations import IDENTITY, matrices, quaternions
 
 Array = np.ndarray[Any, Any]
 
@@ -47,7 +47,7 @@ def mass_properties(shapes: Shapes, body_count: int) -> MassProperties:
     for k in range(3):
         center[:, k] = np.bincount(body, share * shapes.position[:, k], body_count)
     own = _own_moments(shapes)
-    turn = matrices(shapes.rotation)
+    turn = to_matrix(shapes.rotation)
     away = shapes.position - center[body]
     # Steiner: the tensor of a shape about the body's centre of mass.
     steiner = (away**2).sum(1)[:, None, None] * np.eye(3) - away[:, :, None] * away[:, None, :]
@@ -90,5 +90,5 @@ def _principal_axes(tensor: Array) -> tuple[Array, Array]:
         moments, vectors = np.linalg.eigh(tensor[turned])
         vectors[np.linalg.det(vectors) < 0.0, :, 2] *= -1.0
         diagonal[turned] = moments
-        axes[turned] = quaternions(vectors)
+        axes[turned] = from_matrix(vectors)
     return axes, diagonal

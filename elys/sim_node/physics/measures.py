@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from elys.common.components import Vec3
-from elys.sim_node.physics import rotations
+from elys.common.math import quaternion
 from elys.sim_node.physics.bodies import BodyTable
 from elys.sim_node.physics.kernels.tables import DYNAMIC
 from elys.sim_node.physics.states import Energy, Momentum
@@ -19,7 +19,7 @@ def energy_of(bodies: BodyTable, gravity: Vec3) -> Energy:
     """Kinetic and potential energy of all dynamic bodies."""
     rows, mass, moments = _dynamic(bodies)
     v = rows["velocity"]
-    spin = rotations.rotate(rotations.conjugate(rows["rotation"]), v[:, 3:])
+    spin = quaternion.rotate(quaternion.conjugate(rows["rotation"]), v[:, 3:])
     kinetic = 0.5 * float((mass * (v[:, :3] ** 2).sum(1)).sum() + (moments * spin**2).sum())
     height = rows["position"] @ np.asarray(gravity)
     return Energy(kinetic, -float((mass * rows["gravity_scale"] * height).sum()))
@@ -29,8 +29,8 @@ def momentum_of(bodies: BodyTable) -> Momentum:
     """Linear momentum of all dynamic bodies, and angular momentum about the origin."""
     rows, mass, moments = _dynamic(bodies)
     linear = mass[:, None] * rows["velocity"][:, :3]
-    spin = rotations.rotate(rotations.conjugate(rows["rotation"]), rows["velocity"][:, 3:])
-    own = rotations.rotate(rows["rotation"], moments * spin)
+    spin = quaternion.rotate(quaternion.conjugate(rows["rotation"]), rows["velocity"][:, 3:])
+    own = quaternion.rotate(rows["rotation"], moments * spin)
     return Momentum(linear.sum(0), (own + np.cross(rows["position"], linear)).sum(0))
 
 

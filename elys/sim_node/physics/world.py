@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from elys.common.errors import PhysicsError
-from elys.sim_node.physics import checks, rotations
+from elys.common.math import quaternion
+from elys.sim_node.physics import checks
 from elys.sim_node.physics.bodies import BodyTable, new_rows
 from elys.sim_node.physics.colliders import ColliderTable, new_colliders
 from elys.sim_node.physics.contacts import BoxTree, ContactStore
@@ -339,8 +340,8 @@ class PhysicsWorld:
 
     def _spin(self, row: int, angular_impulse: Array) -> None:
         body = self._bodies.rows[row : row + 1]
-        local = rotations.rotate(rotations.conjugate(body["rotation"]), angular_impulse[None])
-        body["velocity"][:, 3:] += rotations.rotate(body["rotation"], body["inverse_inertia"] * local)
+        local = quaternion.rotate(quaternion.conjugate(body["rotation"]), angular_impulse[None])
+        body["velocity"][:, 3:] += quaternion.rotate(body["rotation"], body["inverse_inertia"] * local)
 
     def _update_mass(self, bodies: Array) -> None:
         """Centre of mass, axes and inertia of body rows (ascending) from their shapes."""

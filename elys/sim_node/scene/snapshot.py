@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from elys.bus.messages.scene import ComponentColumns, Snapshot
-from elys.bus.snapshot_columns import component_columns
-from elys.common.components import declaration_of, declarations
-from elys.common.components.columns import Column, StringTable, pack_array
+from elys.bus.snapshot_columns import component_columns, unpack_columns
+from elys.common.components import declarations
+from elys.common.components.columns import Column, StringTable
 from elys.common.errors import ComponentError, EntityError, MessageError
 from elys.common.scene_document import SceneSettings
 from elys.sim_node.ecs.entities import Entities, Indices
@@ -94,21 +94,10 @@ def _members_of(
     packed: ComponentColumns, entities: Entities, strings: StringTable
 ) -> tuple[Indices, dict[str, Column]]:
     """Which entities of the snapshot have a component, and its columns."""
-    declaration = declaration_of(packed.component)
-    count = len(packed.entities) // 4
-    members = _places_of(_array(packed.entities, "<u4", count, f"entities of {packed.component}"), entities, missing=-1)
-    if np.any(members < 0) or len(np.unique(members)) != count:
+    owners, columns = unpack_columns(packed, strings)
+    members = _places_of(owners, entities, missing=-1)
+    if np.any(members < 0) or len(np.unique(members)) != len(members):
         raise MessageError(f"the snapshot gives {packed.component} to an entity that it has not, or twice to one")
-    given = {field.name: field for field in packed.fields}
-    columns: dict[str, Column] = {}
-    for field in declaration.fields:
-        found = given.get(field.name)
-        where = f"{packed.component}.{field.name}"
-        if found is None or (found.dtype, found.width) != (field.dtype, field.width):
-            raise MessageError(f"the snapshot has no column of {field.width} x {field.dtype} for {where}")
-        array = _array(found.data, np.dtype(field.dtype).newbyteorder("<"), count * field.width, where)
-        shaped = array.reshape(count, field.width) if field.width > 1 else array
-        columns[field.name] = pack_array(declaration, field, shaped, count, strings)
     return members, columns
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 from elys.bus.messages.commands import (
     AddComponent,
     Command,
@@ -15,13 +18,15 @@ from elys.bus.messages.commands import (
     Spawn,
 )
 from elys.common.components import component_from, declaration_of
-from elys.common.errors import EntityError, RequestError
+from elys.common.components.values import MAX_TEXT_LENGTH
+from elys.common.errors import ComponentError, EntityError, RequestError
 from elys.common.ids import Entity
 from elys.sim_node.scene.loading import load_records
 from elys.sim_node.simulation import Simulation
 
 MAX_NAME_LENGTH = 200  # characters
 MAX_SPAWNED = 100_000  # records of one command, which take about a second
+MAX_NUMBER = 1e9  # in SI units, of either sign
 MAX_PLACED = 1000  # of them with a place among siblings, which is looked for one by one
 
 
@@ -36,8 +41,10 @@ def apply_command(simulation: Simulation, command: Command) -> tuple[int, ...]:
     match command:
         case SetComponent(entity=entity, component=name, values=values):
             current = world.get(Entity(entity), declaration_of(name).struct)
+            _check_numbers(name, values)
             world.set(Entity(entity), component_from(name, values, base=current))
         case AddComponent(entity=entity, component=name, values=values):
+            _check_numbers(name, values)
             world.add(Entity(entity), component_from(name, values))
         case RemoveComponent(entity=entity, component=name):
             world.remove(Entity(entity), name)
@@ -63,10 +70,21 @@ def _spawn(simulation: Simulation, command: Spawn) -> tuple[int, ...]:
         raise EntityError(f"one command may spawn {MAX_SPAWNED} entities, not {len(command.records)}: send several")
     for record in command.records:
         _checked_name(record.name)
-        _checked_name(record.prefab)
+        if len(record.prefab) > MAX_TEXT_LENGTH:
+            raise EntityError(f"a prefab may have {MAX_TEXT_LENGTH} characters, not {len(record.prefab)}")
+        for name, values in record.components.items():
+            _check_numbers(name, values)
     if command.index >= 0 and sum(record.parent < 0 for record in command.records) > MAX_PLACED:
         raise EntityError(f"at most {MAX_PLACED} entities can be put at an index: spawn them last, or below one parent")
     return tuple(load_records(simulation.world, command.records, parent=Entity(command.parent), index=command.index))
+
+
+def _check_numbers(component: str, values: Mapping[str, Any]) -> None:
+    """Refuses what nobody means and what physics would have to leave out; columns themselves take any finite number."""
+    for field, value in values.items():
+        for number in value if isinstance(value, (list, tuple)) else (value,):
+            if isinstance(number, (int, float)) and abs(number) > MAX_NUMBER:
+                raise ComponentError(f"{component}.{field} must lie within {MAX_NUMBER:g} of zero")
 
 
 def _checked_name(name: str) -> str:

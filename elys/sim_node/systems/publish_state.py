@@ -6,10 +6,7 @@ import time
 from collections.abc import Sequence
 
 from elys.bus import topics
-from elys.bus.messages.scene import (
-    SceneDelta,
-    SettingsSet,
-)
+from elys.bus.messages.scene import SceneDelta, SettingsSet
 from elys.bus.messages.session import TickProfile
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.session import Session

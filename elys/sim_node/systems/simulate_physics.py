@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from elys.common.components import Collider, RigidBody
+from elys.common.components import Collider, RigidBody, Transform
 from elys.common.components.columns import Column
 from elys.common.ids import NO_ENTITY, Entity, index_of
 from elys.common.math import quaternion
@@ -27,6 +27,7 @@ from elys.sim_node.physics.world import PhysicsWorld
 
 STATIC: Final = 2  # place of "static" among the choices of RigidBody.motion
 REACH: Final = 1e9  # [m] what lies farther from the origin, or is larger, is left out of physics
+OUT_OF_REACH: Final = f"it must lie within {REACH:g} m of the origin and be no larger; move or scale it back"
 THINNEST: Final = 1e-4  # [m] a collider scaled to nothing keeps the least size that a Collider may have
 _PHYSICAL: Final = ("RigidBody", "Collider", "Transform")
 
@@ -55,6 +56,7 @@ class RigidBodies:
         self._members: dict[int, list[int]] = {}  # body's entity -> its colliders'
         self._seen: tuple[int, ...] = ()
         self._moving_rows: NDArray[np.intp] | None = None
+        self._moving: Entities = np.zeros(0, np.uint32)
         self._problems: list[Problem] = []
 
     def take_problems(self) -> list[Problem]:
@@ -62,8 +64,11 @@ class RigidBodies:
         problems, self._problems = self._problems, []
         return problems
 
-    def follow(self, changes: WorldChanges) -> None:
-        """Makes bodies anew where their components, places or switches were changed."""
+    def follow(self, changes: WorldChanges) -> list[Entity]:
+        """Makes bodies anew where their components, places or switches were changed.
+
+        Returns the entities that live and physics does not move any more: frames tell no longer where they are.
+        """
         affected = None if changes.overflowed else self._affected(changes)
         stale = self._present if affected is None else self._present & affected
         if stale:
@@ -76,8 +81,12 @@ class RigidBodies:
         if wanted:
             added = self._add_bodies(np.array(sorted(wanted, key=index_of), np.uint32))
             self._present.update(added.tolist())
-        if stale or wanted:
-            self._moving_rows = None
+        if not (stale or wanted):
+            return []
+        self._moving_rows = None
+        before, self._moving = self._moving, self._physics.bodies.entity[self._rows_of_moving()]
+        stopped = np.setdiff1d(before, self._moving, assume_unique=True).tolist()
+        return [Entity(entity) for entity in stopped if self._world.is_alive(entity)]
 
     def moving(self) -> MovingBodies:
         """Where the bodies are that are not immovable."""
@@ -169,12 +178,17 @@ class RigidBodies:
 
     def _add_bodies(self, owners: Entities) -> Entities:
         """Makes bodies of those that physics can work with, and returns them."""
+        table = self._world.table(RigidBody)
+        placeless = (table.rows(owners) >= 0) & (self._world.table(Transform).rows(owners) < 0)
+        self._leave_out(owners[placeless], "cannot be moved by physics: give it a Transform")
+        owners = owners[~placeless]
         poses = self._world.transforms.world_poses(owners)
         usable = _is_within_reach(poses.position) & np.isfinite(poses.rotation).all(axis=1)
+        self._leave_out(owners[~usable], f"is left out of physics: {OUT_OF_REACH}")
         if not usable.all():
-            self._leave_out(owners[~usable], "body")
-            return self._add_bodies(owners[usable]) if usable.any() else owners[usable]
-        table = self._world.table(RigidBody)
+            return self._add_bodies(owners[usable])
+        if not len(owners):
+            return owners
         rows = table.rows(owners)
         still = {"motion": STATIC, "linear_velocity": 0.0, "angular_velocity": 0.0}  # a Collider without a RigidBody
         values = {
@@ -211,19 +225,15 @@ class RigidBodies:
         usable = _is_within_reach(columns["size"], columns["radius"][:, None], columns["position"])
         usable &= np.isfinite(columns["rotation"]).all(axis=1)
         if not usable.all():
-            self._leave_out(entities[~usable], "collider")
+            self._leave_out(entities[~usable], f"collides with nothing: {OUT_OF_REACH}")
             entities, of_body = entities[usable], of_body[usable]
             columns = {name: column[usable] for name, column in columns.items()}
         if len(entities):
             self._physics.add_colliders(owners[of_body], owners=entities, **columns)
 
-    def _leave_out(self, entities: Entities, what: str) -> None:
+    def _leave_out(self, entities: Entities, why: str) -> None:
         for entity in entities.tolist():
-            text = (
-                f"{self._world.describe(Entity(entity))} has no {what} in physics: it must lie within {REACH:g} m of the origin "
-                "and be no larger; move or scale it back"
-            )
-            self._problems.append(Problem(entity, text))
+            self._problems.append(Problem(entity, f"{self._world.describe(Entity(entity))} {why}"))
 
 
 def _is_within_reach(*columns: NDArray[np.floating[Any]]) -> NDArray[np.bool_]:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from elys.common.components import Collider, RigidBody, Transform
+from elys.common.components import Collider, RigidBody, Transform, declaration_of
 from elys.common.errors import EntityError
 from elys.common.scene import SceneSettings
 from elys.sim_node.ecs.world import World
+from elys.sim_node.physics.kernels.tables import BOX, DYNAMIC, KINEMATIC, SPHERE, STATIC
 from elys.sim_node.simulation import Simulation
+from elys.sim_node.systems import simulate_physics
 from elys.sim_node.timing import StageTimes
 
 
@@ -79,6 +81,15 @@ def test_settling_follows_edits_and_lets_no_time_pass(simulation):
     simulation.world.set(body, Transform(position=(3.0, 1.0, 0.0)))
     simulation.settle()
     assert simulation.moving_bodies().position.tolist() == [[3.0, 1.0, 0.0]]
+
+
+def test_numbers_that_physics_takes_are_the_places_of_the_choices():
+    motions, shapes = (
+        declaration_of(component).field(name).choices
+        for component, name in ((RigidBody, "motion"), (Collider, "shape"))
+    )
+    assert (motions[DYNAMIC], motions[KINEMATIC], motions[STATIC]) == ("dynamic", "kinematic", "static")
+    assert (shapes[BOX], shapes[SPHERE]) == ("box", "sphere") and simulate_physics.STATIC == STATIC
 
 
 def test_stages_timed_elsewhere_count_and_are_not_counted_twice():

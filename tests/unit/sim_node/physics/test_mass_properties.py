@@ -8,7 +8,6 @@ from scipy.spatial.transform import Rotation
 
 from elys.sim_node.physics.kernels.tables import BOX, SPHERE
 from elys.sim_node.physics.mass_properties import Shapes, mass_properties
-from elys.sim_node.physics.rotations import matrices, quaternions
 
 
 def shapes_of(*entries):
@@ -19,7 +18,7 @@ def shapes_of(*entries):
 
 
 def tensor_of(properties):
-    turn = matrices(properties.axes)[0]
+    turn = Rotation.from_quat(properties.axes[0]).as_matrix()
     return turn @ np.diag(properties.inertia[0]) @ turn.T
 
 
@@ -80,10 +79,3 @@ def test_bodies_do_not_mix_and_one_without_shape_still_turns():
     np.testing.assert_allclose(properties.inertia[0], 1 / 6)
     np.testing.assert_allclose(properties.inertia[1], 0.4 * 0.25)
     np.testing.assert_allclose(properties.inertia[2], [1 / 6, 1 / 6 + 1, 1 / 6 + 1])
-
-
-def test_quaternions_read_any_rotation_matrix():
-    turns = Rotation.random(200, random_state=1)
-    found = quaternions(turns.as_matrix())
-    expected = turns.as_quat(canonical=True)
-    np.testing.assert_allclose(abs((found * expected).sum(1)), 1.0, atol=1e-12)

@@ -95,8 +95,8 @@ def wrongs(snapshot: Snapshot) -> dict[str, Snapshot]:
         "string table starts with": change(snapshot, strings=("a",)),
         "there is no component 'Spring'": with_light(component="Spring"),
         "to an entity that it has not": with_light(entities=b"\xff" * 4),
-        "has no column of 1 x u1 for Light.kind": with_field(dtype="f4"),
-        "Light.kind should have": with_field(data=b""),
+        "Light.kind should be 1 rows of 1 u1, not 1 bytes of 1 f4": with_field(dtype="f4"),
+        "Light.kind should be 1 rows of 1 u1, not 0 bytes": with_field(data=b""),
         "Light.kind must be an array of rows from 0 to 2": with_field(data=b"\x07"),
     }
 
