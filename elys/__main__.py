@@ -8,6 +8,7 @@ from typing import Annotated, Optional
 
 import typer
 
+import elys
 from elys.common.errors import ElysError
 
 UsageError: type[typer.BadParameter] = typer.BadParameter.__mro__[1]  # the parent of all of them, which typer hides
@@ -47,6 +48,21 @@ Listen = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="print facts as JSON")]
 Frames = Annotated[int, typer.Option(help="end after so many frames (0: never)", min=0, hidden=True)]
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"ELYS {elys.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def about(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="print the version and end")
+    ] = False,
+) -> None:
+    """ELYS: a game engine of processes on a message bus; every session can be recorded and replayed."""
 
 
 @app.command()

@@ -42,6 +42,7 @@ LOWEST_RATE: Final = 0.01
 HIGHEST_RATE: Final = 100.0
 _SHOWN_IN_A_ROW: Final = 4  # frames published one by one; of more that are due at once only the last is shown
 _TOLD_ONE_BY_ONE: Final = 100  # deltas after a seek; more are said with one resync
+END_MARGIN: Final = 0.1  # [s]
 _NOT_EDITABLE: Final = "this is a recording: it cannot be edited; run its scene with `elys run` to change it"
 _log = logging.getLogger(__name__)
 
@@ -136,8 +137,8 @@ class Player:
             self._set_playing(False)
 
     def _set_playing(self, playing: bool) -> None:
-        if playing and self.position == len(self.recording) - 1:
-            self._jump(0)
+        if playing and float(self.recording.time[-1]) - self.time < END_MARGIN:
+            self._jump(0)  # who asks to play at the end, or a hand's breadth before it, wants to see it again
         self.playing = playing
         self._set_anchor()
         self._publish_status()

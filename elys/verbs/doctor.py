@@ -146,6 +146,6 @@ CHECKS: Final[tuple[Callable[[], Finding], ...]] = (
     check_packages,
     check_bus,
     check_kernels,
+    check_display,  # before OpenGL: a GLX window in a process that has drawn through EGL ends it with an X error
     check_opengl,
-    check_display,
 )

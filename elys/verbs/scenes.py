@@ -29,4 +29,6 @@ def open_scene_or_sample(name: str, assets: AssetStore | None = None) -> OpenedS
         if "." not in name and "/" not in name:
             known = ", ".join(SAMPLES)
             raise SceneError(f"there is no scene file and no sample called '{name}'; samples are {known}")
+    if name.endswith(".mcap"):
+        raise SceneError(f"{name} is a recording, not a scene: elys play {name}")
     return open_scene(Path(name), store)
