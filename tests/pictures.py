@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from elys.bus import topics
-from elys.bus.messages.commands import CommandRequest, SetPlaying, StepTicks
+from elys.bus.messages.commands import CommandRequest, StepTicks
 from elys.verbs.nodes import joined
 from tests.benchmarks.processes import environment, running
 
@@ -36,11 +36,12 @@ async def draw_editor(path: Path) -> None:
     from elys.editor_node.node import Editor
 
     async with joined(ENDPOINT, kind="editor") as session:
-        for command in (StepTicks(count=TICK), SetPlaying(playing=False)):
-            await session.request(topics.COMMAND, CommandRequest(origin="pictures", command=command))
+        # It is paused already; to say so again would end the steps.
+        await session.request(topics.COMMAND, CommandRequest(origin="pictures", command=StepTicks(count=TICK)))
         with Editor(session, null_platform=True, size=(1600, 900)) as editor:
             window = asyncio.create_task(editor.run())
-            while not editor.model.scene.is_known:
+            model = editor.model
+            while not model.scene.is_known or model.status is None or model.status.tick < TICK:
                 await asyncio.sleep(0.05)
             mirror = editor.model.scene.mirror
             editor.model.selection.replace([next(e.id for e in mirror.entities.values() if e.name == "Box 8")])

@@ -14,12 +14,10 @@ from typing import Final
 import platformdirs
 
 from elys.bus import topics
-from elys.bus.mirror import SceneMirror
 from elys.bus.session import Session
 from elys.bus.transports.transport import Closer
 from elys.bus.transports.zenoh import MAX_MESSAGE_SIZE
 from elys.common.assets.store import PREFIX, AssetKind, AssetStore, is_reference, reference_of
-from elys.common.components import Component, Kind, declaration_of
 from elys.common.errors import AssetError, MessageError
 
 ASSET_TIMEOUT: Final = 30.0  # [s] a large mesh over a slow line
@@ -97,19 +95,3 @@ class AssetClient:
             raise MessageError(f"the host answered {reference} with other content ({reference_of(data)})")
         await asyncio.to_thread(self._store.put, data, kind=kind)
         return data
-
-
-def referenced_assets(mirror: SceneMirror) -> dict[str, AssetKind]:
-    """Every asset that the scene's components name, with what it is."""
-    found: dict[str, AssetKind] = {}
-    for entity in mirror.entities.values():
-        for component in entity.components.values():
-            found.update(assets_of(component))
-    return found
-
-
-def assets_of(component: Component) -> dict[str, AssetKind]:
-    """The assets one component names."""
-    fields = [field for field in declaration_of(component).fields if field.kind is Kind.ASSET]
-    values = [(field.name, getattr(component, field.name)) for field in fields]
-    return {value: "mesh" if name == "mesh" else "image" for name, value in values if is_reference(value)}

@@ -78,6 +78,7 @@ class FixedStepClock:
 
     @property
     def playing(self) -> bool:
+        """Whether time goes on."""
         return self._playing
 
     @property

@@ -86,7 +86,9 @@ def open_scene(path: str | Path, assets: AssetStore) -> OpenedScene:
 
 
 def _open_model(path: Path, assets: AssetStore) -> OpenedScene:
-    records = import_gltf(path, assets)
+    model, *others = import_gltf(path, assets)
+    # An instance of its own file, so that what is saved of it names that file.
+    records = [msgspec.structs.replace(model, prefab=path.absolute().as_posix()), *others]
     present = {name for record in records for name in record.components}
     if "Light" not in present:
         records.append(EntityRecord(name="Sun", components=sun_components()))

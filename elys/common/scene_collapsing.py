@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,8 +22,6 @@ from elys.common.scene_document import (
 from elys.common.scene_expansion import expand, relative_name
 from elys.common.scene_reading import MAX_DEPTH
 
-logger = logging.getLogger(__name__)
-
 
 def collapse(
     records: Sequence[EntityRecord],
@@ -33,16 +30,16 @@ def collapse(
     settings: SceneSettings,
     directory: str | Path,
     assets: AssetStore,
-    prefab_directory: str | Path | None = None,
 ) -> SceneDocument:
     """The document of a scene that is to be written into `directory`.
 
     An instance of a prefab is written as one again, with what changed as overrides, as long as it has all of the prefab's
-    entities and new ones only below its root; else its entities are written out. Prefab names in the records are relative to
-    `prefab_directory` (default: `directory`). Content references become the files they came from.
+    entities and new ones only below its root; else its entities are written out. Content references become the files they
+    came from: those that `assets` knows, and the prefabs'.
 
     Raises:
-        SceneError: the records are no tree, or nested deeper than a file may be, or a number is out of all bounds.
+        SceneError: the records are no tree, or nested deeper than a file may be, or a number is out of all bounds; a prefab
+            cannot be read; no file is known to hold what a content reference names.
         ComponentError: a value is not what its component takes.
     """
     directory = Path(directory).absolute()
@@ -56,7 +53,6 @@ def collapse(
         records=records,
         children=children,
         directory=directory,
-        prefab_directory=Path(prefab_directory).absolute() if prefab_directory else directory,
         assets=assets,
         baselines={},
     )
@@ -70,9 +66,8 @@ class _Collapse:
     records: Sequence[EntityRecord]
     children: list[list[int]]
     directory: Path
-    prefab_directory: Path
     assets: AssetStore
-    baselines: dict[str, list[EntityRecord] | None]
+    baselines: dict[str, list[EntityRecord]]
 
 
 def _node(job: _Collapse, row: int, depth: int) -> EntityNode:
@@ -86,7 +81,7 @@ def _node(job: _Collapse, row: int, depth: int) -> EntityNode:
     return EntityNode(
         name=record.name,
         enabled=record.enabled,
-        components={name: _named(job, values) for name, values in _differences({}, record.components).items()},
+        components=_in_files(job, record, _differences({}, record.components)),
         children=[_node(job, child, depth + 1) for child in job.children[row]],
     )
 
@@ -94,9 +89,7 @@ def _node(job: _Collapse, row: int, depth: int) -> EntityNode:
 def _instance(job: _Collapse, row: int, depth: int) -> EntityNode | None:
     """The entity as an instance of its prefab, or None if it has become something else."""
     record = job.records[row]
-    baseline = _baseline(job, record.prefab)
-    if baseline is None:
-        return None
+    baseline = _baseline(job, record)
     original, present = _paths(baseline, _children_of(baseline), 0), _paths(job.records, job.children, row)
     if original is None or present is None or not original.keys() <= present.keys():
         return None
@@ -111,30 +104,30 @@ def _instance(job: _Collapse, row: int, depth: int) -> EntityNode | None:
             return None
         changes = _differences(was.components, now.components)
         if path and changes:
-            overrides[path] = {name: _named(job, values) for name, values in changes.items()}
+            overrides[path] = _in_files(job, now, changes)
     if not baseline[0].enabled and record.enabled:
         return None
     changes = _differences(baseline[0].components, record.components)
     return EntityNode(
         name="" if record.name == baseline[0].name else record.name,
         enabled=record.enabled or not baseline[0].enabled,
-        prefab=relative_name(job.prefab_directory / record.prefab, job.directory),
-        components={name: _named(job, values) for name, values in changes.items()},
+        prefab=relative_name(job.directory / record.prefab, job.directory),
+        components=_in_files(job, record, changes),
         overrides=overrides,
         children=[_node(job, child, depth + 1) for child in added],
     )
 
 
-def _baseline(job: _Collapse, prefab: str) -> list[EntityRecord] | None:
-    """The prefab as its file has it, or None if that is gone."""
-    if prefab not in job.baselines:
-        document = SceneDocument(entities=[EntityNode(prefab=prefab)])
+def _baseline(job: _Collapse, record: EntityRecord) -> list[EntityRecord]:
+    """The record's prefab as its file has it."""
+    if record.prefab not in job.baselines:
+        document = SceneDocument(entities=[EntityNode(prefab=record.prefab)])
         try:
-            job.baselines[prefab] = expand(document, directory=job.prefab_directory, assets=job.assets)
+            job.baselines[record.prefab] = expand(document, directory=job.directory, assets=job.assets)
         except (SceneError, AssetError) as error:
-            logger.warning("the prefab %s cannot be read any more, its entities are written out: %s", prefab, error)
-            job.baselines[prefab] = None
-    return job.baselines[prefab]
+            reason = str(error).removeprefix("entities[0].prefab: ")
+            raise SceneError(f"'{record.name}' cannot be saved, its prefab cannot be read here: {reason}") from error
+    return job.baselines[record.prefab]
 
 
 def _children_of(records: Sequence[EntityRecord]) -> list[list[int]]:
@@ -191,15 +184,30 @@ def _tidy(field: FieldDeclaration, value: Any) -> Any:
     return value
 
 
-def _named(job: _Collapse, values: dict[str, Any] | None) -> dict[str, Any] | None:
-    """The values with content references turned into the files they came from."""
-    if values is None:
-        return None
-    return {key: _source(job, value) if isinstance(value, str) else value for key, value in values.items()}
+def _in_files(job: _Collapse, record: EntityRecord, changes: ComponentChanges) -> ComponentChanges:
+    """The changes with content references turned into the files they came from."""
+    return {
+        component: None
+        if values is None
+        else {
+            field: _source(job, record, f"{component}.{field}", value)
+            if isinstance(value, str) and is_reference(value)
+            else value
+            for field, value in values.items()
+        }
+        for component, values in changes.items()
+    }
 
 
-def _source(job: _Collapse, value: str) -> str:
-    if not is_reference(value):
-        return value
-    path, hash_sign, fragment = job.assets.source(value).partition("#")
-    return relative_name(Path(path), job.directory) + hash_sign + fragment if path else value
+def _source(job: _Collapse, record: EntityRecord, place: str, reference: str) -> str:
+    if not job.assets.source(reference):
+        # It may stand in a prefab that no entity before this one was an instance of.
+        for other in job.records:
+            if other.prefab:
+                _baseline(job, other)
+    path, hash_sign, fragment = job.assets.source(reference).partition("#")
+    if not path:
+        raise SceneError(
+            f"'{record.name}' cannot be saved: no file is known here that holds its {place}, {reference}; name one instead"
+        )
+    return relative_name(Path(path), job.directory) + hash_sign + fragment

@@ -69,7 +69,8 @@ class EntityRecord(msgspec.Struct, frozen=True, kw_only=True):
     """One entity of an expanded scene.
 
     `parent` is the index of the parent within the same list (-1: a root); parents stand before their children.
-    `components` need to hold only what differs from the defaults. `prefab` names where an instance's root came from.
+    `components` need to hold only what differs from the defaults. `prefab` is the file, by
+    absolute path, of which an instance's root came.
     """
 
     name: str

@@ -23,6 +23,8 @@ MAX_EXPANDED: Final = 1_000_000  # a few prefabs inside one another could ask fo
 def expand(document: SceneDocument, *, directory: str | Path, assets: AssetStore) -> list[EntityRecord]:
     """The entities of a document, parents first; what it names by file is read relative to `directory`, into `assets`.
 
+    Prefabs are named by absolute path: in a world nothing tells any more which folder a name was relative to.
+
     Raises:
         SceneError: a prefab or asset is missing or wrong, prefabs contain themselves, an override names nobody; the sentence
             starts with the place in the document.
@@ -82,7 +84,7 @@ def _append_entity(job: _Expansion, node: EntityNode, parent: int, place: _Place
         root = job.drafts[row]
         root.name = node.name or root.name
         root.enabled = root.enabled and node.enabled
-        root.prefab = relative_name(place.directory / node.prefab, job.directory)
+        root.prefab = _path(place.directory, node.prefab, place).as_posix()
         _lay_over(root, components)
         _apply_overrides(job, row, node, place)
     else:

@@ -11,7 +11,8 @@ import numpy as np
 from imgui_bundle import imgui
 
 from elys.common.assets import PRIMITIVES
-from elys.common.components import FieldDeclaration, Kind
+from elys.common.assets.store import PREFIX, is_reference
+from elys.common.components import Collider, Component, FieldDeclaration, Kind, Light
 from elys.common.components.decimals import shortest_decimal
 from elys.common.math import quaternion
 from elys.editor_node.scene_mirror import EditorScene
@@ -69,6 +70,26 @@ def edit_field(field: FieldDeclaration, value: Any, context: FieldContext) -> Fi
             return _edit_text(field, value, context)
         case Kind.ENTITY:
             return _edit_entity(value, context)
+
+
+def has_effect(component: Component, field: str) -> bool:
+    """Whether a field matters, as the component's other fields stand."""
+    match component:
+        case Collider(shape=shape) if field in ("size", "radius"):
+            return (shape == "box") == (field == "size")
+        case Light(kind=kind) if field in ("inner_cone_angle", "outer_cone_angle"):
+            return kind == "spot"
+        case Light(kind=kind) if field == "range":
+            return kind != "directional"
+        case _:
+            return True
+
+
+def asset_label(field: FieldDeclaration, value: str) -> str:
+    """What an asset field says: a content reference by what it is and its first digits, else the value itself."""
+    if not is_reference(value):
+        return value
+    return f"{'mesh' if field.name == 'mesh' else 'image'} {value.removeprefix(PREFIX)[:8]}"
 
 
 def element_width(count: int) -> float:
@@ -242,9 +263,12 @@ def _edit_text(field: FieldDeclaration, value: str, context: FieldContext) -> Fi
     button = imgui.get_frame_height() + imgui.get_style().item_inner_spacing.x if offers else 0.0
     imgui.set_next_item_width(element_width(1) - button)
     hint = "several values" if context.mixed[0] else ""
-    _, text = imgui.input_text_with_hint("###value", hint, "" if context.mixed[0] else value)
+    shown = "" if context.mixed[0] else asset_label(field, value) if field.kind is Kind.ASSET else value
+    _, text = imgui.input_text_with_hint("###value", hint, shown)
     context.landmarks.note(context.path)
-    if imgui.is_item_deactivated_after_edit():
+    if shown and shown != value:
+        imgui.set_item_tooltip(value)
+    if imgui.is_item_deactivated_after_edit() and text != shown:
         edit.changed, edit.value = True, text
     if offers:
         imgui.same_line(0.0, imgui.get_style().item_inner_spacing.x)

@@ -26,6 +26,7 @@ from elys.editor_node.theme import BACKGROUND, apply_theme, load_fonts
 from elys.editor_node.window import Window
 
 _GLSL_VERSION: Final = "#version 330"
+_ANY_POPUP: Final = imgui.PopupFlags_.any_popup_id.value | imgui.PopupFlags_.any_popup_level.value
 
 
 class ImGuiLayer:
@@ -48,6 +49,7 @@ class ImGuiLayer:
         self._draw = draw
         self._reserves = reserves
         self._held: set[int] = set()  # modifier keys that are down
+        self._closes_menus = False
         self._imgui = imgui.create_context()
         io = imgui.get_io()
         io.config_flags |= imgui.ConfigFlags_.docking_enable.value
@@ -79,9 +81,9 @@ class ImGuiLayer:
                 return io.want_capture_mouse and not self._reserves(event)
             case KeyPressed(key) | KeyReleased(key):
                 self._feed_key(key, pressed=isinstance(event, KeyPressed))
-                return io.want_text_input or imgui.is_popup_open(
-                    "", imgui.PopupFlags_.any_popup_id.value | imgui.PopupFlags_.any_popup_level.value
-                )
+                is_open = imgui.is_popup_open("", _ANY_POPUP)
+                self._closes_menus |= is_open and key == Key.ESCAPE and isinstance(event, KeyPressed)
+                return io.want_text_input or is_open
             case CharacterTyped(codepoint):
                 io.add_input_character(codepoint)
                 return io.want_text_input
@@ -98,6 +100,9 @@ class ImGuiLayer:
         imgui.backends.glfw_new_frame()
         imgui.new_frame()
         imguizmo.im_guizmo.begin_frame()
+        if self._closes_menus:  # ImGui itself does so only where keys move the focus
+            self._closes_menus = False
+            imgui.internal.close_popups_except_modals()
         self._draw(elapsed)
         imgui.render()
         self._context.clear(*self._window.framebuffer_size, BACKGROUND)

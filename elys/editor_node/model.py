@@ -6,6 +6,7 @@ Nothing here changes the scene. Every operation is a command to the host; what t
 from __future__ import annotations
 
 import asyncio
+import time
 from collections import deque
 from collections.abc import Callable, Iterable
 from typing import Any, Final
@@ -36,6 +37,8 @@ from elys.editor_node.scene_mirror import EditorScene
 from elys.editor_node.selection import Selection
 
 COMMAND_TIMEOUT: Final = 5.0  # [s]
+POINT_RADIUS: Final = 1.0  # [m] around an entity without extent, to be looked at
+MESSAGE_TIME: Final = 8.0  # [s] for which the status bar says what went wrong, or well
 
 
 class EditorModel:
@@ -44,7 +47,13 @@ class EditorModel:
     `run` must be running: it sends the edits and follows the scene.
     """
 
-    def __init__(self, session: Session, *, request_redraw: Callable[[float], None] = lambda within: None) -> None:
+    def __init__(
+        self,
+        session: Session,
+        *,
+        request_redraw: Callable[[float], None] = lambda within: None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
         self.session = session
         self.request_redraw = request_redraw
         self.console = ConsoleLog()
@@ -59,7 +68,10 @@ class EditorModel:
         self._told_stroke: object = None
         self._wanted_time: float | None = None  # [s] to seek to
         self._seeking: asyncio.Task[None] | None = None
-        self.error = ""  # why what the person tried last did not work, until something else is tried
+        self.error = ""  # why what the person tried last did not work, until something else did or a while has passed
+        self.notice = ""  # what went well and is worth saying, for as long
+        self._clock = clock
+        self._message_ends = 0.0
         session.subscribe(topics.STATUS, self._status_arrived)
         session.subscribe(topics.LOG, self._line_arrived)
         session.subscribe(topics.PROFILE, self._profile_arrived)
@@ -122,7 +134,9 @@ class EditorModel:
             except BusError as error:
                 self.say("error", f"{label}: {error}")
             else:
-                if not reply.accepted:
+                if reply.accepted:
+                    self.error = ""
+                else:
                     self.say("error", f"{label} refused: {reply.reason}")
 
         return self.session.start(ask())
@@ -143,7 +157,11 @@ class EditorModel:
 
     def bounds_of(self, entities: Iterable[int]) -> tuple[NDArray[np.float64], float] | None:
         """Centre [m] and radius [m] of a ball around entities, as far as the mirror knows their shapes; None for none."""
-        balls = [self.scene.ball_of(entity) for entity in entities if self.scene.exists(entity)]
+        present = [entity for entity in entities if self.scene.exists(entity)]
+        extended = [entity for entity in present if self.scene.has_extent(entity)]
+        balls = [self.scene.ball_of(entity) for entity in extended]
+        if not balls:  # lights and cameras are nothing to be seen: their surroundings are
+            balls = [(self.scene.ball_of(entity)[0], POINT_RADIUS) for entity in present]
         if not balls:
             return None
         centers = np.array([center for center, _ in balls])
@@ -158,8 +176,24 @@ class EditorModel:
         """A line of the editor's own in the console."""
         self.console.add("editor", level, text, tick=tick)
         if level == "error":
-            self.error = text
+            self.error, self.notice, self._message_ends = text, "", self._clock() + MESSAGE_TIME
         self.request_redraw(0.0)
+
+    def fade_messages(self) -> None:
+        """Ends `error` and `notice` when their time is over. Call it each frame."""
+        if self.error or self.notice:
+            left = self._message_ends - self._clock()
+            if left <= 0.0:
+                self.error = self.notice = ""
+            else:
+                self.request_redraw(left)
+
+    def save(self, path: str) -> None:
+        """Writes the scene to a file under the name it has, and says so; SceneError where that cannot be."""
+        self.file.save(path, name=self.status.scene if self.status is not None else "")
+        self.say("info", f"Saved {self.file.path}")
+        self.error, self.notice = "", f"Saved {self.file.path}"
+        self._message_ends = self._clock() + MESSAGE_TIME
 
     def node_label(self, node: str) -> str:
         """What the console calls a node: its kind."""
@@ -220,6 +254,7 @@ class EditorModel:
         self.connected = connected
         if connected:
             self.history.forget()
+            self.error = ""
             self.say("info", "the simulation is back")
         else:
             self.say("warning", "the simulation is gone; waiting for it to return")

@@ -27,7 +27,7 @@ from elys.common.math import matrix
 from elys.common.scene import EntityRecord, SceneSettings
 from elys.editor_node.edits import records_of
 from elys.editor_node.history import History, Outcome
-from elys.editor_node.primitives import primitive_record
+from elys.editor_node.primitives import PRIMITIVES, primitive_record
 from elys.editor_node.scene_mirror import EditorScene
 from elys.editor_node.selection import Selection
 
@@ -125,8 +125,13 @@ class Operations:
         return self._perform(f"Remove {component} from {self._described(targets)}", commands)
 
     def spawn(self, kind: str, *, parent: int = 0, at: Point | None = None) -> Done | None:
-        """Makes a box, a sphere, ... at a point in the world [m], or where its parent is, and selects it."""
-        point = np.zeros(3) if at is None else np.asarray(at, dtype=np.float64)
+        """Makes a box, a sphere, ... at a point in the world [m], or where its parent is, and selects it.
+
+        A body comes to stand above whatever is at that point.
+        """
+        point = np.zeros(3) if at is None else np.array(at, dtype=np.float64)
+        if at is not None and "Collider" in PRIMITIVES[kind]:
+            point[1] = self._scene.free_height(float(point[0]), float(point[1]), float(point[2]), 0.5)
         if parent and at is not None:
             local_from_world = matrix.inverse_affine(self._scene.world_from_local(parent))
             point = np.asarray(matrix.transform_points(local_from_world, point), dtype=np.float64)

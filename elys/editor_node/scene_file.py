@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 
 import msgspec
 
 from elys.bus.asset_service import open_asset_cache
-from elys.common.assets.store import is_reference
-from elys.common.errors import SceneError
-from elys.common.scene import SCENE_SUFFIX, EntityRecord, collapse, write_scene
+from elys.common.assets.store import AssetStore
+from elys.common.errors import ElysError, SceneError
+from elys.common.scene import SCENE_SUFFIX, EntityRecord, collapse, expand, open_scene, write_scene
 from elys.editor_node.edits import records_of
 from elys.editor_node.history import History
 from elys.editor_node.scene_mirror import EditorScene
+
+_log = logging.getLogger(__name__)
 
 
 class SceneFile:
@@ -29,28 +32,38 @@ class SceneFile:
         """Whether there are edits that no file has."""
         return self._history.version != self._saved_version
 
-    def save(self, path: str | Path) -> int:
-        """Writes the scene as it is now, moving bodies where they are now; how many assets the file names by content only.
+    def save(self, path: str | Path, *, name: str = "") -> None:
+        """Writes the scene as it is now, moving bodies where they are now; `name` is what it calls itself, if not as its file.
 
         Raises:
-            SceneError: the file cannot be written; the sentence says why.
+            SceneError: the file cannot be written, or could not be opened again; the sentence says why. Nothing was written.
         """
         path = Path(path).expanduser()
         if not path.name.endswith(".json"):
             path = path.with_name(f"{path.name}{SCENE_SUFFIX}")
         if not self._scene.is_known:
             raise SceneError("there is no scene to save yet")
-        records = scene_records(self._scene)
+        assets = open_asset_cache()
+        self._learn_sources(path, assets)
         document = collapse(
-            records,
-            name=path.name.removesuffix(SCENE_SUFFIX),
+            scene_records(self._scene),
+            name=name or path.name.removesuffix(SCENE_SUFFIX),
             settings=self._scene.settings,
             directory=path.parent,
-            assets=open_asset_cache(),
+            assets=assets,
         )
+        # What cannot be opened again is lost, however well it was written.
+        expand(document, directory=path.parent, assets=AssetStore())
         write_scene(document, path)
         self.path, self._saved_version = path, self._history.version
-        return _reference_count(records)
+
+    def _learn_sources(self, path: Path, assets: AssetStore) -> None:
+        """Puts into `assets` what the file that is about to be replaced, and the one saved last, have from other files."""
+        for known in dict.fromkeys((path, self.path or path)):
+            try:
+                open_scene(known, assets)
+            except ElysError as error:  # often there is none yet; what is missed then is refused by name
+                _log.debug("learnt nothing from %s: %s", known, error)
 
 
 def scene_records(scene: EditorScene) -> list[EntityRecord]:
@@ -62,15 +75,3 @@ def scene_records(scene: EditorScene) -> list[EntityRecord]:
             parent = record.parent + start if record.parent >= 0 else -1
             records.append(msgspec.structs.replace(record, parent=parent))
     return records
-
-
-def _reference_count(records: list[EntityRecord]) -> int:
-    """Meshes and images that came from a model's file: other machines find them only where that model was opened."""
-    texts = {
-        value
-        for record in records
-        for values in record.components.values()
-        for value in values.values()
-        if isinstance(value, str) and is_reference(value)
-    }
-    return len(texts)

@@ -20,12 +20,14 @@ from elys.bus.messages.scene import ComponentRemoved, ComponentSet, SettingsSet
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.mirror import MirrorEntity, MirrorUpdate, SceneMirror, WorldPose
 from elys.bus.session import Session
+from elys.common.assets.primitives import PRIMITIVES
 from elys.common.components import Collider, Component, MeshRenderer, RigidBody, Transform
 from elys.common.math import matrix
 from elys.common.math.poses import local_pose
 from elys.common.scene import SceneSettings
 
 OPEN_AT_FIRST: Final = 64  # a root with at most so many children shows them
+_GAP: Final = 0.005  # [m] between a new body and what it is put on
 _VALUE_CHANGES: Final = (ComponentSet, ComponentRemoved, SettingsSet)
 # Radius of the ball around a mesh that is not scaled [m]; imported ones are taken as a metre large.
 _MESH_RADIUS: Final[Mapping[str, float]] = {"box": math.sqrt(3.0) / 2.0, "sphere": 0.5, "cylinder": math.sqrt(0.5)}
@@ -189,6 +191,40 @@ class EditorScene:
             reach = collider.radius if collider.shape == "sphere" else math.hypot(*collider.size) / 2.0
             radius = max(radius, reach * stretch)
         return np.array(pose.position), radius
+
+    def has_extent(self, entity: int) -> bool:
+        """Whether it shows or collides with anything."""
+        return self.echo_of(entity, "MeshRenderer") is not None or self.echo_of(entity, "Collider") is not None
+
+    def free_height(self, x: float, y: float, z: float, half: float) -> float:
+        """The lowest height [m] from `y` on at which a cube of half edge `half` [m] is in nothing, and not below y = 0.
+
+        Boxes along the axes stand for what is there; imported meshes count as the ball around them.
+        """
+        y = max(y, half)
+        boxes = [self._box_of(entity) for entity in self.mirror.entities if self.has_extent(entity)]
+        over = [(low[1], high[1]) for low, high in boxes if low[0] < x + half and high[0] > x - half
+                and low[2] < z + half and high[2] > z - half]  # fmt: skip
+        # From the lowest up: once above one, nothing that was passed can be in the way again.
+        for low, high in sorted(over):
+            if low < y + half and high > y - half:
+                y = high + half + _GAP
+        return y
+
+    def _box_of(self, entity: int) -> tuple[list[float], list[float]]:
+        """The corners [m] of a box along the world's axes around what an entity shows and collides with."""
+        affine = self.world_from_local(entity)
+        center, half = affine[:, 3], np.zeros(3)
+        renderer, collider = self.echo_of(entity, "MeshRenderer"), self.echo_of(entity, "Collider")
+        if isinstance(renderer, MeshRenderer):
+            is_built_in = renderer.mesh in PRIMITIVES
+            half = np.abs(affine[:, :3]) @ np.full(3, 0.5) if is_built_in else np.full(3, self.ball_of(entity)[1])
+        low, high = center - half, center + half
+        if isinstance(collider, Collider):
+            size = np.full(3, 2.0 * collider.radius) if collider.shape == "sphere" else np.array(collider.size)
+            reach, place = np.abs(affine[:, :3]) @ size / 2.0, affine[:, :3] @ np.array(collider.offset) + center
+            low, high = np.minimum(low, place - reach), np.maximum(high, place + reach)
+        return low.tolist(), high.tolist()
 
     def _places(self) -> dict[int, _Place]:
         if self._places_version != self.structure_version:

@@ -79,8 +79,10 @@ class ViewStream:
         except ValueError as error:
             _log.warning("refused a picture from a render node: %s", error)
             return False
+        is_newer_tick = self.shown is None or frame.tick != self.shown.tick
         self.shown = frame
-        if frame.state_published_at:
+        # Another look at the same tick (a turned camera) is no older than what the simulation has.
+        if frame.state_published_at and is_newer_tick:
             self.latency = max(0.0, (time.time_ns() - frame.state_published_at) * 1e-9)
         return True
 

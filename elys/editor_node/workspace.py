@@ -20,6 +20,7 @@ _DOCK_NAME: Final = "editor"
 _LEFT_SHARE: Final = 0.19
 _RIGHT_SHARE: Final = 0.29
 _LOWER_SHARE: Final = 0.27
+_FOCUS_FRAMES: Final = 4  # until then docked windows take their places, each new one in front
 
 
 class Workspace:
@@ -47,7 +48,7 @@ class Workspace:
         self._hidden: set[str] = set()
         self._resets_layout = False
         self._opens_help = False
-        self._focuses_first = False  # of tabs that share a place the first is to be in front
+        self._frames_to_focus = _FOCUS_FRAMES  # of tabs that share a place the first is to be in front
         self._has_shown_timeline = False
         self.frame_time = 0.0  # [s] of the last frame, for the status bar
 
@@ -60,17 +61,17 @@ class Workspace:
         for name, draw in self._panels.items():
             if name not in self._hidden:
                 draw(self.ui)
-        if self._focuses_first:
-            self._focuses_first = False
-            imgui.set_window_focus(console.TITLE)
-            imgui.set_window_focus(viewport.TITLE)
+        if self._frames_to_focus:
+            self._frames_to_focus -= 1
+            # A tab comes to the front when its window has kept the focus into the next frame.
+            imgui.set_window_focus(console.TITLE if self._frames_to_focus else viewport.TITLE)
         self._show_timeline_once()
         self._draw_help()
         self.save_dialog.draw(self.ui)
 
     def _show_timeline_once(self) -> None:
         """Who opens a replay wants to go back and forth in it."""
-        if self.ui.model.is_replay and not self._has_shown_timeline:
+        if self.ui.model.is_replay and not self._has_shown_timeline and not self._frames_to_focus:
             self._has_shown_timeline = True
             imgui.set_window_focus(timeline.TITLE)
 
@@ -86,7 +87,7 @@ class Workspace:
         if is_new or self._resets_layout:
             self._resets_layout = False
             _build_layout(dock)
-            self._focuses_first = True
+            self._frames_to_focus = _FOCUS_FRAMES
         # Passing through spares a background that panels cover anyway: on software GL every layer of pixels is dear.
         imgui.dock_space_over_viewport(
             dock, imgui.get_main_viewport(), imgui.DockNodeFlags_.passthru_central_node.value
@@ -110,7 +111,7 @@ class Workspace:
             imgui.end_menu()
         status = self.ui.model.status
         if status is not None:
-            text = f"{status.scene}  -  {self.ui.model.session.name}"
+            text = "  -  ".join(dict.fromkeys((status.scene, self.ui.model.session.name)))
             imgui.same_line(imgui.get_window_width() - imgui.calc_text_size(text).x - 16.0)
             dim_text(text)
         imgui.end_main_menu_bar()

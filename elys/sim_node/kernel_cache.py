@@ -7,10 +7,12 @@ imports no compiler, and then calls `warm_kernels` with a function that shows th
 
 from __future__ import annotations
 
+import ctypes
 import importlib
 import os
 import platform
 import shutil
+import signal
 import subprocess
 import sys
 import threading
@@ -188,6 +190,9 @@ def _forget_old_states() -> None:
 
 
 def _compile_second_share() -> None:
+    if sys.platform == "linux":
+        # PR_SET_PDEATHSIG, prctl(2): nobody waits for this process once the first one was killed.
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)
     for kernel in _share(_all_kernels(), second=True):
         _compile(kernel)
         print(kernel.name, flush=True)

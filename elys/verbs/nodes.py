@@ -33,7 +33,7 @@ def run_until_asked(work: Coroutine[Any, Any, None]) -> None:
 
 
 @contextlib.asynccontextmanager
-async def joined(connect: str | None, *, kind: str, timeout: float = 10.0) -> AsyncIterator[Session]:
+async def joined(connect: str | None, *, kind: str, timeout: float = 5.0) -> AsyncIterator[Session]:
     """A session somebody else hosts: at `connect`, or the newest of this machine.
 
     Raises:

@@ -37,11 +37,13 @@ def run(
             json=json,
         )
         return
+    from elys.bus.discovery import complete_endpoint
     from elys.render_node.window import probe_display
     from elys.sim_node.kernel_cache import kernels_are_warm
     from elys.verbs.kernels import compile_with_progress
     from elys.verbs.recording_child import require_recordable
 
+    endpoint = complete_endpoint(listen) if listen else None
     require_scene(scene)
     if record is not None:
         require_recordable(record)
@@ -52,7 +54,7 @@ def run(
     options += ["--record", str(record)] if record else []
     options += ["--paused"] if paused else []
     options += ["--name", name] if name else []
-    sys.exit(start("editor", {"scene": scene}, endpoint=listen, extra={"simulation": options}))
+    sys.exit(start("editor", {"scene": scene}, endpoint=endpoint, extra={"simulation": options}))
 
 
 def launch(file: Path, values: list[str]) -> None:

@@ -36,7 +36,7 @@ def measure() -> list[Row]:
     with (
         environment() as env,
         running(simulation, env=env, wait_for="simulating"),
-        running(render, env=env, wait_for="serving views"),
+        running(render, env=env, wait_for="drawing views"),
     ):
         ages, times = asyncio.run(ask_for_pictures())
     width, height = SIZE

@@ -49,10 +49,12 @@ class Mesh:
 
     @property
     def vertex_count(self) -> int:
+        """V."""
         return len(self.positions)
 
     @property
     def triangle_count(self) -> int:
+        """A third of I."""
         return len(self.indices) // 3
 
     @property

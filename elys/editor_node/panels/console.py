@@ -34,7 +34,7 @@ class ConsolePanel:
 
     def draw(self, ui: Ui) -> None:
         """Draws the panel."""
-        if imgui.begin(TITLE):
+        if imgui.begin(TITLE)[0]:
             self._draw_filters(ui)
             if imgui.begin_child("###lines", (0.0, 0.0), 0, imgui.WindowFlags_.horizontal_scrollbar.value):
                 imgui.push_font(ui.fonts.mono, 0.0)
@@ -90,8 +90,12 @@ class ConsolePanel:
         times = f"  ({line.count}x)" if line.count > 1 else ""
         imgui.text_unformatted(f"{first}{' ...' if rest else ''}{times}")
         imgui.pop_style_color()
+        is_clipped = imgui.get_item_rect_max().x > imgui.get_window_pos().x + imgui.get_window_width()
         if imgui.is_item_hovered():
-            if rest:
-                imgui.set_tooltip(line.text)
+            if (rest or is_clipped) and imgui.begin_tooltip():
+                imgui.push_text_wrap_pos(imgui.get_font_size() * 45.0)
+                imgui.text_unformatted(line.text)
+                imgui.pop_text_wrap_pos()
+                imgui.end_tooltip()
             if imgui.is_mouse_clicked(1):
                 imgui.set_clipboard_text(line.text)

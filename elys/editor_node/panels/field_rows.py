@@ -13,6 +13,7 @@ from elys.editor_node.fields import FieldContext, edit_field
 from elys.editor_node.ui import Ui, dim_text
 
 LABEL_SHARE: Final = 0.36  # of a line
+UNUSED_ALPHA: Final = 0.45  # of a field that has no effect on this entity
 
 
 @dataclass(slots=True)
@@ -55,9 +56,20 @@ class FieldRows:
         return True
 
     def draw(
-        self, ui: Ui, declared: FieldDeclaration, path: str, each: Sequence[Any], *, reset: Callable[[], object]
+        self,
+        ui: Ui,
+        declared: FieldDeclaration,
+        path: str,
+        each: Sequence[Any],
+        *,
+        reset: Callable[[], object],
+        is_used: bool = True,
     ) -> FieldChange | None:
-        """One line for a field that has the values `each` in the selected entities, the last of which is shown."""
+        """One line for a field that has the values `each` in the selected entities, the last of which is shown.
+
+        What has no effect (`is_used` False) is dimmed.
+        """
+        imgui.push_style_var(imgui.StyleVar_.alpha, imgui.get_style().alpha * (1.0 if is_used else UNUSED_ALPHA))
         imgui.push_id(declared.name)
         imgui.table_next_row()
         imgui.table_next_column()
@@ -66,8 +78,11 @@ class FieldRows:
         held = self._held if self._held is not None and self._held.path == path else None
         shown = held.value if held is not None else each[-1]
         mixed = _mixed(declared, each) if held is None else (False,) * declared.width
+        imgui.begin_disabled(ui.model.is_replay)
         edit = edit_field(declared, shown, FieldContext(ui.model.scene, ui.landmarks, path, mixed))
+        imgui.end_disabled()
         imgui.pop_id()
+        imgui.pop_style_var()
         if edit.began:
             held = self._held = _Held(path, shown)
         if edit.ended and not edit.began and held is not None:
@@ -83,10 +98,12 @@ class FieldRows:
 def _draw_label(declared: FieldDeclaration, *, is_default: bool, reset: Callable[[], object]) -> None:
     imgui.align_text_to_frame_padding()
     label = declared.name.replace("_", " ").capitalize()
+    imgui.push_text_wrap_pos(0.0)  # a long one takes two lines
     if is_default:
         dim_text(label)
     else:
         imgui.text_unformatted(label)
+    imgui.pop_text_wrap_pos()
     if imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip):
         unit = f" [{declared.unit}]" if declared.unit else ""
         imgui.set_tooltip(f"{label}{unit}\n{declared.text}\nRight click: reset")

@@ -55,7 +55,7 @@ class Gizmo:
     def draw(self, ui: Ui, camera: ViewCamera, rectangle: tuple[float, float, float, float]) -> None:
         """Draws it over the picture at `rectangle` (x, y, width, height) that was taken with `camera`."""
         targets = [e for e in self._targets(ui) if ui.model.scene.echo_of(e, "Transform") is not None]
-        if not targets or ui.tools.tool == "select":
+        if not targets or ui.tools.tool == "select" or ui.model.is_replay:
             self._drag, self.is_over = None, False
             return
         tool: Tool = ui.tools.tool

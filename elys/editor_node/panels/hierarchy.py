@@ -50,7 +50,7 @@ class HierarchyPanel:
 
     def draw(self, ui: Ui) -> None:
         """Draws the panel."""
-        if imgui.begin(TITLE):
+        if imgui.begin(TITLE)[0]:
             self._draw_search(ui)
             if imgui.begin_child("###tree", (0.0, 0.0), 0, imgui.WindowFlags_.no_nav.value):
                 self._draw_tree(ui)
@@ -117,7 +117,12 @@ class HierarchyPanel:
         imgui.set_next_item_allow_overlap()
         flags = imgui.SelectableFlags_.allow_double_click | imgui.SelectableFlags_.allow_overlap
         imgui.push_style_var_y(imgui.StyleVar_.item_spacing, 0.0)
-        pressed, _ = imgui.selectable("###row", entity in selection, flags.value, (0.0, height))
+        is_selected = entity in selection
+        if is_selected:  # under the pointer as well
+            imgui.push_style_color(imgui.Col_.header_hovered, imgui.ImVec4(*ACCENT[:3], 0.36))
+        pressed, _ = imgui.selectable("###row", is_selected, flags.value, (0.0, height))
+        if is_selected:
+            imgui.pop_style_color()
         imgui.pop_style_var()
         left, top = imgui.get_item_rect_min().x, imgui.get_item_rect_min().y
         arrow = left + row.depth * height * 0.75

@@ -6,6 +6,7 @@ What is shown is what the host echoed. Only the field a person holds shows its o
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, Final
 
 from imgui_bundle import imgui
@@ -13,7 +14,7 @@ from imgui_bundle import imgui
 from elys.common.components import Component, ComponentDeclaration, FieldDeclaration, Kind, declarations
 from elys.common.errors import ComponentError
 from elys.common.ids import generation_of, index_of
-from elys.editor_node.fields import rotation_from
+from elys.editor_node.fields import has_effect, rotation_from
 from elys.editor_node.panels.field_rows import FieldChange, FieldRows
 from elys.editor_node.panels.scene_settings import draw_scene_settings
 from elys.editor_node.theme import icons
@@ -42,13 +43,17 @@ class InspectorPanel:
 
     def draw(self, ui: Ui) -> None:
         """Draws the panel."""
-        if imgui.begin(TITLE):
+        if imgui.begin(TITLE)[0]:
             self._rows.let_go(ui)
+            if ui.model.is_replay:
+                dim_text(f"{icons.ICON_FA_FILM}  this is a recording: it cannot be edited")
+                ui.landmarks.note("inspector/recording")
             entities = [e for e in ui.model.selection if ui.model.scene.exists(e)]
             if entities:
                 self._draw_header(ui, entities)
                 self._draw_components(ui, entities)
-                self._draw_add_button(ui, entities)
+                if not ui.model.is_replay:
+                    self._draw_add_button(ui, entities)
             elif ui.model.scene.is_known:
                 draw_scene_settings(ui, self._rows)
             else:
@@ -58,6 +63,7 @@ class InspectorPanel:
 
     def _draw_header(self, ui: Ui, entities: Sequence[int]) -> None:
         scene, primary = ui.model.scene, entities[-1]
+        imgui.begin_disabled(ui.model.is_replay)
         changed, enabled = imgui.checkbox("###enabled", scene.is_enabled(primary))
         ui.landmarks.note("inspector/enabled")
         imgui.set_item_tooltip("Whether the entity takes part; a disabled one takes all below it along")
@@ -79,8 +85,11 @@ class InspectorPanel:
             if imgui.is_item_deactivated_after_edit():
                 ui.model.edit.rename(primary, text)
             prefab = scene.prefab_of(primary)
-            origin = f"    {icons.ICON_FA_BOX_ARCHIVE} {prefab}" if prefab else ""
-            dim_text(f"entity {index_of(primary)}.{generation_of(primary)}{origin}")
+            origin = f"    {icons.ICON_FA_BOX_ARCHIVE} {Path(prefab).name}" if prefab else ""
+            dim_text(f"{entity_label(primary)}{origin}")
+            if prefab:
+                imgui.set_item_tooltip(prefab)
+        imgui.end_disabled()
         imgui.spacing()
 
     def _draw_components(self, ui: Ui, entities: Sequence[int]) -> None:
@@ -106,7 +115,8 @@ class InspectorPanel:
         ui.landmarks.note(f"inspector/{declaration.name}")
         if declaration.text and imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip):
             imgui.set_tooltip(declaration.text)
-        self._draw_component_menu(ui, declaration, entities, right)
+        if not ui.model.is_replay:
+            self._draw_component_menu(ui, declaration, entities, right)
         if is_open and self._rows.begin("fields"):
             for declared in declaration.fields:
                 self._draw_field(ui, declaration, declared, entities, values)
@@ -145,7 +155,9 @@ class InspectorPanel:
         def reset() -> None:
             ui.model.edit.set_fields(entities, component, {name: declared.default})
 
-        change = self._rows.draw(ui, declared, f"inspector/{component}/{name}", each, reset=reset)
+        is_used = any(has_effect(value, name) for value in values)
+        path = f"inspector/{component}/{name}"
+        change = self._rows.draw(ui, declared, path, each, reset=reset, is_used=is_used)
         if change is None:
             return
         try:
@@ -180,6 +192,12 @@ class InspectorPanel:
             if imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip):
                 imgui.set_tooltip(declaration.text)
         imgui.end_popup()
+
+
+def entity_label(entity: int) -> str:
+    """An id as one says it: its place in the tables, and how often that was used before, if it was."""
+    reused = generation_of(entity)
+    return f"entity {index_of(entity)}" + (f" (reused {reused}x)" if reused else "")
 
 
 def _values_of_each(

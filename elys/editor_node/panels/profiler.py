@@ -28,7 +28,7 @@ class ProfilerPanel:
 
     def draw(self, ui: Ui) -> None:
         """Draws the panel."""
-        if imgui.begin(TITLE):
+        if imgui.begin(TITLE)[0]:
             profiles = ui.model.profiles
             if not profiles:
                 imgui.dummy((0.0, imgui.get_frame_height() * 0.5))

@@ -31,13 +31,13 @@ class SaveDialog:
         """Saves where it was saved before; asks where, the first time."""
         if ui.model.file.path is None:
             self.ask_where(ui)
-        else:
-            self._write(ui, str(ui.model.file.path))
+        elif not self._write(ui, str(ui.model.file.path)):
+            self._path, self._asks = str(ui.model.file.path), _SAVE
 
     def ask_where(self, ui: Ui) -> None:
         """Asks where to save."""
         status = ui.model.status
-        name = (status.scene if status is not None else "") or "scene"
+        name = (status.scene if status is not None else "").replace("/", "-") or "scene"
         self._path = str(ui.model.file.path or Path.cwd() / f"{name.lower().replace(' ', '-')}{SCENE_SUFFIX}")
         self._error, self._asks = "", _SAVE
 
@@ -68,8 +68,12 @@ class SaveDialog:
         flags = imgui.InputTextFlags_.enter_returns_true.value
         entered, self._path = imgui.input_text("###path", self._path, flags)
         dim_text("As it is now, with moving bodies where they are now.")
+        if self._path and Path(self._path).is_file() and Path(self._path) != ui.model.file.path:
+            dim_text("There is such a file already: it will be replaced.")
         if self._error:
+            imgui.push_text_wrap_pos(imgui.get_font_size() * 34.0)
             imgui.text_colored(imgui.ImVec4(*ERROR), self._error)
+            imgui.pop_text_wrap_pos()
         saves = imgui.button("Save") or entered
         ui.landmarks.note("save/save")
         imgui.same_line()
@@ -101,16 +105,11 @@ class SaveDialog:
 
     def _write(self, ui: Ui, path: str) -> bool:
         try:
-            unnamed = ui.model.file.save(path)
+            ui.model.save(path)
         except ElysError as error:
             self._error, self._closes_after = str(error), False
             ui.model.say("error", str(error))
             return False
-        ui.model.say("info", f"Saved {ui.model.file.path}")
-        if unnamed:
-            ui.model.say(
-                "warning", f"{unnamed} meshes or images are named by their content: keep the model they are from"
-            )
         if self._closes_after:
             self._close()
         return True

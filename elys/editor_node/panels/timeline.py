@@ -22,7 +22,7 @@ class TimelinePanel:
 
     def draw(self, ui: Ui) -> None:
         """Draws the panel."""
-        if imgui.begin(TITLE):
+        if imgui.begin(TITLE)[0]:
             status = ui.model.status
             if status is None or status.kind != "replay":
                 imgui.dummy((0.0, imgui.get_frame_height() * 0.5))

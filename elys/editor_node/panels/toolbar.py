@@ -124,10 +124,7 @@ class StatusBar:
         height = imgui.get_text_line_height() + 8.0
         if imgui.internal.begin_viewport_side_bar("###status", viewport, imgui.Dir.down, height, _BAR_FLAGS):
             self._draw_message(ui)
-            texts = [f"interface {frame_time * 1e3:.1f} ms"]
-            if view_latency > 0.0:
-                texts.insert(0, f"picture {view_latency * 1e3:.0f} ms behind the simulation")
-            right = "     ".join(texts)
+            right = pace_text(frame_time, view_latency if ui.model.is_playing else 0.0)
             width = imgui.calc_text_size(right).x
             imgui.same_line(imgui.get_window_width() - width - 10.0)
             dim_text(right)
@@ -136,16 +133,28 @@ class StatusBar:
 
     def _draw_message(self, ui: Ui) -> None:
         model = ui.model
+        model.fade_messages()
         if model.error:
             imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*ERROR))
             imgui.text_unformatted(f"{icons.ICON_FA_TRIANGLE_EXCLAMATION}  {model.error}")
             imgui.pop_style_color()
             if imgui.is_item_clicked():
                 model.error = ""
+            elif imgui.is_item_hovered():
+                imgui.set_tooltip(model.error)
+            return
+        if model.notice:
+            imgui.text_colored(imgui.ImVec4(*GOOD), f"{icons.ICON_FA_CHECK}  {model.notice}")
             return
         count = len(model.selection)
         selected = model.scene.name_of(model.selection.primary) if count == 1 else f"{count} selected"
         dim_text(f"{len(model.scene.mirror.entities)} entities" + (f"     {selected}" if count else ""))
+
+
+def pace_text(frame_time: float, view_latency: float) -> str:
+    """How old the picture is, where there is anything newer, and what a frame costs; times in seconds."""
+    texts = [f"picture {view_latency * 1e3:.0f} ms behind the simulation"] if view_latency > 0.0 else []
+    return "     ".join([*texts, f"interface {frame_time * 1e3:.1f} ms"])
 
 
 def _rate_label(rate: float) -> str:

@@ -100,6 +100,8 @@ class ViewportPanel:
             return f"{icons.ICON_FA_HOURGLASS_HALF}  {text}", WARNING
         if self.stream.shown is None:
             return f"{icons.ICON_FA_HOURGLASS_HALF}  waiting for the first picture", TEXT_DIM
+        if ui.model.is_replay:
+            return f"{icons.ICON_FA_FILM}  this is a recording: it cannot be edited", TEXT_DIM
         return "", TEXT
 
     def _draw_notice(self, text: str, color: Rgba, *, in_middle: bool) -> None:

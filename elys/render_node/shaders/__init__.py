@@ -1,0 +1,1 @@
+"""GLSL files, read by `elys.render_node.gpu.program`."""

@@ -33,7 +33,6 @@ class ComponentTable:
         count: how many entities have it.
         row_of: [entity capacity] int32, the row of the entity at each place, -1 for none.
         structure_version: rises when an entity gains or loses the component, and so when rows move.
-        value_version: rises when a value is set by hand; not when a system writes a column.
     """
 
     def __init__(self, declaration: ComponentDeclaration, entity_capacity: int) -> None:
@@ -41,7 +40,6 @@ class ComponentTable:
         self.count = 0
         self.row_of = np.full(entity_capacity, NO_ROW, np.int32)
         self.structure_version = 0
-        self.value_version = 0
         self._entities: Entities = np.zeros(_INITIAL_ROWS, np.uint32)
         self._columns: dict[str, Column] = {field.name: column_of(field, _INITIAL_ROWS) for field in declaration.fields}
 
@@ -89,7 +87,6 @@ class ComponentTable:
         """Stores one value for each of the fields named."""
         for name, value in values.items():
             self._columns[name][row] = value
-        self.value_version += 1
 
     def read(self, row: int) -> dict[str, Any]:
         """The stored value of every field, as numpy has it."""

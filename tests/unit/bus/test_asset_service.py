@@ -9,11 +9,10 @@ from pathlib import Path
 import pytest
 
 from elys.bus import topics
-from elys.bus.asset_service import AssetClient, assets_of, cache_directory, open_asset_cache, serve_assets
+from elys.bus.asset_service import AssetClient, cache_directory, open_asset_cache, serve_assets
 from elys.bus.session import Session
 from elys.bus.transports.loopback import LoopbackBroker
 from elys.common.assets.store import PREFIX, AssetStore, reference_of
-from elys.common.components import MeshRenderer
 from elys.common.errors import AssetError, MessageError, RequestError
 
 
@@ -85,9 +84,3 @@ def test_the_cache_stays_below_its_size(tmp_path: Path, monkeypatch: pytest.Monk
         os.utime(cache_directory() / reference.removeprefix(PREFIX), (age, age))
     kept = open_asset_cache(max_size=250)
     assert [kept.has(reference) for reference in references] == [False, False, True, True]
-
-
-def test_the_assets_of_a_component_are_its_references() -> None:
-    reference = reference_of(b"mesh")
-    assert assets_of(MeshRenderer(mesh=reference)) == {reference: "mesh"}
-    assert assets_of(MeshRenderer(mesh="box")) == {}

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from elys.bus import topics
-from elys.bus.asset_service import AssetClient, referenced_assets
+from elys.bus.asset_service import AssetClient
 from elys.bus.export import export_npz, recording_info
 from elys.bus.following import follow_scene, follow_state
 from elys.bus.messages.commands import (
@@ -231,10 +231,10 @@ def test_assets_come_from_the_recording(recorded: tuple[Path, Any]) -> None:
         async with replay(path, playing=False) as (_, broker):
             viewer = await viewer_of(broker)
             client = AssetClient(viewer.session, AssetStore())
-            wanted = referenced_assets(viewer.mirror)
-            assert wanted
-            for reference, kind in wanted.items():
-                assert await client.fetch(reference, kind=kind) == host.assets.get(reference)
+            drawn = {one.components["MeshRenderer"].mesh for one in viewer.mirror.entities.values()}  # type: ignore[attr-defined]
+            assert drawn and drawn <= set(host.assets.references())
+            for reference in drawn:
+                assert await client.fetch(reference) == host.assets.get(reference)
             await viewer.session.close()
 
     asyncio.run(run())

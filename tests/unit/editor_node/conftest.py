@@ -8,7 +8,7 @@ import os
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 import numpy as np
@@ -30,8 +30,7 @@ from elys.common.ids import entity_of, generation_of, index_of
 from elys.common.math import poses
 from elys.common.scene import EntityRecord
 from elys.editor_node.model import EditorModel
-
-os.environ.setdefault("ELYS_NULL_PLATFORM", "1")
+from tests.unit.editor_node.person import at_the_editor as at_the_editor  # a fixture: to be found here
 
 
 class SceneHost:
@@ -44,6 +43,7 @@ class SceneHost:
         self.tick = 0
         self.playing = False
         self.rate = 1.0
+        self.kind: Literal["simulation", "replay"] = "simulation"
         self.received: list[c.Command] = []
         self._free: list[int] = []
         self._used = 0
@@ -61,7 +61,7 @@ class SceneHost:
             topics.STATUS,
             SessionStatus(
                 epoch=self.mirror.epoch,
-                kind="simulation",
+                kind=self.kind,
                 scene="yard",
                 tick=self.tick,
                 simulation_time=self.tick / 60.0,
@@ -258,6 +258,8 @@ class PictureSource:
         self.requests: list[ViewRequest] = []
         self.picks: list[PickRequest] = []
         self.sent: list[int] = []
+        self.tick = 0
+        self.state_published_at = 0
         self._is_sharing = is_sharing
         self._session = session
         session.subscribe(topics.VIEW_REQUEST, self._draw, key=session.node.id)
@@ -287,8 +289,8 @@ class PictureSource:
             ViewFrame(
                 view=request.view,
                 sequence=request.sequence,
-                tick=0,
-                state_published_at=0,
+                tick=self.tick,
+                state_published_at=self.state_published_at,
                 camera=request.camera,
                 width=request.width,
                 height=request.height,
@@ -349,6 +351,12 @@ async def open_stage(records: list[EntityRecord] | None = None) -> AsyncIterator
         await asyncio.gather(running, return_exceptions=True)
         await session.close()
         await host_session.close()
+
+
+@pytest.fixture(autouse=True)
+def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Windows here need none; for these tests alone, as others are about what is said where there is none."""
+    monkeypatch.setenv("ELYS_NULL_PLATFORM", "1")
 
 
 @pytest.fixture

@@ -23,13 +23,29 @@ class Recorder:
         self.log.append((self.name, "update"))
 
 
+class CountingWindow(Window):
+    """Tells how often the application looked for events: each time it could have drawn as well."""
+
+    look_count = 0
+
+    def poll(self) -> None:
+        self.look_count += 1
+        super().poll()
+
+    async def looked_at(self, times: int = 4) -> None:
+        """Returns after so many further looks."""
+        goal = self.look_count + times
+        while self.look_count < goal:
+            await asyncio.sleep(0.001)
+
+
 @pytest.fixture
 def stacked():
     """Runs `await scenario(application, log)` with three layers, the middle one of which consumes keys."""
 
     def play(scenario) -> None:
         async def main() -> None:
-            window = Window("test", (64, 64), null_platform=True)
+            window = CountingWindow("test", (64, 64), null_platform=True)
             log: list = []
             try:
                 application = Application(window)
@@ -88,13 +104,13 @@ def test_a_layer_may_leave_while_it_hears(stacked):
 def test_frames_come_only_when_they_are_asked_for(stacked):
     async def scenario(application, log):
         running = asyncio.create_task(application.run())
-        await asyncio.sleep(0.1)
+        await application.window.looked_at()
         assert application.frame_count == 1  # the first, and then nobody asked
         application.request_redraw()
-        await asyncio.sleep(0.1)
+        await application.window.looked_at()
         assert application.frame_count == 2
-        application.request_redraw(within=30.0)
-        await asyncio.sleep(0.1)
+        application.request_redraw(within=300.0)
+        await application.window.looked_at()
         assert application.frame_count == 2
         application.close()
         await running

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from elys.common.scene import EntityRecord
 from elys.editor_node.camera import OrbitCamera, project
 from elys.editor_node.console_log import ConsoleLog
-from elys.editor_node.fields import degrees_from, linear_from_srgb, rotation_from, shortest, srgb_from_linear
+from elys.editor_node.fields import degrees_from, linear_from_srgb, rotation_from, srgb_from_linear
 from elys.editor_node.selection import Selection
 
 ANGLES = st.floats(-180.0, 180.0)
@@ -65,11 +65,6 @@ def test_euler_degrees_are_a_rotation_and_back(degrees):
     )
     again = rotation_from(degrees_from(rotation))
     assert abs(np.dot(rotation, again)) == pytest.approx(1.0, abs=1e-9)
-
-
-def test_numbers_come_out_as_they_were_typed():
-    assert shortest(float(np.float32(1.1))) == 1.1
-    assert shortest(float(np.float32(-9.81))) == -9.81
 
 
 @given(st.floats(0.0, 1.0))
@@ -159,12 +154,12 @@ def test_without_a_display_there_is_one_sentence_with_a_remedy():
     assert done.stdout.count("\n") == 1
 
 
-def test_only_one_file_calls_opengl():
+def test_model_and_camera_need_no_window():
     program = (
         "import sys, elys.editor_node.model, elys.editor_node.camera\n"
         "assert not {'moderngl', 'glfw', 'imgui_bundle'} & set(sys.modules), 'the model needs no window'\n"
     )
-    subprocess.run([sys.executable, "-c", program], check=True)
+    subprocess.run([sys.executable, "-c", program], check=True)  # fails where the assertion does
 
 
 def test_the_camera_looks_from_where_it_is_put():

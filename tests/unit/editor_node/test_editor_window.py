@@ -2,121 +2,18 @@
 
 from __future__ import annotations
 
-import asyncio
-import contextlib
-
 import numpy as np
 import pytest
 from PIL import Image
 
-from elys.bus.session import Session
 from elys.common.assets import AssetStore
 from elys.common.components import component_from
 from elys.common.scene import open_scene
-from elys.editor_node.camera import project
-from elys.editor_node.events import (
-    CharacterTyped,
-    CursorEntered,
-    KeyPressed,
-    KeyReleased,
-    Modifiers,
-    MouseButton,
-    MouseMoved,
-    MousePressed,
-    MouseReleased,
-    MouseScrolled,
-)
 from elys.editor_node.keys import Key
-from elys.editor_node.node import Editor
 from elys.editor_node.scene_file import scene_records
+from tests.unit.editor_node.person import CTRL, SHIFT
 
 pytestmark = pytest.mark.gl
-CTRL, SHIFT, ALT = Modifiers.CTRL, Modifiers.SHIFT, Modifiers.ALT
-_KEY_OF = {CTRL: Key.LEFT_CTRL, SHIFT: Key.LEFT_SHIFT, ALT: Key.LEFT_ALT}
-
-
-class Person:
-    """Does with the editor what a person does, and waits until it was drawn."""
-
-    def __init__(self, editor: Editor, stage) -> None:
-        self.editor = editor
-        self.stage = stage
-        self.application = editor.application
-        editor.ui.landmarks.is_wanted = True
-
-    async def frames(self, count: int = 2) -> None:
-        goal = self.application.frame_count + count
-        self.application.keep_awake(5.0)
-        async with asyncio.timeout(20.0):
-            while self.application.frame_count < goal:
-                await asyncio.sleep(0.001)
-
-    async def until(self, condition) -> None:
-        self.application.keep_awake(5.0)
-        await self.stage.until(condition)
-
-    async def do(self, *events) -> None:
-        for event in events:
-            self.application.offer(event)
-            await self.frames(1)
-        await self.frames(1)
-
-    async def point(self, name: str) -> None:
-        await self.until(lambda: name in self.editor.ui.landmarks.rectangles)
-        await self.do(MouseMoved(*self.editor.ui.landmarks.center(name)))
-
-    async def click(self, name: str, *, times: int = 1, held: Modifiers = Modifiers.NONE) -> None:
-        await self.point(name)
-        if held:
-            await self.do(KeyPressed(_KEY_OF[held], held))
-        for _ in range(times):
-            await self.do(MousePressed(MouseButton.LEFT, held), MouseReleased(MouseButton.LEFT, held))
-        if held:
-            await self.do(KeyReleased(_KEY_OF[held]))
-
-    async def press(self, key: int, held: Modifiers = Modifiers.NONE) -> None:
-        keys = [_KEY_OF[modifier] for modifier in held]
-        await self.do(*(KeyPressed(k) for k in keys), KeyPressed(key, held), KeyReleased(key, held))
-        await self.do(*(KeyReleased(k) for k in keys))
-
-    async def type(self, text: str) -> None:
-        await self.do(*(CharacterTyped(ord(letter)) for letter in text))
-
-    async def drag(self, name: str, x: float, y: float, *, steps: int = 6, held: Modifiers = Modifiers.NONE) -> None:
-        await self.point(name)
-        start_x, start_y = self.editor.ui.landmarks.center(name)
-        await self.do(MousePressed(MouseButton.LEFT, held))
-        for step in range(1, steps + 1):
-            await self.do(MouseMoved(start_x + x * step / steps, start_y + y * step / steps))
-        await self.do(MouseReleased(MouseButton.LEFT, held))
-
-
-@pytest.fixture
-def at_the_editor(on_stage):
-    """Runs `await scenario(person)` at an editor that shows the yard."""
-
-    def play(scenario, records=None) -> None:
-        async def with_editor(stage):
-            session = await Session.join(stage.broker.connect(), kind="editor")
-            try:
-                with Editor(session, null_platform=True, size=(1600, 900)) as editor:
-                    running = asyncio.create_task(editor.run())
-                    person = Person(editor, stage)
-                    await person.do(CursorEntered(True))
-                    await person.until(lambda: editor.model.scene.is_known)
-                    stage.host.publish_status()
-                    await person.frames(3)
-                    try:
-                        await scenario(person)
-                    finally:
-                        editor.application.close()
-                        await running
-            finally:
-                await session.close()
-
-        on_stage(with_editor, records)
-
-    return play
 
 
 def test_select_type_undo_play(at_the_editor, screenshot_directory):
@@ -292,131 +189,6 @@ def test_a_lost_simulation_is_said_at_once(at_the_editor, screenshot_directory):
         picture = pixels[top:bottom, left:right].astype(int)
         reddish = (picture[..., 0] > 180) & (picture[..., 1] < 140)
         assert reddish.sum() > 100  # the notice over the viewport
-
-    at_the_editor(scenario)
-
-
-def test_the_camera_moves_and_widgets_keep_their_clicks(at_the_editor):
-    async def scenario(person):
-        camera = person.editor.panel.camera
-        await person.point("viewport/picture")
-        distance, yaw = camera.distance, camera.yaw
-        await person.do(MouseScrolled(0.0, 2.0))
-        assert camera.distance < distance
-        await person.drag("viewport/picture", 60.0, 0.0, held=ALT)
-        assert camera.yaw != yaw
-        position = camera.position.copy()
-        await person.do(MousePressed(MouseButton.RIGHT), KeyPressed(Key.W))
-        await person.frames(3)
-        await person.do(KeyReleased(Key.W), MouseReleased(MouseButton.RIGHT))
-        moved = camera.position - position
-        assert np.dot(moved, -camera.backward) > 0.0
-        assert person.editor.ui.tools.tool == "move"
-        await person.press(Key.E)  # not flying any more: a tool again
-        assert person.editor.ui.tools.tool == "rotate"
-        distance = camera.distance
-        await person.point("hierarchy/Sun")
-        await person.do(MouseScrolled(0.0, 2.0))
-        assert camera.distance == distance
-        await person.click("hierarchy/Crate")
-        await person.press(Key.F)
-        assert camera.target == pytest.approx((1.0, 2.25, 3.0), abs=0.3)
-
-    at_the_editor(scenario)
-
-
-def test_an_idle_editor_draws_nothing(at_the_editor):
-    async def scenario(person):
-        application = person.application
-        await person.frames(2)
-        with contextlib.suppress(TimeoutError):
-            # Input keeps it awake for a while; then there must come a quarter of a second without a frame.
-            async with asyncio.timeout(10.0):
-                while True:
-                    before = application.frame_count
-                    application._awake_until = 0.0
-                    await asyncio.sleep(0.25)
-                    if application.frame_count == before:
-                        return
-        pytest.fail("frames are drawn though nothing happens")
-
-    at_the_editor(scenario)
-
-
-def test_the_gizmo_moves_what_is_selected_in_one_undo(at_the_editor, screenshot_directory):
-    async def scenario(person):
-        editor, host = person.editor, person.stage.host
-        crate = person.stage.named("Crate")
-        source = await person.stage.picture_source(entity=crate)
-        await person.until(lambda: editor.stream.shown is not None)
-        await person.click("hierarchy/Crate")
-        await person.press(Key.F)
-        await person.until(lambda: editor.stream.shown.camera == editor.panel.camera.view)
-        await person.frames(3)
-        # The arrow along x starts at the crate and points where x does in this picture.
-        x, y, width, height = editor.panel.rectangle
-        ends = [project(editor.stream.shown.camera, width / height, np.array(p)) for p in ((1, 2, 3), (1.5, 2, 3))]
-        pixels = [np.array((x + (1 + e[0]) / 2 * width, y + (1 - e[1]) / 2 * height)) for e in ends]
-        along = (pixels[1] - pixels[0]) / np.linalg.norm(pixels[1] - pixels[0])
-        start = pixels[0] + 55.0 * along
-        await person.do(MouseMoved(*start))
-        await person.frames(2)
-        assert editor.panel.gizmo.is_over
-        await person.do(MousePressed(MouseButton.LEFT))
-        for step in range(1, 9):
-            await person.do(MouseMoved(*(start + 10.0 * step * along)))
-        editor.screenshot(screenshot_directory / "editor-gizmo.png")
-        await person.do(MouseReleased(MouseButton.LEFT))
-        await editor.model.history.settle()
-        position = host.mirror.entities[crate].components["Transform"].position
-        assert position[0] > 1.2
-        assert position[1:] == pytest.approx((2.0, 3.0), abs=1e-5)
-        await person.press(Key.Z, CTRL)
-        await editor.model.history.settle()
-        assert host.mirror.entities[crate].components["Transform"].position == (1.0, 2.0, 3.0)
-        await source.close()
-
-    at_the_editor(scenario)
-
-
-def test_a_click_selects_what_the_renderer_sees_there(at_the_editor):
-    async def scenario(person):
-        editor = person.editor
-        sun = person.stage.named("Sun")
-        source = await person.stage.picture_source(entity=sun)
-        await person.until(lambda: editor.stream.shown is not None)
-        await person.click("viewport/picture")
-        await person.until(lambda: editor.model.selection.entities == (sun,))
-        left, top, width, height = editor.panel.rectangle
-        assert source.picks[-1].x == pytest.approx(source.picks[-1].width / 2, abs=2)
-        source.entity = 0
-        await person.do(MouseMoved(left + width / 4, top + height / 4))
-        await person.do(MousePressed(MouseButton.LEFT), MouseReleased(MouseButton.LEFT))
-        await person.until(lambda: not editor.model.selection)
-        await source.close()
-        await person.until(lambda: editor.stream.renderer is None)
-        assert editor.stream.lost_renderer
-
-    at_the_editor(scenario)
-
-
-def test_the_picture_shown_is_the_one_that_was_sent(at_the_editor, screenshot_directory):
-    async def scenario(person):
-        editor = person.editor
-        for is_sharing in (True, False):
-            source = await person.stage.picture_source(entity=0, is_sharing=is_sharing)
-            await person.until(
-                lambda s=source: editor.stream.shown is not None and editor.stream.shown.sequence in s.sent
-            )
-            await person.frames(2)
-            editor.screenshot(screenshot_directory / "editor-picture.png")
-            pixels = np.asarray(Image.open(screenshot_directory / "editor-picture.png"))
-            left, top, _, bottom = (int(edge) for edge in editor.ui.landmarks.rectangles["viewport/picture"])
-            upper, lower = (pixels[row, left + 40].astype(int) for row in (top + 30, bottom - 30))
-            assert upper == pytest.approx((200, 60, 30), abs=6)
-            assert lower == pytest.approx((20, 60, 200), abs=6)
-            await source.close()
-            await person.until(lambda: editor.stream.renderer is None)
 
     at_the_editor(scenario)
 

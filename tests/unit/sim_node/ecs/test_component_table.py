@@ -48,7 +48,7 @@ def test_columns_are_views_to_write_into():
     table.column("linear_velocity")[1] = (1, 2, 3)
     assert table.read(1)["linear_velocity"].tolist() == [1, 2, 3]
     table.write(0, {"mass": 9.0})
-    assert table.columns()["mass"].tolist() == [9, 2, 3] and table.value_version == 1
+    assert table.columns()["mass"].tolist() == [9, 2, 3]
     with pytest.raises(ComponentError, match="RigidBody has no field 'weight'; it has motion, mass"):
         table.column("weight")
 

@@ -1,0 +1,114 @@
+"""Somebody at the editor: what a person does with it, on a window without a display."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import TYPE_CHECKING
+
+import pytest
+
+from elys.bus.session import Session
+from elys.editor_node.events import (
+    CharacterTyped,
+    CursorEntered,
+    KeyPressed,
+    KeyReleased,
+    Modifiers,
+    MouseButton,
+    MouseMoved,
+    MousePressed,
+    MouseReleased,
+)
+from elys.editor_node.keys import Key
+
+if TYPE_CHECKING:
+    from elys.editor_node.node import Editor
+
+CTRL, SHIFT, ALT = Modifiers.CTRL, Modifiers.SHIFT, Modifiers.ALT
+_KEY_OF = {CTRL: Key.LEFT_CTRL, SHIFT: Key.LEFT_SHIFT, ALT: Key.LEFT_ALT}
+
+
+class Person:
+    """Does with the editor what a person does, and waits until it was drawn."""
+
+    def __init__(self, editor: Editor, stage) -> None:
+        self.editor = editor
+        self.stage = stage
+        self.application = editor.application
+        editor.ui.landmarks.is_wanted = True
+
+    async def frames(self, count: int = 2) -> None:
+        goal = self.application.frame_count + count
+        self.application.keep_awake(5.0)
+        async with asyncio.timeout(20.0):
+            while self.application.frame_count < goal:
+                await asyncio.sleep(0.001)
+
+    async def until(self, condition) -> None:
+        self.application.keep_awake(5.0)
+        await self.stage.until(condition)
+
+    async def do(self, *events) -> None:
+        for event in events:
+            self.application.offer(event)
+            await self.frames(1)
+        await self.frames(1)
+
+    async def point(self, name: str) -> None:
+        await self.until(lambda: name in self.editor.ui.landmarks.rectangles)
+        await self.do(MouseMoved(*self.editor.ui.landmarks.center(name)))
+
+    async def click(self, name: str, *, times: int = 1, held: Modifiers = Modifiers.NONE) -> None:
+        await self.point(name)
+        if held:
+            await self.do(KeyPressed(_KEY_OF[held], held))
+        for _ in range(times):
+            await self.do(MousePressed(MouseButton.LEFT, held), MouseReleased(MouseButton.LEFT, held))
+        if held:
+            await self.do(KeyReleased(_KEY_OF[held]))
+
+    async def press(self, key: int, held: Modifiers = Modifiers.NONE) -> None:
+        keys = [_KEY_OF[modifier] for modifier in held]
+        await self.do(*(KeyPressed(k) for k in keys), KeyPressed(key, held), KeyReleased(key, held))
+        await self.do(*(KeyReleased(k) for k in keys))
+
+    async def type(self, text: str) -> None:
+        await self.do(*(CharacterTyped(ord(letter)) for letter in text))
+
+    async def drag(self, name: str, x: float, y: float, *, steps: int = 6, held: Modifiers = Modifiers.NONE) -> None:
+        await self.point(name)
+        start_x, start_y = self.editor.ui.landmarks.center(name)
+        await self.do(MousePressed(MouseButton.LEFT, held))
+        for step in range(1, steps + 1):
+            await self.do(MouseMoved(start_x + x * step / steps, start_y + y * step / steps))
+        await self.do(MouseReleased(MouseButton.LEFT, held))
+
+
+@pytest.fixture
+def at_the_editor(on_stage):
+    """Runs `await scenario(person)` at an editor that shows the yard."""
+
+    def play(scenario, records=None) -> None:
+        from elys.editor_node.node import Editor  # the tests of the model need no ImGui
+
+        async def with_editor(stage):
+            session = await Session.join(stage.broker.connect(), kind="editor")
+            try:
+                with Editor(session, null_platform=True, size=(1600, 900)) as editor:
+                    running = asyncio.create_task(editor.run())
+                    person = Person(editor, stage)
+                    await person.do(CursorEntered(True))
+                    await person.until(lambda: editor.model.scene.is_known)
+                    stage.host.publish_status()
+                    await person.frames(3)
+                    try:
+                        await scenario(person)
+                    finally:
+                        editor.application.close()
+                        await running
+            finally:
+                await session.close()
+
+        on_stage(with_editor, records)
+
+    return play

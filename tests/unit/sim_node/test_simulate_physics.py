@@ -1,0 +1,108 @@
+"""Bodies follow components: what leaves physics is told where it stands, and what physics cannot hold is left out and told."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from elys.bus.messages.scene import ComponentSet
+from elys.common.components import Collider, RigidBody, Transform
+from elys.common.ids import Entity
+from elys.sim_node.scene.delta import scene_changes
+from elys.sim_node.simulation import Simulation
+
+
+@pytest.fixture
+def simulation() -> Simulation:
+    return Simulation()
+
+
+@pytest.fixture
+def box(simulation: Simulation) -> Entity:
+    """A box that has fallen for half a second."""
+    rig = simulation.world.spawn([Transform()], name="Rig")
+    body = [Transform(position=(0.0, 9.0, 0.0)), RigidBody(), Collider()]
+    entity = simulation.world.spawn(body, name="Box", parent=rig)
+    for _ in range(30):
+        simulation.step()
+    simulation.take_changes()
+    return entity
+
+
+def told(simulation: Simulation) -> dict[tuple[int, str], dict[str, object]]:
+    """The components that the next delta tells, by entity and name."""
+    changes = scene_changes(simulation.world, simulation.take_changes())
+    return {(c.entity, c.component): c.values for c in changes if isinstance(c, ComponentSet)}
+
+
+@pytest.mark.parametrize(
+    "stop",
+    [
+        lambda world, box: world.set_enabled(box, False),
+        lambda world, box: world.set_enabled(world.hierarchy.parent_of(box), False),
+        lambda world, box: world.remove(box, RigidBody),
+        lambda world, box: world.set(box, RigidBody(motion="static")),
+    ],
+    ids=["disabled", "parent disabled", "no body any more", "static"],
+)
+def test_who_follows_deltas_hears_where_a_body_has_stopped(simulation, box, stop: Callable[..., None]) -> None:
+    (fallen,) = simulation.moving_bodies().position.tolist()
+    assert fallen[1] < 8.0
+    stop(simulation.world, box)
+    simulation.step()
+    assert len(simulation.moving_bodies().entity) == 0
+    assert told(simulation)[box, "Transform"]["position"] == tuple(fallen)
+
+
+def test_a_body_that_goes_on_is_not_told_again(simulation, box) -> None:
+    simulation.world.set(box, Collider(friction=0.1))
+    simulation.step()
+    assert told(simulation).keys() == {(box, "Collider")}
+
+
+def test_a_collider_scaled_to_nothing_still_stops_what_falls_on_it(simulation) -> None:
+    simulation.world.spawn([Transform(scale=(50.0, 0.0, 50.0)), Collider()], name="Floor")
+    simulation.world.spawn([Transform(position=(0.0, 1.0, 0.0)), RigidBody(), Collider()], name="Box")
+    for _ in range(120):
+        simulation.step()
+    assert simulation.moving_bodies().position[0, 1] == pytest.approx(0.5, abs=0.02)
+    assert simulation.take_events() == []
+
+
+@pytest.mark.parametrize(
+    ("component", "back", "sentence"),
+    [
+        (Transform(position=(0.0, 1e12, 0.0)), Transform(position=(0.0, 1.0, 0.0)), "'Box' is left out of physics"),
+        (Transform(scale=(1.0, 1e30, 1.0)), Transform(), "'Box' collides with nothing"),
+        (Collider(size=(3e38, 1.0, 1.0)), Collider(), "'Box' collides with nothing"),
+        (Collider(offset=(3e38, 1.0, 1.0)), Collider(), "'Box' collides with nothing"),
+    ],
+    ids=lambda value: type(value).__name__,
+)
+def test_what_lies_out_of_reach_is_left_out_told_and_taken_in_again(simulation, box, component, back, sentence) -> None:
+    simulation.world.set(box, component)
+    simulation.step()
+    (event,) = simulation.take_events()
+    assert (event.kind, event.entity) == ("physics", box)
+    assert sentence in event.values["text"]
+    for _ in range(5):
+        simulation.step()
+    assert simulation.take_events() == []  # it is told once
+    simulation.world.set(box, back)
+    simulation.step()
+    assert simulation.take_events() == []
+    moving = simulation.moving_bodies()
+    assert moving.entity.tolist() == [box]
+    assert np.isfinite(moving.position).all()
+
+
+def test_a_body_without_a_transform_waits_for_one(simulation, box) -> None:
+    simulation.world.remove(box, Transform)
+    simulation.step()
+    assert [event.entity for event in simulation.take_events()] == [box]
+    assert len(simulation.moving_bodies().entity) == 0
+    simulation.world.add(box, Transform())
+    simulation.step()
+    assert simulation.moving_bodies().entity.tolist() == [box]
