@@ -25,6 +25,9 @@ def run(
     json: bool,
 ) -> None:
     """Simulates a scene: with an editor, or headless; headless with a step limit runs as fast as it can."""
+    from elys.bus.discovery import complete_endpoint
+
+    endpoint = complete_endpoint(listen) if listen else None  # what is none is said before anything takes its time
     if headless:
         _run_headless(
             scene,
@@ -32,18 +35,16 @@ def run(
             record=record,
             realtime=realtime or not step_limit,
             paused=paused,
-            listen=listen,
+            listen=endpoint,
             name=name,
             json=json,
         )
         return
-    from elys.bus.discovery import complete_endpoint
     from elys.render_node.window import probe_display
     from elys.sim_node.kernel_cache import kernels_are_warm
     from elys.verbs.kernels import compile_with_progress
     from elys.verbs.recording_child import require_recordable
 
-    endpoint = complete_endpoint(listen) if listen else None
     require_scene(scene)
     if record is not None:
         require_recordable(record)
