@@ -139,13 +139,16 @@ class _Supervisor:
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             loop.add_signal_handler(number, self._stop.set)
+        failures: list[LaunchError] = []
         try:
             async with asyncio.TaskGroup() as group:
                 watchers = [group.create_task(self._keep(index)) for index in range(len(self._processes))]
                 group.create_task(self._end_when_all(watchers))
                 group.create_task(self._end_when_asked(watchers))
         except* LaunchError as errors:
-            raise errors.exceptions[0] from None
+            failures += [error for error in errors.exceptions if isinstance(error, LaunchError)]
+        if failures:  # raised out here: Python 3.11 before .4 wraps what is raised in an except* into a group again
+            raise failures[0]
         return self._status
 
     async def _end_when_all(self, watchers: list[asyncio.Task[None]]) -> None:
