@@ -173,6 +173,9 @@ def finish_step(bodies, poses, faulty):
     for i in range(bodies.shape[0]):
         body = bodies[i]
         if body.motion == STATIC:
+            # What is not finite times no inverse mass is not 0: one bad body must not spoil all that touch the ground.
+            for k in range(6):
+                body.velocity[k] = 0.0
             continue
         if not is_finite(body):
             faulty[faults] = i
