@@ -106,3 +106,26 @@ def test_a_body_without_a_transform_waits_for_one(simulation, box) -> None:
     simulation.world.add(box, Transform())
     simulation.step()
     assert simulation.moving_bodies().entity.tolist() == [box]
+
+
+def test_a_velocity_that_32_bits_cannot_tell_stops_the_body(simulation, box) -> None:
+    """A component with an infinite velocity would keep every newcomer out: no snapshot that holds one is taken."""
+    simulation.world.set(box, RigidBody(linear_velocity=(3.3e38, 0.0, 0.0)))
+    other = simulation.world.spawn([Transform(), RigidBody(gravity_scale=3e38), Collider()])
+    for _ in range(10):
+        simulation.step()
+    assert [event.entity for event in simulation.take_events()] == [box, other]
+    assert np.isfinite(simulation.world.table(RigidBody).column("linear_velocity")).all()
+
+
+def test_one_body_whose_numbers_are_none_does_not_spoil_the_ground(simulation) -> None:
+    simulation.world.spawn([Transform(scale=(50.0, 1.0, 50.0)), Collider()], name="Floor")
+    places = [(3.0 * x, 1.2, 0.0) for x in range(5)]
+    boxes = [simulation.world.spawn([Transform(position=place), RigidBody(), Collider()]) for place in places]
+    simulation.step()
+    simulation.physics._bodies.rows["velocity"][0] = np.nan  # as contacts with a body out of its senses leave it
+    for _ in range(60):
+        simulation.step()
+    moving = simulation.moving_bodies()
+    assert moving.entity.tolist() == boxes
+    assert moving.position[:, 1] == pytest.approx([1.0] * 5, abs=0.02)
