@@ -131,6 +131,7 @@ def _compile_in_two_processes(kernels: tuple[Kernel, ...], ready: Callable[[str]
                 ready(kernel.name)
         except BaseException:
             second.kill()
+            listener.join()  # its pipe has ended; leaving the block closes it, which must not happen while it reads
             raise
         listener.join()
         assert second.stderr is not None
