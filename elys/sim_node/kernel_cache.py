@@ -7,6 +7,7 @@ imports no compiler, and then calls `warm_kernels` with a function that shows th
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import importlib
 import os
@@ -124,16 +125,15 @@ def _compile_in_two_processes(kernels: tuple[Kernel, ...], ready: Callable[[str]
         command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True
     ) as second:
         listener = threading.Thread(target=_listen, args=(second, ready), daemon=True)
-        listener.start()
         try:
+            listener.start()
             for kernel in _share(kernels, second=False):
                 _compile(kernel)
                 ready(kernel.name)
+            listener.join()
         except BaseException:
             second.kill()
-            listener.join()  # its pipe has ended; leaving the block closes it, which must not happen while it reads
             raise
-        listener.join()
         assert second.stderr is not None
         complaint = second.stderr.read().strip()
     if second.returncode != 0:
@@ -146,8 +146,9 @@ def _compile_in_two_processes(kernels: tuple[Kernel, ...], ready: Callable[[str]
 def _listen(second: subprocess.Popen[str], ready: Callable[[str], None]) -> None:
     """Hears which kernels the second process has ready while the first one works."""
     assert second.stdout is not None
-    for line in second.stdout:
-        ready(line.strip())
+    with contextlib.suppress(ValueError):  # the pipe is closed while it is read: the compilation was interrupted
+        for line in second.stdout:
+            ready(line.strip())
 
 
 def _share(kernels: tuple[Kernel, ...], *, second: bool) -> Iterator[Kernel]:
