@@ -26,9 +26,10 @@ from elys.sim_node.physics.kernels.tables import BOX, DYNAMIC, STATIC
 from elys.sim_node.physics.mass_properties import mass_properties
 from elys.sim_node.physics.measures import energy_of, momentum_of
 from elys.sim_node.physics.raycasting import query_tree, raycast
-from elys.sim_node.physics.settings import PhysicsSettings, step_constants
+from elys.sim_node.physics.settings import PhysicsSettings, step_constants, step_strengths
+from elys.sim_node.physics.solving import SolverRoom
 from elys.sim_node.physics.states import BodyStates, ContactPoints, Energy, Momentum, Problem, RayHits
-from elys.sim_node.physics.stepping import step_bodies
+from elys.sim_node.physics.stepping import Step
 
 Array = np.ndarray[Any, Any]
 
@@ -41,6 +42,7 @@ class PhysicsWorld:
         self._bodies = BodyTable()
         self._colliders = ColliderTable()
         self._contacts = ContactStore()
+        self._room = SolverRoom()
         self._problems: list[Problem] = []
         self._query_tree: BoxTree | None = None
 
@@ -257,7 +259,9 @@ class PhysicsWorld:
             raise PhysicsError(f"A step must take a finite time above 0 s, not {dt!r}")
         constants = step_constants(self.settings, dt, can_bounce=self._colliders.can_bounce)
         profile = {} if profile is None else profile
-        faulty = step_bodies(self._bodies, self._colliders, self._contacts, constants, profile)
+        strengths = step_strengths(self.settings, dt)
+        step = Step(self._bodies, self._colliders, self._contacts, self._room, constants, strengths)
+        faulty = step.run(profile)
         self._query_tree = None
         if len(faulty):
             self._stop(faulty)
@@ -276,7 +280,6 @@ class PhysicsWorld:
         self._forget_pairs(rows)
         table["motion"][rows] = STATIC
         table["velocity"][rows] = 0.0
-        table["displacement"][rows] = 0.0
         self._bodies.update_inverses(rows)
         self._bodies.place(rows, poses["position"], np.asarray(poses["rotation"], np.float64))
         self._changed()

@@ -6,10 +6,10 @@ import math
 
 from elys.sim_node.compilation import inner, kernel
 from elys.sim_node.physics.kernels.box_box import box_box
-from elys.sim_node.physics.kernels.manifold import can_recycle, write_manifold
+from elys.sim_node.physics.kernels.manifold import follow_motion, forget_contact, write_manifold
 from elys.sim_node.physics.kernels.placement import turning_travel
 from elys.sim_node.physics.kernels.sphere import box_sphere, sphere_sphere
-from elys.sim_node.physics.kernels.tables import BOX, POINTS
+from elys.sim_node.physics.kernels.tables import BOX
 
 
 @inner
@@ -23,13 +23,22 @@ def pair_margin(first, second, a, b, constants):
     for k in range(3):
         relative = second.velocity[k] - first.velocity[k]
         squared += relative * relative
-    h = constants.substep * constants.substeps
+    h = constants.time
     way = h * math.sqrt(squared) + turning_travel(first, a, h) + turning_travel(second, b, h)
     return constants.margin + min(way, a.reach, b.reach)
 
 
+@inner
+def boxes_apart(a, b, margin):
+    """Whether the smallest boxes of two colliders are farther apart than the margin: most pairs are, and need no more."""
+    for k in range(3):
+        if a[k] - margin > b[3 + k] or b[k] - margin > a[3 + k]:
+            return True
+    return False
+
+
 @kernel
-def update_manifolds(bodies, colliders, pairs, pair_count, manifolds, points, all_found, all_constants, touching):
+def update_manifolds(bodies, colliders, pairs, pair_count, manifolds, all_found, all_constants, touching):
     """Brings the manifold of every pair up to date; returns how many have contact, their pairs listed in `touching`."""
     constants = all_constants[0]
     found = all_found[0]
@@ -43,7 +52,12 @@ def update_manifolds(bodies, colliders, pairs, pair_count, manifolds, points, al
         manifold = manifolds[pair.slot]
         margin = pair_margin(first, second, a, b, constants)
         boxes = a.kind == BOX and b.kind == BOX
-        if not (boxes and can_recycle(first, second, manifold, margin, constants)):
+        if boxes_apart(a.box, b.box, margin):
+            if manifold.point_count > 0:
+                forget_contact(manifold)
+            manifold.margin = -1.0
+            continue
+        if not (boxes and follow_motion(first, second, manifold, margin, constants)):
             flipped = False
             if boxes:
                 count = box_box(colliders, pair.a, pair.b, margin, found)
@@ -54,7 +68,7 @@ def update_manifolds(bodies, colliders, pairs, pair_count, manifolds, points, al
                 flipped = True
             else:
                 count = sphere_sphere(a, b, margin, found)
-            write_manifold(first, second, manifold, points, pair.slot * POINTS, found, count, margin, flipped)
+            write_manifold(first, second, a, b, manifold, found, count, margin, flipped)
         if manifold.point_count > 0:
             touching[touching_count] = p
             touching_count += 1
