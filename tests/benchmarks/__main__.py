@@ -2,6 +2,7 @@
 
 python -m tests.benchmarks                 all, and the table of the README is written anew
 python -m tests.benchmarks ticks starts    only these
+python -m tests.benchmarks rigid --help    rigid bodies have choices of their own
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
 
-from tests.benchmarks import latency, scene_tree, starts, ticks
+from tests.benchmarks import latency, rigid_bodies, scene_tree, starts, ticks
 
 ROOT = Path(__file__).parents[2]
 SUITES: dict[str, Callable[[], list[tuple[str, str]]]] = {
@@ -27,6 +28,9 @@ SUITES: dict[str, Callable[[], list[tuple[str, str]]]] = {
 
 
 def main() -> None:
+    if sys.argv[1:2] == ["rigid"]:
+        rigid_bodies.main(sys.argv[2:])
+        return
     chosen = sys.argv[1:] or list(SUITES)
     unknown = [name for name in chosen if name not in SUITES]
     if unknown:
