@@ -8,15 +8,14 @@ python -m tests.benchmarks rigid --help    rigid bodies have choices of their ow
 from __future__ import annotations
 
 import json
-import platform
 import re
 import sys
 import time
 from collections.abc import Callable
-from importlib import metadata
 from pathlib import Path
 
 from tests.benchmarks import latency, rigid_bodies, scene_tree, starts, ticks
+from tests.benchmarks.machine import machine
 
 ROOT = Path(__file__).parents[2]
 SUITES: dict[str, Callable[[], list[tuple[str, str]]]] = {
@@ -24,6 +23,7 @@ SUITES: dict[str, Callable[[], list[tuple[str, str]]]] = {
     "latency": latency.measure,
     "starts": starts.measure,
     "tree": scene_tree.measure,
+    "rigid": rigid_bodies.measure,
 }
 
 
@@ -45,18 +45,6 @@ def main() -> None:
     (ROOT / "bench.json").write_text(json.dumps(facts, indent=2) + "\n")
     if set(chosen) == set(SUITES):
         write_into_readme(f"{machine()}\n\n{table}")
-
-
-def machine() -> str:
-    """What was measured on, with the versions that matter."""
-    cpu = platform.machine()
-    for line in Path("/proc/cpuinfo").read_text().splitlines():
-        if line.startswith("model name"):
-            cpu = line.split(":", 1)[1].strip()
-            break
-    cores = len([line for line in Path("/proc/cpuinfo").read_text().splitlines() if line.startswith("processor")])
-    versions = ", ".join(f"{name} {metadata.version(name)}" for name in ("numba", "numpy", "eclipse-zenoh"))
-    return f"{cpu}, {cores} cores, software OpenGL; Python {platform.python_version()}, {versions}."
 
 
 def write_into_readme(text: str) -> None:

@@ -16,38 +16,41 @@ from elys.samples.rigid_cases.standing import pyramid
 Array = np.ndarray[Any, Any]
 
 _LAYERS: Final = 8
+_DROP: Final = 2.2  # [m] from layer to layer: the topmost still falls while the lowest lie
+_WALL_HEIGHT: Final = 30.0  # [m]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Crowd:
-    """A scene to be timed, while it falls and once it has settled."""
+    """A scene to be timed beside a peer, while it falls and once it has settled."""
 
     name: str
     title: str
     build: Callable[[], RigidScene]
     settle_steps: int  # after so many the settled window begins
+    settled_bound: float = 0.5  # of the peer's time, at most
+    falling_bound: float | None = 0.7  # the same of the first steps; None where nothing falls
     sleeping: bool = False  # whether bodies may sleep
-    falls: bool = True  # whether the first steps are worth a row of their own
     threads: int = 1
 
 
 def _grid(count: int, spacing: float, *, seed: int, jitter: float) -> tuple[Array, float]:
     """Positions (N, 3) in layers over y = 0, and half the width of the bin around them [m]."""
     columns = math.ceil(math.sqrt(count / _LAYERS))
-    number = np.arange(count)
-    layer, place = np.divmod(number, columns * columns)
+    layer, place = np.divmod(np.arange(count), columns * columns)
     row, column = np.divmod(place, columns)
-    position = np.stack([column - 0.5 * (columns - 1), layer + 0.6, row - 0.5 * (columns - 1)], axis=1) * spacing
+    middle = 0.5 * (columns - 1)
+    position = np.stack([(column - middle) * spacing, 1.0 + layer * _DROP, (row - middle) * spacing], axis=1)
     position[:, [0, 2]] += np.random.default_rng(seed).uniform(-jitter, jitter, (count, 2))
     return position, 0.5 * columns * spacing + 0.2
 
 
 def _bin(half: float) -> Bodies:
-    """A floor and four walls, 2 m thick and 14 m high, about a square of half width `half`."""
-    middle, height = half + 1.0, 14.0
-    wide = 2.0 * half + 4.0
-    position = [[0, 7, middle], [0, 7, -middle], [middle, 7, 0], [-middle, 7, 0]]
-    size = [[wide, height, 2.0]] * 2 + [[2.0, height, wide]] * 2
+    """A floor and four walls, 2 m thick, about a square of half width `half`."""
+    middle, wide = half + 1.0, 2.0 * half + 4.0
+    up = 0.5 * _WALL_HEIGHT
+    position = [[0, up, middle], [0, up, -middle], [middle, up, 0], [-middle, up, 0]]
+    size = [[wide, _WALL_HEIGHT, 2.0]] * 2 + [[2.0, _WALL_HEIGHT, wide]] * 2
     return joined(ground(width=wide + 20.0), bodies(position, motion=STATIC, size=size))
 
 
@@ -66,8 +69,7 @@ def heap(count: int) -> RigidScene:
 def mixed(count: int) -> RigidScene:
     """Boxes, spheres and capsules, turned anyhow, that drop into a bin."""
     position, half = _grid(count, 1.75, seed=count, jitter=0.0)
-    shape = np.arange(count) % 3
-    assert {BOX, SPHERE, CAPSULE} == {0, 1, 2}
+    shape = np.array([BOX, SPHERE, CAPSULE])[np.arange(count) % 3]
     falling = bodies(
         position,
         shape=shape,
@@ -106,48 +108,55 @@ def rays_into(scene: RigidScene, count: int) -> tuple[Array, Array]:
     return origins, targets - origins
 
 
+def _pile(count: int, *, threads: int = 1) -> Crowd:
+    return Crowd(
+        name=f"pile-{count}" + (f"-threads-{threads}" if threads > 1 else ""),
+        title=f"pile of {count} cubes" + (f", {threads} threads" if threads > 1 else ""),
+        build=partial(pile, count),
+        settle_steps=400,
+        threads=threads,
+    )
+
+
+def _asleep(count: int) -> Crowd:
+    return Crowd(
+        name=f"asleep-{count}",
+        title=f"{count} cubes asleep in towers, one sphere moving",
+        build=partial(sleeping_towers, count),
+        settle_steps=300,
+        settled_bound=1.0,
+        falling_bound=None,
+        sleeping=True,
+    )
+
+
 CROWDS: Final[Mapping[str, Crowd]] = {
     crowd.name: crowd
     for crowd in (
-        Crowd(name="pile-1000", title="pile of 1000", build=partial(pile, 1000), settle_steps=400),
-        Crowd(name="pile-5000", title="pile of 5000", build=partial(pile, 5000), settle_steps=400),
-        Crowd(name="pile-10000", title="pile of 10000", build=partial(pile, 10000), settle_steps=400),
+        _pile(1000),
+        _pile(5000),
+        _pile(10000),
         Crowd(
-            name="pile-5000-2",
-            title="pile of 5000, two threads",
-            build=partial(pile, 5000),
-            settle_steps=400,
-            threads=2,
-        ),
-        Crowd(name="heap-1000", title="heap of 1000 turned cubes", build=partial(heap, 1000), settle_steps=600),
-        Crowd(
-            name="pyramid-40",
-            title="pyramid of base 40",
-            build=partial(pyramid, 40),
-            settle_steps=300,
-            falls=False,
-        ),
-        Crowd(
-            name="mixed-1000",
-            title="1000 boxes, spheres, capsules",
-            build=partial(mixed, 1000),
+            name="heap-1000",
+            title="heap of 1000 randomly turned cubes",
+            build=partial(heap, 1000),
             settle_steps=600,
         ),
         Crowd(
-            name="asleep-5000",
-            title="5000 asleep, one mover",
-            build=partial(sleeping_towers, 5000),
+            name="pyramid-40",
+            title="pyramid of base 40, 820 cubes",
+            build=partial(pyramid, 40),
             settle_steps=300,
-            sleeping=True,
-            falls=False,
+            falling_bound=None,
         ),
         Crowd(
-            name="asleep-1000",
-            title="1000 asleep, one mover",
-            build=partial(sleeping_towers, 1000),
-            settle_steps=300,
-            sleeping=True,
-            falls=False,
+            name="mixed-1000",
+            title="1000 boxes, spheres and capsules",
+            build=partial(mixed, 1000),
+            settle_steps=600,
         ),
+        _pile(5000, threads=2),
+        _asleep(1000),
+        _asleep(5000),
     )
 }
