@@ -1,0 +1,97 @@
+"""Rigid bodies against peers and against truth.
+
+python -m tests.benchmarks rigid                       everything
+python -m tests.benchmarks rigid --case stack-30       one case or crowd; may be given again
+python -m tests.benchmarks rigid --quick               first seeds and short windows
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from elys.samples.rigid_cases import CROWDS, RIGID_CASES
+from tests.benchmarks.machine import machine
+from tests.benchmarks.rigid_accuracy import AccuracyRow, accuracy_table, measure_case
+from tests.benchmarks.rigid_engines import engines, versions
+from tests.benchmarks.rigid_services import ServiceRow, growth, measure_rays, measure_spawning, service_table
+from tests.benchmarks.rigid_speed import SpeedRow, measure_crowd, speed_table
+
+ROOT = Path(__file__).parents[2]
+SERVICES = {"rays": measure_rays, "spawn": measure_spawning}
+
+
+class Report(NamedTuple):
+    """All that was measured."""
+
+    accuracy: list[AccuracyRow]
+    speed: list[SpeedRow]
+    services: list[ServiceRow]
+
+
+def main(words: Sequence[str]) -> None:
+    """The command line."""
+    names = [*RIGID_CASES, *CROWDS, *SERVICES]
+    parser = argparse.ArgumentParser(
+        prog="python -m tests.benchmarks rigid", description="Rigid bodies against peers and against truth."
+    )
+    parser.add_argument(
+        "--case", action="append", choices=names, metavar="NAME", help=f"only this, may be repeated: {', '.join(names)}"
+    )
+    parser.add_argument("--quick", action="store_true", help="first seeds and short windows: figures to steer by")
+    parser.add_argument("--json", type=Path, default=ROOT / "rigid.json", help="where the figures are written")
+    options = parser.parse_args(words)
+    report = measure_report(options.case or names, quick=options.quick)
+    show(report)
+    write(report, options.json)
+
+
+def measure() -> list[tuple[str, str]]:
+    """Everything, as a suite of `make bench`: prints its own tables, and gives the rows that the README shows."""
+    report = measure_report([*RIGID_CASES, *CROWDS, *SERVICES])
+    show(report)
+    write(report, ROOT / "rigid.json")
+    missed = sum(not row.is_met for row in report.accuracy)
+    rows = [
+        ("hard cases of rigid bodies within their bounds", f"{len(report.accuracy) - missed} of {len(report.accuracy)}")
+    ]
+    for row in report.speed:
+        figures = " / ".join(f"{cost:.2f}" for cost in row.step_ms.values())
+        rows.append((f"step of {row.title}, {row.window}, {' / '.join(row.step_ms)}", f"{figures} ms"))
+    return rows
+
+
+def measure_report(names: Sequence[str], *, quick: bool = False) -> Report:
+    """Measures cases, crowds and services by their names."""
+    accuracy = [row for name in names if name in RIGID_CASES for row in measure_case(RIGID_CASES[name], quick=quick)]
+    speed = [row for name in names if name in CROWDS for row in measure_crowd(CROWDS[name], quick=quick)]
+    services = [row for name in names if name in SERVICES for row in SERVICES[name](quick=quick)]
+    return Report(accuracy, speed, services + growth(speed))
+
+
+def show(report: Report) -> None:
+    """Prints the tables that have rows."""
+    print(f"{machine()}\n{', '.join(f'{name} {version}' for name, version in versions().items())}")
+    if len(engines()) == 1:
+        print("No peer is installed; `pip install -e .[peers]` brings rapier3d.")
+    for rows, table in (
+        (report.accuracy, accuracy_table),
+        (report.speed, speed_table),
+        (report.services, service_table),
+    ):
+        if rows:
+            print(f"\n{table(rows)}")
+
+
+def write(report: Report, path: Path) -> None:
+    """The report as JSON, with what it was measured on and when."""
+    facts: dict[str, Any] = {"machine": machine(), "versions": versions(), "date": time.strftime("%Y-%m-%d")}
+    for name, rows in report._asdict().items():
+        facts[name] = [row._asdict() for row in rows]
+    for row, told in zip(report.speed, facts["speed"], strict=True):
+        told["ratio"] = row.ratio
+    path.write_text(json.dumps(facts, indent=2) + "\n")
