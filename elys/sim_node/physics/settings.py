@@ -19,11 +19,11 @@ class PhysicsSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     """How a world is simulated. The defaults suit things from a hand to a house in size."""
 
     gravity: Vec3 = (0.0, -9.81, 0.0)  # [m/s^2]
-    substeps: int = 10  # parts of a step; contacts are solved in each
+    substeps: int = 8  # parts of a step; contacts are solved in each
     strengths: int = 5  # how often substeps may be doubled for islands that need it, that and one
-    contact_overlap: float = 1e-3  # more than this no contact of a small island shall give way [m]
+    contact_overlap: float = 1.1e-3  # more than this no contact of a small island shall give way [m]
     contact_stiffness: float = 0.125  # frequency of a contact as a share of the substeps'; twice that against what cannot move
-    contact_damping: float = 10.0  # damping ratio of that push; half of it against what cannot move
+    contact_damping: float = 5.0  # damping ratio of that push; half of it against what cannot move
     push_speed: float = 3.0  # overlap is never removed faster [m/s]
     bounce_speed: float = 0.01  # slower approaches do not bounce [m/s]
     contact_margin: float = 0.02  # gap up to which contacts are kept [m]

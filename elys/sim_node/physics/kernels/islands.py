@@ -13,6 +13,7 @@ from elys.sim_node.physics.kernels.tables import DYNAMIC, POINTS, STATIC
 
 SMALL = 512  # bodies up to which an island is solved to the allowed overlap [1]
 COARSE = 10.0  # how much more a larger one may give way
+EASED = 0.9  # of the allowed overlap, below which an island is solved more weakly again
 
 
 @inner
@@ -57,7 +58,7 @@ def pressing(first, second, manifold, constants):
 
 @inner
 def wanted_strength(first, second, manifold, allowed, strengths, constants):
-    """The weakest row of STRENGTH that holds a contact; a stronger one is kept until half the allowance would do."""
+    """The weakest row of STRENGTH that holds a contact; a stronger one is kept a little longer."""
     inverse_mass = first.inverse_mass + second.inverse_mass
     softness = strengths[0].softness
     if first.inverse_mass == 0.0 or second.inverse_mass == 0.0:
@@ -67,7 +68,7 @@ def wanted_strength(first, second, manifold, allowed, strengths, constants):
     chosen = 0
     while chosen + 1 < strengths.shape[0]:
         ratio = strengths[chosen].substep / strengths[0].substep
-        limit = 0.5 * allowed if chosen < before else allowed
+        limit = EASED * allowed if chosen < before else allowed
         if overlap * ratio * ratio <= limit:
             break
         chosen += 1
