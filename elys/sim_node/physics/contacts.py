@@ -46,6 +46,7 @@ class ContactStore:
     def __init__(self) -> None:
         self.pair_count = 0
         self.touching_count = 0
+        self.is_changed = True  # since contacts were last dealt out to the solver
         self.pairs = np.zeros(64, PAIR)
         self.touching = np.zeros(64, np.int32)
         self.manifolds = np.zeros(64, MANIFOLD)
@@ -88,9 +89,11 @@ class ContactStore:
         self.pairs[: len(kept)] = kept
         self.pair_count = len(kept)
         self.touching_count = 0
+        self.is_changed = True
 
     def update_pairs(self, bodies: Array, colliders: Array, moved: int) -> None:
         """Finds the pairs of colliders with new fat boxes, ends those that parted."""
+        before = self.pair_count
         tree = self.tree
         tree.build(colliders["fat_box"], moved)
         index_pairs(self.pairs, self.pair_count, self._starts)
@@ -114,6 +117,8 @@ class ContactStore:
             self._free_count,
         )
         give_slots(self.pairs, self.pair_count, self.manifolds, self._free, self._free_count)
+        # Places in `pairs` have changed, and with them what `touching` says.
+        self.is_changed |= found > 0 or self.pair_count != before
 
     def make_room(self, pair_count: int) -> None:
         """Lets there be that many pairs."""

@@ -36,8 +36,13 @@ class SolverRoom:
         self._make_body_room(0)
         self._make_contact_room(0)
 
-    def reserve(self, body_count: int, contact_count: int, strength_count: int) -> None:
-        """Makes room, by doubling, for so many bodies and touching pairs, and just as many groups as there are strengths."""
+    def reserve(self, body_count: int, contact_count: int, strength_count: int) -> bool:
+        """Makes room, by doubling, for so many bodies and touching pairs, and just as many groups as there are strengths.
+
+        Returns whether anything was made anew: then contacts have to be dealt out again.
+        """
+        is_enough = body_count <= len(self.parent) and contact_count <= len(self.keys)
+        is_enough = is_enough and strength_count == len(self.groups)
         if body_count > len(self.parent):
             self._make_body_room(max(body_count, 2 * len(self.parent)))
         if contact_count > len(self.keys):
@@ -45,6 +50,7 @@ class SolverRoom:
         if strength_count != len(self.groups):
             self.groups = np.zeros(strength_count, GROUP)
             self.starts = np.zeros(strength_count * KEYS + 1, np.int32)
+        return not is_enough
 
     def _make_body_room(self, count: int) -> None:
         self.parent = np.zeros(count, np.int32)

@@ -24,6 +24,8 @@ from elys.sim_node.physics.solving import SolverRoom
 Array = np.ndarray[Any, Any]
 Result = TypeVar("Result")
 
+_NONE: Array = np.zeros(0, np.int32)
+
 
 class Step:
     """One step of a world: its stages in order, each timed into the profile [s]."""
@@ -66,7 +68,7 @@ class Step:
 
     def _update_manifolds(self) -> None:
         contacts = self._contacts
-        contacts.touching_count = update_manifolds(
+        contacts.touching_count, is_changed = update_manifolds(
             self._bodies.rows,
             self._colliders.rows,
             contacts.pairs,
@@ -76,11 +78,12 @@ class Step:
             self._constants,
             contacts.touching,
         )
+        contacts.is_changed |= is_changed
 
     def _build_islands(self) -> None:
         room, contacts = self._room, self._contacts
-        room.reserve(len(self._bodies.rows), contacts.touching_count, len(self._strengths))
-        build_islands(
+        contacts.is_changed |= room.reserve(len(self._bodies.rows), contacts.touching_count, len(self._strengths))
+        contacts.is_changed |= build_islands(
             self._bodies.rows,
             self._colliders.rows,
             contacts.pairs,
@@ -96,6 +99,9 @@ class Step:
 
     def _colour_contacts(self) -> None:
         room, contacts = self._room, self._contacts
+        if not contacts.is_changed:
+            return
+        contacts.is_changed = False
         colour_contacts(
             self._bodies.rows,
             self._colliders.rows,
@@ -184,7 +190,7 @@ class Step:
     def _finish_step(self) -> Array:
         bodies = self._bodies
         count = finish_step(bodies.rows, bodies.poses, self._room.solver_bodies, bodies.faulty_room, self._constants)
-        return bodies.faulty_room[:count].copy()
+        return bodies.faulty_room[:count].copy() if count else _NONE
 
 
 def _timed(profile: dict[str, float], name: str, stage: Callable[[], Result]) -> Result:

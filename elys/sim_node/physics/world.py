@@ -43,6 +43,8 @@ class PhysicsWorld:
         self._colliders = ColliderTable()
         self._contacts = ContactStore()
         self._room = SolverRoom()
+        self._step: Step | None = None
+        self._step_plan: tuple[float, PhysicsSettings, bool] | None = None
         self._problems: list[Problem] = []
         self._query_tree: BoxTree | None = None
 
@@ -129,6 +131,7 @@ class PhysicsWorld:
         rows = self._bodies.rows_of(checks.entity_column(entities))
         self._remove_colliders(self._colliders.rows_on(rows))
         self._colliders.follow_bodies(self._bodies.remove(rows))
+        self._contacts.is_changed = True
         self._query_tree = None
 
     def add_colliders(
@@ -257,14 +260,21 @@ class PhysicsWorld:
         """
         if not (np.isfinite(dt) and dt > 0.0):
             raise PhysicsError(f"A step must take a finite time above 0 s, not {dt!r}")
-        constants = step_constants(self.settings, dt, can_bounce=self._colliders.can_bounce)
         profile = {} if profile is None else profile
-        strengths = step_strengths(self.settings, dt)
-        step = Step(self._bodies, self._colliders, self._contacts, self._room, constants, strengths)
-        faulty = step.run(profile)
+        faulty = self._step_of(dt).run(profile)
         self._query_tree = None
         if len(faulty):
             self._stop(faulty)
+
+    def _step_of(self, dt: float) -> Step:
+        """The step of this length with the present settings; made anew when one of them changes."""
+        plan = (dt, self.settings, self._colliders.can_bounce)
+        if self._step is None or self._step_plan != plan:
+            constants = step_constants(self.settings, dt, can_bounce=self._colliders.can_bounce)
+            strengths = step_strengths(self.settings, dt)
+            self._step = Step(self._bodies, self._colliders, self._contacts, self._room, constants, strengths)
+            self._step_plan = plan
+        return self._step
 
     def _stop(self, rows: Array) -> None:
         """Takes bodies that are not finite any more out of motion, where they were last seen."""
@@ -367,5 +377,6 @@ class PhysicsWorld:
         self._colliders.forget_boxes(rows)
 
     def _changed(self) -> None:
+        self._contacts.is_changed = True
         self._bodies.publish()
         self._query_tree = None

@@ -66,8 +66,36 @@ def begin_body(body, out, drive, h, constants):
 
 
 @inner
+def integrate_positions(held, first, last, solver, drive, h, can_bounce):
+    """Moves bodies by their velocities for one substep, and by what impacts add to that."""
+    step = splat(h)
+    for index in range(first, last):
+        at = held[index] * BODY_FLOATS
+        d = load(solver, at + 8) + load(solver, at) * step
+        if can_bounce:
+            shift = held[index] * DRIVE_FLOATS + SHIFT_AT
+            d = d + load(drive, shift)
+            store(drive, shift, splat(0.0))
+        store(solver, at + 8, d)
+
+
+@inner
+def take_back(held, first, last, solver_bodies, solver, drive, h):
+    """Ends a substep: halves the displacement that its change of velocity has caused."""
+    half = splat(0.5 * h)
+    for index in range(first, last):
+        i = held[index]
+        if solver_bodies[i].struck > 0.0:
+            solver_bodies[i].struck = 0.0
+            continue
+        at = i * BODY_FLOATS
+        change = load(solver, at) - load(drive, i * DRIVE_FLOATS + START_AT)
+        store(solver, at + 8, load(solver, at + 8) - half * change)
+
+
+@inner
 def integrate_velocities(held, first, last, solver, drive):
-    """Gravity and damping for one substep; `solver` and `drive` are flat float32 views.
+    """Begins a substep: gravity and damping; `solver` and `drive` are flat float32 views.
 
     What the contacts did in the last substep, which is the difference to `free_velocity`, is done again: that is warm
     starting, without visiting the contacts.
@@ -84,31 +112,24 @@ def integrate_velocities(held, first, last, solver, drive):
 
 
 @inner
-def integrate_positions(held, first, last, solver, drive, h, can_bounce):
-    """Moves bodies by their velocities for one substep, and by what impacts add to that."""
-    step = splat(h)
-    for index in range(first, last):
-        at = held[index] * BODY_FLOATS
-        d = load(solver, at + 8) + load(solver, at) * step
-        if can_bounce:
-            shift = held[index] * DRIVE_FLOATS + SHIFT_AT
-            d = d + load(drive, shift)
-            store(drive, shift, splat(0.0))
-        store(solver, at + 8, d)
-
-
-@inner
-def take_back(held, first, last, solver_bodies, solver, drive, h):
-    """Halves the displacement that this substep's change of velocity has caused."""
+def turn_over(held, first, last, solver_bodies, solver, drive, h):
+    """Ends a substep and begins the next: `take_back` and `integrate_velocities` in one visit to each body."""
     half = splat(0.5 * h)
     for index in range(first, last):
         i = held[index]
+        at = i * BODY_FLOATS
+        to = i * DRIVE_FLOATS
         if solver_bodies[i].struck > 0.0:
             solver_bodies[i].struck = 0.0
-            continue
-        at = i * BODY_FLOATS
-        change = load(solver, at) - load(drive, i * DRIVE_FLOATS + START_AT)
-        store(solver, at + 8, load(solver, at + 8) - half * change)
+            v = load(solver, at)
+        else:
+            v = load(solver, at)
+            store(solver, at + 8, load(solver, at + 8) - half * (v - load(drive, to + START_AT)))
+        by_contacts = v - load(drive, to + FREE_AT)
+        free = v * load(drive, to + KEEP_AT) + load(drive, to + KICK_AT)
+        store(drive, to + START_AT, v)
+        store(drive, to + FREE_AT, free)
+        store(solver, at, free + by_contacts)
 
 
 @inner
@@ -198,9 +219,13 @@ def publish_pose(body, pose):
     x, y, z, w = q[0], q[1], q[2], q[3]
     if axes[3] != 1.0:
         x, y, z, w = multiplied(x, y, z, w, -axes[0], -axes[1], -axes[2], axes[3])
-    cx, cy, cz = rotated(x, y, z, w, center[0], center[1], center[2])
     p = pose.position
-    p[0], p[1], p[2] = body.position[0] - cx, body.position[1] - cy, body.position[2] - cz
+    p[0], p[1], p[2] = body.position[0], body.position[1], body.position[2]
+    if center[0] != 0.0 or center[1] != 0.0 or center[2] != 0.0:
+        cx, cy, cz = rotated(x, y, z, w, center[0], center[1], center[2])
+        p[0] -= cx
+        p[1] -= cy
+        p[2] -= cz
     r = pose.rotation
     r[0], r[1], r[2], r[3] = x, y, z, w
     for k in range(3):

@@ -77,7 +77,7 @@ def wanted_strength(first, second, manifold, allowed, strengths, constants):
 
 @kernel
 def build_islands(bodies, colliders, pairs, touching, touching_count, manifolds, parent, size, strengths, all_constants):
-    """Marks the bodies that contacts hold, and gives each the strength of its island.
+    """Marks the bodies that contacts hold, and gives each the strength of its island; whether any strength has changed.
 
     Parameters: parent (N,) and size (N,) int32 are room; afterwards root_of(parent, i) is body i's island.
     """
@@ -117,13 +117,17 @@ def build_islands(bodies, colliders, pairs, touching, touching_count, manifolds,
         now = -code - 100 if code <= -100 else -code - 1
         if chosen > now:
             size[root] -= chosen - now
+    is_changed = False
     for i in range(n):
         body = bodies[i]
+        before = body.strength
         if body.held != 0 and body.motion == DYNAMIC:
             code = size[root_of(parent, i)]
             body.strength = -code - 100 if code <= -100 else -code - 1
         else:
             body.strength = 0
+        is_changed = is_changed or body.strength != before
+    return is_changed
 
 
 @kernel

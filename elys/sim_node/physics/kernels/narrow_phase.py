@@ -7,7 +7,6 @@ import math
 from elys.sim_node.compilation import inner, kernel
 from elys.sim_node.physics.kernels.box_box import box_box
 from elys.sim_node.physics.kernels.manifold import follow_motion, forget_contact, write_manifold
-from elys.sim_node.physics.kernels.placement import turning_travel
 from elys.sim_node.physics.kernels.sphere import box_sphere, sphere_sphere
 from elys.sim_node.physics.kernels.tables import BOX
 
@@ -23,8 +22,7 @@ def pair_margin(first, second, a, b, constants):
     for k in range(3):
         relative = second.velocity[k] - first.velocity[k]
         squared += relative * relative
-    h = constants.time
-    way = h * math.sqrt(squared) + turning_travel(first, a, h) + turning_travel(second, b, h)
+    way = constants.time * math.sqrt(squared) + a.turning + b.turning
     return constants.margin + min(way, a.reach, b.reach)
 
 
@@ -39,10 +37,14 @@ def boxes_apart(a, b, margin):
 
 @kernel
 def update_manifolds(bodies, colliders, pairs, pair_count, manifolds, all_found, all_constants, touching):
-    """Brings the manifold of every pair up to date; returns how many have contact, their pairs listed in `touching`."""
+    """Brings the manifold of every pair up to date; returns how many have contact, their pairs listed in `touching`.
+
+    Second comes whether any manifold has got or lost points.
+    """
     constants = all_constants[0]
     found = all_found[0]
     touching_count = 0
+    is_changed = False
     for p in range(pair_count):
         pair = pairs[p]
         a = colliders[pair.a]
@@ -52,8 +54,10 @@ def update_manifolds(bodies, colliders, pairs, pair_count, manifolds, all_found,
         manifold = manifolds[pair.slot]
         margin = pair_margin(first, second, a, b, constants)
         boxes = a.kind == BOX and b.kind == BOX
+        before = manifold.point_count
         if boxes_apart(a.box, b.box, margin):
-            if manifold.point_count > 0:
+            if before > 0:
+                is_changed = True
                 forget_contact(manifold)
             manifold.margin = -1.0
             continue
@@ -69,7 +73,8 @@ def update_manifolds(bodies, colliders, pairs, pair_count, manifolds, all_found,
             else:
                 count = sphere_sphere(a, b, margin, found)
             write_manifold(first, second, a, b, manifold, found, count, margin, flipped)
+            is_changed = is_changed or count != before
         if manifold.point_count > 0:
             touching[touching_count] = p
             touching_count += 1
-    return touching_count
+    return touching_count, is_changed

@@ -23,6 +23,9 @@ def write_axes(axes, x, y, z, w):
     axes[8] = 1.0 - 2.0 * (x * x + y * y)
 
 
+LASTING = 4.0  # steps of straight flight that a fat box holds
+
+
 @inner
 def write_world_inertia(body, out):
     """The inverse inertia in world axes, R diag(1/I) R^T, as xx yy zz xy xz yz."""
@@ -76,20 +79,14 @@ def place_colliders(bodies, colliders):
 def turning_travel(body, collider, h):
     """How far the farthest point of a collider can go by its body's turning within the time h [m]."""
     v = body.velocity
-    spin = math.sqrt(v[3] * v[3] + v[4] * v[4] + v[5] * v[5])
+    squared_spin = v[3] * v[3] + v[4] * v[4] + v[5] * v[5]
+    if squared_spin == 0.0:
+        return 0.0
     squared = 0.0
     for k in range(3):
         away = collider.center[k] - body.position[k]
         squared += away * away
-    return min(spin * h, 2.0) * (math.sqrt(squared) + collider.reach)
-
-
-@inner
-def surface_travel(body, collider, h):
-    """How far the farthest point of a collider can go within the time h, by moving and by turning [m]."""
-    v = body.velocity
-    speed = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-    return speed * h + turning_travel(body, collider, h)
+    return min(math.sqrt(squared_spin) * h, 2.0) * (math.sqrt(squared) + collider.reach)
 
 
 @kernel
@@ -97,7 +94,7 @@ def fatten_boxes(bodies, colliders, all_constants):
     """Gives a new fat box to every collider that may leave its old one in this step; returns how many.
 
     Together two boxes hold the gap that `pair_margin` looks across, all around and not only ahead: what is found must not
-    depend on how the world is turned. What is added beyond that lets a box last: a little, and two more steps ahead.
+    depend on how the world is turned. What is added beyond that lets a box last: a little, and some more steps ahead.
     """
     constants = all_constants[0]
     h = constants.time
@@ -107,9 +104,13 @@ def fatten_boxes(bodies, colliders, all_constants):
         body = bodies[collider.body]
         around = constants.margin
         ahead = 0.0
+        collider.turning = 0.0
         if body.motion != STATIC:
-            around += min(surface_travel(body, collider, h), collider.reach)
-            ahead = 2.0 * h
+            v = body.velocity
+            collider.turning = turning_travel(body, collider, h)
+            way = h * math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) + collider.turning
+            around += min(way, collider.reach)
+            ahead = LASTING * h
         box = collider.box
         fat = collider.fat_box
         fits = True

@@ -43,7 +43,7 @@ from elys.sim_node.physics.kernels.batch import (
     turned,
 )
 from elys.sim_node.physics.kernels.impact import bounce_contacts
-from elys.sim_node.physics.kernels.integrator import integrate_positions, integrate_velocities, take_back
+from elys.sim_node.physics.kernels.integrator import integrate_positions, integrate_velocities, take_back, turn_over
 from elys.sim_node.physics.kernels.simd import (
     gather_rows,
     larger,
@@ -326,11 +326,15 @@ def solve_contacts(
             for k in range(6):
                 solver_bodies[held[index]].displacement[k] = 0.0
         for substep in range(strength.substeps):
-            if can_bounce:
+            if substep > 0 and not can_bounce:
+                turn_over(held, first, last, solver_bodies, solver, drive, h)
+            else:
+                if substep > 0:
+                    take_back(held, first, last, solver_bodies, solver, drive, h)
                 bounce_contacts(
                     solver_bodies, drives, rows, row_points, group.first_row, group.last_row, h, constants.bounce_speed
                 )
-            integrate_velocities(held, first, last, solver, drive)
+                integrate_velocities(held, first, last, solver, drive)
             if substep == 0:
                 for s in range(group.first_span, group.last_span):
                     for batch in range(spans[s].first, spans[s].last):
@@ -353,7 +357,7 @@ def solve_contacts(
                 if number == 0:
                     integrate_positions(held, first, last, solver, drive, h, can_bounce)
                     integrate_positions(held, fixed_first, held_end, solver, drive, h, False)
-            take_back(held, first, last, solver_bodies, solver, drive, h)
+        take_back(held, first, last, solver_bodies, solver, drive, h)
         if group.last_span > group.first_span:
             first, last = spans[group.first_span].first, spans[group.last_span - 1].last
             finish_contacts(

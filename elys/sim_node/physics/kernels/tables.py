@@ -88,6 +88,7 @@ COLLIDER = np.dtype(
         ("center", "f8", 3),  # in world space [m]
         ("axes", "f8", 9),  # the three axes of the shape in world space, one after another
         ("reach", "f8"),  # radius of the ball around the shape's centre that holds it [m]
+        ("turning", "f8"),  # how far its farthest point can go in this step because the body turns [m]
         ("local_position", "f8", 3),  # in the body's frame [m]
         ("local_rotation", "f8", 4),  # principal_from_shape
         ("friction", "f8"),
