@@ -11,6 +11,7 @@ from elys.sim_node.physics.kernels.colouring import KEYS, OVERFLOW
 from elys.sim_node.physics.kernels.simd import LANES
 from elys.sim_node.physics.kernels.tables import (
     GROUP,
+    ISLAND,
     POINTS,
     ROW,
     ROW_POINT,
@@ -54,7 +55,7 @@ class SolverRoom:
 
     def _make_body_room(self, count: int) -> None:
         self.parent = np.zeros(count, np.int32)
-        self.size = np.zeros(count, np.int32)
+        self.islands = np.zeros(count, ISLAND)
         self.held = np.zeros(count, np.int32)
         self.masks = np.zeros(count, np.uint64)
         # One row more, for everything that never moves.

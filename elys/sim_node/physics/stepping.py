@@ -91,7 +91,7 @@ class Step:
             contacts.touching_count,
             contacts.manifolds,
             room.parent,
-            room.size,
+            room.islands,
             self._strengths,
             self._constants,
         )

@@ -67,7 +67,7 @@ def _kernels() -> tuple[Kernel, ...]:
         (give_slots, (pairs, 0, manifolds, indices, indices)),
         (merge_pairs, (colliders, pairs, 0, pairs, 0, pairs, indices, indices, indices)),
         (find_new_pairs, (bodies, colliders, leaves, nodes, pairs, indices, pairs, indices)),
-        (build_islands, (*touching, indices, indices, strengths, constants)),
+        (build_islands, (*touching, indices, np.zeros(1, tables.ISLAND), strengths, constants)),
         (list_held, (bodies, indices, groups)),
         (colour_contacts, (*touching, masks, indices, indices, indices, indices, groups, spans, *lanes)),
         (prepare_bodies, (bodies, indices, 0, groups, solver, drives, strengths, constants)),

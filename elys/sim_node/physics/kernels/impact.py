@@ -31,8 +31,12 @@ def along(va, vb, n, arm):
 
 
 @inner
-def find_bounces(a, b, row, row_points, first, h, bounce_speed):
-    """Writes when each point of a row hits within this substep; returns how many do."""
+def find_bounces(a, b, drive_a, drive_b, row, row_points, first, h, bounce_speed):
+    """Writes when each point of a row hits within this substep; returns how many do.
+
+    What was struck already counts as if it had flown with its present velocity since the substep began: from where that
+    would have been, `impact_shift` away. So a blow that is handed on comes no earlier than it was received.
+    """
     closing = row.closing
     n = row.normal
     hits = 0
@@ -43,7 +47,8 @@ def find_bounces(a, b, row, row_points, first, h, bounce_speed):
         u = -along(a.velocity, b.velocity, n, point.arm)
         if u <= bounce_speed:
             continue
-        gap = max(point.separation + along(a.displacement, b.displacement, n, point.arm), 0.0)
+        gap = point.separation + along(a.displacement, b.displacement, n, point.arm)
+        gap = max(gap + along(drive_a.impact_shift, drive_b.impact_shift, n, point.arm), 0.0)
         squared = u * u + 2.0 * closing * gap
         if squared < 0.0:
             continue
@@ -162,9 +167,11 @@ def bounce_contacts(solver_bodies, drives, rows, row_points, first, last, h, bou
             row = rows[r]
             a = solver_bodies[row.body_a]
             b = solver_bodies[row.body_b]
-            if find_bounces(a, b, row, row_points, r * POINTS, h, bounce_speed) > 0:
+            drive_a = drives[row.body_a]
+            drive_b = drives[row.body_b]
+            if find_bounces(a, b, drive_a, drive_b, row, row_points, r * POINTS, h, bounce_speed) > 0:
                 quiet = False
                 compress(a, b, row, row_points, r * POINTS)
-                rebound(a, b, drives[row.body_a], drives[row.body_b], row, row_points, r * POINTS)
+                rebound(a, b, drive_a, drive_b, row, row_points, r * POINTS)
         if quiet:
             return

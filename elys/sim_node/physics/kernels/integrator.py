@@ -29,11 +29,11 @@ SHIFT_AT = SOLVER_DRIVE.fields["impact_shift"][1] // 4
 
 @inner
 def damping_factor(rate, h):
-    """exp(-rate h) to third order, never negative, however strong the damping."""
+    """exp(-rate h) to fifth order, never negative, however strong the damping."""
     if rate == 0.0:
         return 1.0
     x = rate * h
-    return 1.0 / (1.0 + x * (1.0 + x * (0.5 + x / 6.0)))
+    return 1.0 / (1.0 + x * (1.0 + x / 2.0 * (1.0 + x / 3.0 * (1.0 + x / 4.0 * (1.0 + x / 5.0)))))
 
 
 @inner
@@ -77,6 +77,17 @@ def integrate_positions(held, first, last, solver, drive, h, can_bounce):
             d = d + load(drive, shift)
             store(drive, shift, splat(0.0))
         store(solver, at + 8, d)
+
+
+@inner
+def begin_nobody(out, drive):
+    """The row behind the last body stands for all that never moves; when bodies were removed it was somebody's."""
+    out.inverse_mass = 0.0
+    drive.gravity_scale = 0.0
+    for k in range(6):
+        out.velocity[k] = 0.0
+        out.displacement[k] = 0.0
+        drive.inverse_inertia[k] = 0.0
 
 
 @inner
@@ -244,6 +255,9 @@ def finish_step(bodies, poses, solver_bodies, faulty, all_constants):
     for i in range(bodies.shape[0]):
         body = bodies[i]
         if body.motion == STATIC:
+            # What is not finite times no inverse mass is not 0: one bad body must not spoil all that touch the ground.
+            for k in range(6):
+                body.velocity[k] = 0.0
             continue
         if body.held != 0 and body.motion == DYNAMIC:
             move_held(body, solver_bodies[i])

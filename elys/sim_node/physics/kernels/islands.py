@@ -8,12 +8,17 @@ alone. An island of very many bodies is allowed ten times as much: a heap need n
 
 from __future__ import annotations
 
+import math
+
 from elys.sim_node.compilation import inner, kernel
 from elys.sim_node.physics.kernels.tables import DYNAMIC, POINTS, STATIC
 
-SMALL = 512  # bodies up to which an island is solved to the allowed overlap [1]
-COARSE = 10.0  # how much more a larger one may give way
-EASED = 0.9  # of the allowed overlap, below which an island is solved more weakly again
+COLUMN = 64  # bodies up to which each contact of an island may give way by the allowed overlap
+SMALL = 512  # bodies up to which an island is solved exactly at all
+COARSE = 10.0  # how much more contacts of a larger one may give way
+EASED = 0.9  # of the allowed overlap, below which a weaker solution would do
+PATIENCE = 60  # steps for which it must have been so: a change shakes what stands
+BELIEF = 1.1  # a contact's load is believed to grow so fast a step, and by the weight on it: a blow is not a load
 
 
 @inner
@@ -38,11 +43,7 @@ def join(parent, a, b):
 
 @inner
 def pressing(first, second, manifold, constants):
-    """The force that a contact has to hold [N], for now.
-
-    The weight of an upper body is there from the first touch. More is believed only as fast as doubling a step, so that a
-    blow is not taken for a load.
-    """
+    """The force that a contact has to hold [N]: what it held in the last steps, at least the weight of the upper body."""
     g = constants.gravity
     n = manifold.normal
     along = g[0] * n[0] + g[1] * n[1] + g[2] * n[2]
@@ -51,42 +52,47 @@ def pressing(first, second, manifold, constants):
     total = 0.0
     for k in range(POINTS):
         total += manifold.step_impulse[k]
-    load = min(total / constants.time, 2.0 * manifold.load + weight)
+    load = min(total / constants.time, BELIEF * manifold.load + weight)
     manifold.load = load
     return max(load, weight)
 
 
 @inner
-def wanted_strength(first, second, manifold, allowed, strengths, constants):
-    """The weakest row of STRENGTH that holds a contact; a stronger one is kept a little longer."""
+def wanted_strength(first, second, manifold, allowed, present, strengths, constants):
+    """The weakest row of STRENGTH with which a contact gives way no more than is allowed."""
     inverse_mass = first.inverse_mass + second.inverse_mass
     softness = strengths[0].softness
     if first.inverse_mass == 0.0 or second.inverse_mass == 0.0:
         softness *= 0.25  # twice the frequency
     overlap = softness * pressing(first, second, manifold, constants) * inverse_mass
-    before = first.strength if first.motion == DYNAMIC else second.strength
     chosen = 0
     while chosen + 1 < strengths.shape[0]:
         ratio = strengths[chosen].substep / strengths[0].substep
-        limit = EASED * allowed if chosen < before else allowed
+        limit = EASED * allowed if chosen < present else allowed
         if overlap * ratio * ratio <= limit:
             break
         chosen += 1
     return chosen
 
 
-@kernel
-def build_islands(bodies, colliders, pairs, touching, touching_count, manifolds, parent, size, strengths, all_constants):
-    """Marks the bodies that contacts hold, and gives each the strength of its island; whether any strength has changed.
+@inner
+def allowance(body_count):
+    """How much each contact of an island may give way: in a high one the overlaps add up, so less; in a huge one more."""
+    if body_count <= COLUMN:
+        return 1.0
+    return math.sqrt(COLUMN / body_count) if body_count <= SMALL else COARSE
 
-    Parameters: parent (N,) and size (N,) int32 are room; afterwards root_of(parent, i) is body i's island.
-    """
-    constants = all_constants[0]
-    n = bodies.shape[0]
-    for i in range(n):
+
+@inner
+def find_islands(bodies, colliders, pairs, touching, touching_count, parent, islands):
+    """Marks the bodies that contacts hold and joins them into islands."""
+    for i in range(bodies.shape[0]):
         bodies[i].held = 0
         parent[i] = i
-        size[i] = 0
+        island = islands[i]
+        island.body_count = 0
+        island.wanted = 0
+        island.present = 0
     for t in range(touching_count):
         pair = pairs[touching[t]]
         a = colliders[pair.a].body
@@ -99,33 +105,60 @@ def build_islands(bodies, colliders, pairs, touching, touching_count, manifolds,
             second.held = 1
         if first.motion == DYNAMIC and second.motion == DYNAMIC:
             join(parent, a, b)
-    for i in range(n):
+    for i in range(bodies.shape[0]):
         if bodies[i].held != 0:
-            size[root_of(parent, i)] += 1
-    for i in range(n):
-        # From here on the size tells what is allowed, and is overwritten by the strength: as a negative number.
-        if size[i] > 0:
-            size[i] = -1 if size[i] <= SMALL else -100
+            island = islands[root_of(parent, i)]
+            island.body_count += 1
+            island.present = max(island.present, bodies[i].strength)
+
+
+@inner
+def ask_contacts(
+    bodies, colliders, pairs, touching, touching_count, manifolds, parent, islands, strengths, constants
+):
+    """Writes the strength that each island's contacts ask for."""
     for t in range(touching_count):
         pair = pairs[touching[t]]
-        first = bodies[colliders[pair.a].body]
-        second = bodies[colliders[pair.b].body]
-        root = root_of(parent, colliders[pair.a].body if first.motion == DYNAMIC else colliders[pair.b].body)
-        code = size[root]
-        allowed = constants.overlap * (COARSE if code <= -100 else 1.0)
-        chosen = wanted_strength(first, second, manifolds[pair.slot], allowed, strengths, constants)
-        now = -code - 100 if code <= -100 else -code - 1
-        if chosen > now:
-            size[root] -= chosen - now
+        a = colliders[pair.a].body
+        b = colliders[pair.b].body
+        first = bodies[a]
+        second = bodies[b]
+        island = islands[root_of(parent, a if first.motion == DYNAMIC else b)]
+        allowed = constants.overlap * allowance(island.body_count)
+        wanted = wanted_strength(first, second, manifolds[pair.slot], allowed, island.present, strengths, constants)
+        island.wanted = max(island.wanted, wanted)
+
+
+@kernel
+def build_islands(
+    bodies, colliders, pairs, touching, touching_count, manifolds, parent, islands, strengths, all_constants
+):
+    """Marks the bodies that contacts hold, and gives each the strength of its island; whether any strength has changed.
+
+    Parameters: parent (N,) int32 and islands (N,) are room; afterwards root_of(parent, i) is the row of body i's island.
+    """
+    find_islands(bodies, colliders, pairs, touching, touching_count, parent, islands)
+    ask_contacts(
+        bodies, colliders, pairs, touching, touching_count, manifolds, parent, islands, strengths, all_constants[0]
+    )
     is_changed = False
-    for i in range(n):
+    for i in range(bodies.shape[0]):
         body = bodies[i]
         before = body.strength
         if body.held != 0 and body.motion == DYNAMIC:
-            code = size[root_of(parent, i)]
-            body.strength = -code - 100 if code <= -100 else -code - 1
+            root = root_of(parent, i)
+            island = islands[root]
+            if root == i:  # the first of its island to come by decides for all
+                is_calm = island.wanted < island.present
+                body.calm = min(body.calm + 1, PATIENCE) if is_calm else 0
+                if is_calm and body.calm < PATIENCE:
+                    island.wanted = island.present
+                elif is_calm:
+                    body.calm = 0
+            body.strength = island.wanted
         else:
             body.strength = 0
+            body.calm = 0
         is_changed = is_changed or body.strength != before
     return is_changed
 

@@ -6,7 +6,7 @@ import math
 
 from elys.sim_node.compilation import inner, kernel
 from elys.sim_node.physics.kernels.batch import write_batch
-from elys.sim_node.physics.kernels.integrator import begin_body
+from elys.sim_node.physics.kernels.integrator import begin_body, begin_nobody
 from elys.sim_node.physics.kernels.rotation import cross
 from elys.sim_node.physics.kernels.tables import POINTS
 
@@ -15,6 +15,7 @@ from elys.sim_node.physics.kernels.tables import POINTS
 def prepare_bodies(bodies, held, held_end, groups, solver_bodies, drives, strengths, all_constants):
     """Fills the solver's rows of all held bodies; those that no force moves stand in `held` behind the last group."""
     constants = all_constants[0]
+    begin_nobody(solver_bodies[bodies.shape[0]], drives[bodies.shape[0]])
     end = 0
     for g in range(groups.shape[0]):
         end = groups[g].last_body

@@ -34,6 +34,7 @@ BODY = np.dtype(
         ("entity", "u4"),
         ("motion", "u1"),  # DYNAMIC, KINEMATIC or STATIC
         ("strength", "u1"),  # which row of STRENGTH its contacts asked for in the last step
+        ("calm", "u1"),  # for how many steps its island has been solved more strongly than it asked for
         ("held", "u1"),  # a contact may act on it in this step
     ],
     align=True,
@@ -208,6 +209,16 @@ STRENGTH = np.dtype(
         ("firm", "f4", 3),  # the same against what cannot be moved
         ("substeps", "i4"),
         ("relax_every", "i4"),  # after so many substeps contacts are solved once more, without the push
+    ],
+    align=True,
+)
+
+# An island, in the row of its first body.
+ISLAND = np.dtype(
+    [
+        ("body_count", "i4"),
+        ("wanted", "u1"),  # the strength that its contacts ask for
+        ("present", "u1"),  # the largest that its bodies had in the last step
     ],
     align=True,
 )
