@@ -3,6 +3,7 @@
 python -m tests.benchmarks rigid                       everything
 python -m tests.benchmarks rigid --case stack-30       one case or crowd; may be given again
 python -m tests.benchmarks rigid --quick               first seeds and short windows
+python -m tests.benchmarks rigid --stages              also what the stages of ELYS's step take
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from tests.benchmarks.machine import machine
 from tests.benchmarks.rigid_accuracy import AccuracyRow, accuracy_table, measure_case
 from tests.benchmarks.rigid_engines import engines, versions
 from tests.benchmarks.rigid_services import ServiceRow, growth, measure_rays, measure_spawning, service_table
-from tests.benchmarks.rigid_speed import SpeedRow, measure_crowd, speed_table
+from tests.benchmarks.rigid_speed import SpeedRow, measure_crowd, speed_table, stage_table
 
 ROOT = Path(__file__).parents[2]
 SERVICES = {"rays": measure_rays, "spawn": measure_spawning}
@@ -43,9 +44,10 @@ def main(words: Sequence[str]) -> None:
         "--case", action="append", choices=names, metavar="NAME", help=f"only this, may be repeated: {', '.join(names)}"
     )
     parser.add_argument("--quick", action="store_true", help="first seeds and short windows: figures to steer by")
+    parser.add_argument("--stages", action="store_true", help="also what the stages of ELYS's step take")
     parser.add_argument("--json", type=Path, default=ROOT / "rigid.json", help="where the figures are written")
     options = parser.parse_args(words)
-    report = measure_report(options.case or names, quick=options.quick)
+    report = measure_report(options.case or names, quick=options.quick, stages=options.stages)
     show(report)
     write(report, options.json)
 
@@ -65,10 +67,11 @@ def measure() -> list[tuple[str, str]]:
     return rows
 
 
-def measure_report(names: Sequence[str], *, quick: bool = False) -> Report:
+def measure_report(names: Sequence[str], *, quick: bool = False, stages: bool = False) -> Report:
     """Measures cases, crowds and services by their names."""
     accuracy = [row for name in names if name in RIGID_CASES for row in measure_case(RIGID_CASES[name], quick=quick)]
-    speed = [row for name in names if name in CROWDS for row in measure_crowd(CROWDS[name], quick=quick)]
+    crowds = [CROWDS[name] for name in names if name in CROWDS]
+    speed = [row for crowd in crowds for row in measure_crowd(crowd, quick=quick, stages=stages)]
     services = [row for name in names if name in SERVICES for row in SERVICES[name](quick=quick)]
     return Report(accuracy, speed, services + growth(speed))
 
@@ -81,6 +84,7 @@ def show(report: Report) -> None:
     for rows, table in (
         (report.accuracy, accuracy_table),
         (report.speed, speed_table),
+        ([row for row in report.speed if row.stages], stage_table),
         (report.services, service_table),
     ):
         if rows:
@@ -93,5 +97,5 @@ def write(report: Report, path: Path) -> None:
     for name, rows in report._asdict().items():
         facts[name] = [row._asdict() for row in rows]
     for row, told in zip(report.speed, facts["speed"], strict=True):
-        told["ratio"] = row.ratio
+        told |= {"ratio": row.ratio, "quiet_ratio": row.quiet_ratio}
     path.write_text(json.dumps(facts, indent=2) + "\n")

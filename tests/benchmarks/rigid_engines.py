@@ -60,11 +60,18 @@ class Elys:
             choices["threads"] = threads
         elif threads != 1:
             raise CannotError("ELYS steps on one thread yet")
+        self.stages: dict[str, list[float]] | None = None  # a dict makes each step note the seconds of its stages
         self.world = PhysicsWorld(PhysicsSettings(**choices))
         self.add(scene.bodies)
 
     def step(self) -> None:
-        self.world.step(TIME_STEP)
+        if self.stages is None:
+            self.world.step(TIME_STEP)
+            return
+        profile: dict[str, float] = {}
+        self.world.step(TIME_STEP, profile)
+        for stage, seconds in profile.items():
+            self.stages.setdefault(stage, []).append(seconds)
 
     def frame(self) -> Frame:
         states = self.world.bodies

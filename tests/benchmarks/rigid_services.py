@@ -9,7 +9,7 @@ import numpy as np
 
 from elys.samples.rigid_cases import CROWDS, DYNAMIC, Bodies, rays_into
 from tests.benchmarks.rigid_engines import Engine, engines
-from tests.benchmarks.rigid_speed import SpeedRow, start_all, step_in_turns, timed
+from tests.benchmarks.rigid_speed import SETTLED, SpeedRow, start_all, step_in_turns, timed
 
 _RAYS = {"ELYS": 100_000, "Rapier": 20_000}
 
@@ -81,8 +81,8 @@ def _come_and_go(world: Engine, above: Bodies, *, rounds: int) -> tuple[float, f
 
 
 def growth(rows: list[SpeedRow]) -> list[ServiceRow]:
-    """How time grows with the crowd, from the settled rows that are there."""
-    settled = {row.crowd: row.step_ms for row in rows if row.window == "settled"}
+    """How time grows with the crowd, from the settled rows that are there; by quiet turns, for the rows are minutes apart."""
+    settled = {row.crowd: row.quiet_ms for row in rows if row.window == SETTLED}
     found = []
     for title, large, small, share, bound in (
         ("time a body at 10000 over that at 1000", "pile-10000", "pile-1000", 0.1, 1.4),
