@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from typing import NamedTuple
 
@@ -26,7 +27,7 @@ class ServiceRow(NamedTuple):
     @property
     def is_met(self) -> bool:
         """Whether ELYS's figure is good enough."""
-        figure = self.figures["ELYS"]
+        figure = self.figures.get("ELYS", math.nan)
         return bool(figure >= self.bound if self.more_is_better else figure <= self.bound)
 
 
