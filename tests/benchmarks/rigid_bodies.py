@@ -4,6 +4,7 @@ python -m tests.benchmarks rigid                       everything
 python -m tests.benchmarks rigid --case stack-30       one case or crowd; may be given again
 python -m tests.benchmarks rigid --quick               first seeds and short windows
 python -m tests.benchmarks rigid --stages              also what the stages of ELYS's step take
+python -m tests.benchmarks rigid --mujoco              cases in MuJoCo too, if that is installed
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ from typing import Any, NamedTuple
 from elys.samples.rigid_cases import CROWDS, RIGID_CASES
 from tests.benchmarks.machine import machine
 from tests.benchmarks.rigid_accuracy import AccuracyRow, accuracy_table, measure_case
-from tests.benchmarks.rigid_engines import engines, versions
+from tests.benchmarks.rigid_engines import Engine, engines, versions
+from tests.benchmarks.rigid_mujoco import MuJoCo
 from tests.benchmarks.rigid_services import ServiceRow, growth, measure_rays, measure_spawning, service_table
 from tests.benchmarks.rigid_speed import SETTLED, SpeedRow, measure_crowd, speed_table, stage_table
 
@@ -49,9 +51,11 @@ def main(words: Sequence[str]) -> None:
     )
     parser.add_argument("--quick", action="store_true", help="first seeds and short windows: figures to steer by")
     parser.add_argument("--stages", action="store_true", help="also what the stages of ELYS's step take")
+    parser.add_argument("--mujoco", action="store_true", help="cases in MuJoCo too, if that is installed")
     parser.add_argument("--json", type=Path, default=ROOT / "rigid.json", help="where the figures are written")
     options = parser.parse_args(words)
-    report = measure_report(options.case or names, quick=options.quick, stages=options.stages)
+    others = [MuJoCo] if options.mujoco else []
+    report = measure_report(options.case or names, quick=options.quick, stages=options.stages, others=others)
     show(report)
     write(report, options.json)
 
@@ -72,10 +76,13 @@ def measure() -> list[tuple[str, str]]:
     return rows
 
 
-def measure_report(names: Sequence[str], *, quick: bool = False, stages: bool = False) -> Report:
+def measure_report(
+    names: Sequence[str], *, quick: bool = False, stages: bool = False, others: Sequence[type[Engine]] = ()
+) -> Report:
     """Measures cases, crowds and services by their names."""
     load = os.getloadavg()[0]
-    accuracy = [row for name in names if name in RIGID_CASES for row in measure_case(RIGID_CASES[name], quick=quick)]
+    cases = [RIGID_CASES[name] for name in names if name in RIGID_CASES]
+    accuracy = [row for case in cases for row in measure_case(case, quick=quick, others=others)]
     crowds = [CROWDS[name] for name in names if name in CROWDS]
     speed = [row for crowd in crowds for row in measure_crowd(crowd, quick=quick, stages=stages)]
     services = [row for name in names if name in SERVICES for row in SERVICES[name](quick=quick)]

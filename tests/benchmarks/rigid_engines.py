@@ -180,9 +180,9 @@ def engines() -> list[type[Engine]]:
 
 
 def versions() -> dict[str, str]:
-    """Of the engines."""
-    names = ["elys", *(["rapier3d"] if importlib.util.find_spec("rapier3d") else [])]
-    return {name: metadata.version(name) for name in names}
+    """Of ELYS and of what is installed to measure it against."""
+    packages = ["elys", *(name for name in ("rapier3d", "mujoco") if importlib.util.find_spec(name))]
+    return {name: metadata.version(name) for name in packages}
 
 
 def record(engine: Engine, steps: int, *, stride: int = 1) -> tuple[Trajectory, Array]:

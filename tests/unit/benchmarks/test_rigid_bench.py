@@ -13,6 +13,7 @@ from elys.samples.rigid_cases.scene import bodies, turn_about_z
 from tests.benchmarks import rigid_bodies
 from tests.benchmarks.rigid_accuracy import AccuracyRow
 from tests.benchmarks.rigid_engines import Elys, Rapier, record
+from tests.benchmarks.rigid_mujoco import MuJoCo
 from tests.benchmarks.rigid_services import ServiceRow, growth
 from tests.benchmarks.rigid_speed import SpeedRow, step_in_turns
 
@@ -21,6 +22,14 @@ from tests.benchmarks.rigid_speed import SpeedRow, step_in_turns
 def engine(request):
     if request.param is Rapier:
         pytest.importorskip("rapier3d", reason="the peers are an extra")
+    return request.param
+
+
+@pytest.fixture(params=[Elys, Rapier, MuJoCo])
+def any_engine(request):
+    packages = {Rapier: "rapier3d", MuJoCo: "mujoco"}
+    if request.param in packages:
+        pytest.importorskip(packages[request.param], reason="the peers are an extra")
     return request.param
 
 
@@ -37,16 +46,16 @@ def spinning_pair(**changes):
     return RigidScene(bodies([(0.0, 5.0, 0.0), (10.0, 0.0, 1.0)], **columns), (0.0, 0.0, 0.0))
 
 
-def test_an_engine_starts_as_it_was_told(engine):
+def test_an_engine_starts_as_it_was_told(any_engine):
     scene = spinning_pair()
-    frame = engine(scene).frame()
+    frame = any_engine(scene).frame()
     for name in frame._fields:
         np.testing.assert_allclose(getattr(frame, name), getattr(scene.bodies, name), atol=1e-6)
 
 
-def test_an_engine_steps_by_a_sixtieth(engine):
+def test_an_engine_steps_by_a_sixtieth(any_engine):
     scene = spinning_pair()
-    trajectory, times = record(engine(scene), 60, stride=20)
+    trajectory, times = record(any_engine(scene), 60, stride=20)
     np.testing.assert_allclose(trajectory.time, [0.0, 1 / 3, 2 / 3, 1.0])
     assert times.shape == (60,)
     assert (times > 0.0).all()
