@@ -175,12 +175,13 @@ def _row(
 def speed_table(rows: list[SpeedRow]) -> str:
     """Markdown."""
     labels = [engine.label for engine in engines()]
-    head = ["crowd", "window", *(f"{label}, ms" for label in labels), "ratio", "quiet ratio", "must reach", ""]
+    head = ["crowd", "window", *(f"{label}, ms (quiet)" for label in labels), "ratio (quiet)", "must reach", ""]
     head += [f"{label}: overlap, mm" for label in labels] + [f"{label}: RMS speed, m/s" for label in labels]
     lines = ["| " + " | ".join(head) + " |", "| " + " | ".join(["---"] * len(head)) + " |"]
     for row in rows:
-        cells = [row.title, row.window, *(_figure(row.step_ms, label, ".3f") for label in labels)]
-        cells += ["-" if ratio is None else f"{ratio:.2f}" for ratio in (row.ratio, row.quiet_ratio)]
+        costs = ((_figure(row.step_ms, label, ".3f"), _figure(row.quiet_ms, label, ".3f")) for label in labels)
+        cells = [row.title, row.window, *(f"{median} ({quiet})" for median, quiet in costs)]
+        cells += ["-" if row.ratio is None else f"{row.ratio:.2f} ({row.quiet_ratio:.2f})"]
         cells += [f"{row.bound:g}", {None: "-", True: "ok", False: "MISS"}[row.is_met]]
         cells += [
             _figure(row.overlap_mm, label, ".2f") + (f", {row.lost[label]} lost" if row.lost.get(label) else "")
