@@ -21,7 +21,7 @@ class AccuracyRow(NamedTuple):
     unit: str
     bound: float
     errors: dict[str, float]  # engine -> worst over the seeds
-    step_ms: dict[str, float]  # engine -> median
+    step_ms: dict[str, float]  # engine -> median, in processor time
 
     @property
     def is_met(self) -> bool:

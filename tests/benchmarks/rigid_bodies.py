@@ -34,7 +34,7 @@ class Report(NamedTuple):
     """All that was measured."""
 
     quick: bool
-    load: float  # what else kept the machine busy: processes that ran or waited in the minute before
+    load: float  # processes that ran or waited in the minute before: what else kept the machine busy
     accuracy: list[AccuracyRow]
     speed: list[SpeedRow]
     services: list[ServiceRow]
@@ -94,6 +94,8 @@ def show(report: Report) -> None:
     print(
         f"{machine()} Load {report.load:.1f}.\n{', '.join(f'{name} {version}' for name, version in versions().items())}"
     )
+    if report.load > 1.5:
+        print("The machine was busy: believe the quiet figures, and those only roughly.")
     if len(engines()) == 1:
         print("No peer is installed; `pip install -e .[peers]` brings rapier3d.")
     if report.accuracy:

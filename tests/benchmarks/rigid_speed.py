@@ -1,7 +1,8 @@
 """How fast engines step crowds: in one process, in turns of a few steps, so that a noisy machine disturbs all alike.
 
 Alike is not equally: a peer that hands its step to a thread of its own waits longer for a busy core. So beside the median
-stands the quiet time, the least that the same work took when it was done again, and ELYS must reach its bound in both.
+of wall times stands the quiet time: the least processor time that the same work took when it was done again (of all
+threads; where there are several, wall time). ELYS must reach its bound in both.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ SETTLED = "settled"
 _TURN = 5  # steps of one engine before the next has its turn
 
 
-Times = dict[str, np.ndarray[Any, Any]]  # engine -> what each step took [ms]
+Times = dict[str, np.ndarray[Any, Any]]  # engine -> wall and processor time of each step (steps, 2) [ms]
 
 
 class SpeedRow(NamedTuple):
@@ -69,6 +70,7 @@ def measure_crowd(crowd: Crowd, *, quick: bool = False, stages: bool = False) ->
     `quick` settles half as long and looks shorter; with `stages` ELYS also tells what its stages took.
     """
     scene = crowd.build()
+    clock = 1 if crowd.threads == 1 else 0  # processor time, or wall time
     rows = []
     falls: list[Times] = []
     # The first steps are the same each time, so the least that each took is known after some rounds.
@@ -79,13 +81,14 @@ def measure_crowd(crowd: Crowd, *, quick: bool = False, stages: bool = False) ->
         falls.append(step_in_turns(worlds, FIRST_STEPS))
     if crowd.falling_bound is not None:
         rounds = {world.label: np.stack([times[world.label] for times in falls]) for world in worlds}
-        quiet = {label: float(np.median(taken.min(0))) for label, taken in rounds.items()}
+        quiet = {label: float(np.median(taken[:, :, clock].min(0))) for label, taken in rounds.items()}
         rows.append(_row(crowd, f"first {FIRST_STEPS}", crowd.falling_bound, scene, worlds, rounds, quiet))
     print(f"  {crowd.name}: settling ...", file=sys.stderr, flush=True)
     step_in_turns(worlds, crowd.settle_steps // (2 if quick else 1) - FIRST_STEPS)
     _note_stages(worlds, wanted=stages)
     times = step_in_turns(worlds, 75 if quick else 150)
-    quiet = {label: float(np.median(taken.reshape(-1, _TURN), axis=1).min()) for label, taken in times.items()}
+    turns = {label: np.median(taken[:, clock].reshape(-1, _TURN), axis=1) for label, taken in times.items()}
+    quiet = {label: float(medians.min()) for label, medians in turns.items()}
     rows.append(_row(crowd, SETTLED, crowd.settled_bound, scene, worlds, times, quiet))
     return rows
 
@@ -118,18 +121,20 @@ def warm_up(engine: type[Engine], scene: RigidScene, *, sleeping: bool, threads:
 
 
 def step_in_turns(worlds: list[Engine], steps: int) -> Times:
-    """What each step took (steps,) [ms], by engine."""
-    times: dict[str, list[float]] = {world.label: [] for world in worlds}
+    """Wall and processor time of each step (steps, 2) [ms], by engine."""
+    times: dict[str, list[tuple[float, float]]] = {world.label: [] for world in worlds}
     with _without_garbage_collection():
         for begin in range(0, steps, _TURN):
             for world in worlds:
                 for _ in range(min(_TURN, steps - begin)):
-                    times[world.label].append(timed(world.step))
+                    began = time.process_time()
+                    wall = timed(world.step)
+                    times[world.label].append((wall, 1000.0 * (time.process_time() - began)))
     return {label: np.array(taken) for label, taken in times.items()}
 
 
 def timed(work: Callable[[], object]) -> float:
-    """How long a call takes [ms]."""
+    """How long a call takes by the wall's clock [ms]."""
     began = time.perf_counter()
     work()
     return 1000.0 * (time.perf_counter() - began)
@@ -166,7 +171,7 @@ def _row(
         overlap[world.label] = (
             1000.0 * deepest_overlap(scene.bodies, frame.position, frame.rotation) if sound else np.inf
         )
-    medians = {label: float(np.median(taken)) for label, taken in times.items()}
+    medians = {label: float(np.median(taken[..., 0])) for label, taken in times.items()}
     noted = next((world.stages for world in worlds if isinstance(world, Elys)), None) or {}
     stages = {stage: 1000.0 * float(np.median(taken)) for stage, taken in noted.items()}
     return SpeedRow(crowd.name, crowd.title, window, bound, medians, quiet, overlap, restless, lost, stages)

@@ -97,7 +97,7 @@ def test_rays_are_counted_where_they_hit(engine):
 
 def test_every_step_is_taken_though_the_last_turn_is_short(engine):
     times = step_in_turns([engine(spinning_pair())], 13)
-    assert times[engine.label].shape == (13,)
+    assert times[engine.label].shape == (13, 2)
 
 
 def speed_row(step, quiet, *, crowd="pile-1000"):
