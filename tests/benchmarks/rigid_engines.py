@@ -186,7 +186,7 @@ def versions() -> dict[str, str]:
 
 
 def record(engine: Engine, steps: int, *, stride: int = 1) -> tuple[Trajectory, Array]:
-    """Steps an engine and records every `stride` steps, the start included; also the processor time of each step (steps,) [ms]."""
+    """Steps an engine and records the start and every `stride` steps; also each step's processor time (steps,) [ms]."""
     frames, times = [engine.frame()], np.empty(steps)
     for number in range(steps):
         began = time.process_time()
