@@ -31,7 +31,8 @@ format: $(READY)  ## put the code into its form
 	@$(PY) -m ruff check --fix elys tests
 	@$(PY) -m ruff format elys tests
 
-bench: $(READY)  ## measure: tick times, latency, starts (README's table)
+bench: $(READY)  ## measure: rigid bodies beside their peers, tick times, latency, starts (README's table)
+	-@$(PY) -m pip install --quiet --disable-pip-version-check -e '.[peers]'
 	@$(PY) -m tests.benchmarks
 
 soak: $(READY)  ## long campaigns: kills and fuzz

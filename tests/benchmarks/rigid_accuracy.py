@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +21,7 @@ class AccuracyRow(NamedTuple):
     unit: str
     bound: float
     errors: dict[str, float]  # engine -> worst over the seeds
-    step_ms: dict[str, float]  # engine -> median
+    step_ms: dict[str, float]  # engine -> median, in processor time
 
     @property
     def is_met(self) -> bool:
@@ -28,11 +29,11 @@ class AccuracyRow(NamedTuple):
         return bool(self.errors["ELYS"] <= self.bound)
 
 
-def measure_case(case: RigidCase, *, quick: bool = False) -> list[AccuracyRow]:
-    """A row for each of the case's measures; `quick` takes the first seed alone."""
+def measure_case(case: RigidCase, *, quick: bool = False, others: Sequence[type[Engine]] = ()) -> list[AccuracyRow]:
+    """A row for each of the case's measures; `quick` takes the first seed alone, `others` are engines beside the usual."""
     errors: dict[str, dict[str, float]] = {}
     step_ms: dict[str, float] = {}
-    for engine in engines():
+    for engine in [*engines(), *others]:
         print(f"  {case.name} in {engine.label} ...", file=sys.stderr, flush=True)
         runs = [_run(case, engine, seed) for seed in (case.seeds[:1] if quick else case.seeds)]
         step_ms[engine.label] = float(np.median([cost for _, cost in runs]))
@@ -68,9 +69,13 @@ def accuracy_table(rows: list[AccuracyRow]) -> str:
     head = ["case", "error", *labels, "must reach", "", *(f"{label}, ms a step" for label in labels)]
     lines = ["| " + " | ".join(head) + " |", "| " + " | ".join(["---"] * len(head)) + " |"]
     for row in rows:
-        figures = [f"{row.errors[label]:.3g}" for label in labels]
-        costs = [f"{row.step_ms[label]:.3f}" for label in labels]
+        figures = [_figure(row.errors[label], ".3g") for label in labels]
+        costs = [_figure(row.step_ms[label], ".3f") for label in labels]
         verdict = "ok" if row.is_met else "MISS"
         cells = [row.case, f"{row.measure} [{row.unit}]", *figures, f"{row.bound:g}", verdict, *costs]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
+
+
+def _figure(value: float, form: str) -> str:
+    return "-" if math.isnan(value) else format(value, form)

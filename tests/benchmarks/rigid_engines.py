@@ -60,11 +60,18 @@ class Elys:
             choices["threads"] = threads
         elif threads != 1:
             raise CannotError("ELYS steps on one thread yet")
+        self.stages: dict[str, list[float]] | None = None  # a dict makes each step note the seconds of its stages
         self.world = PhysicsWorld(PhysicsSettings(**choices))
         self.add(scene.bodies)
 
     def step(self) -> None:
-        self.world.step(TIME_STEP)
+        if self.stages is None:
+            self.world.step(TIME_STEP)
+            return
+        profile: dict[str, float] = {}
+        self.world.step(TIME_STEP, profile)
+        for stage, seconds in profile.items():
+            self.stages.setdefault(stage, []).append(seconds)
 
     def frame(self) -> Frame:
         states = self.world.bodies
@@ -173,18 +180,18 @@ def engines() -> list[type[Engine]]:
 
 
 def versions() -> dict[str, str]:
-    """Of the engines."""
-    names = ["elys", *(["rapier3d"] if importlib.util.find_spec("rapier3d") else [])]
-    return {name: metadata.version(name) for name in names}
+    """Of ELYS and of what is installed to measure it against."""
+    packages = ["elys", *(name for name in ("rapier3d", "mujoco") if importlib.util.find_spec(name))]
+    return {name: metadata.version(name) for name in packages}
 
 
 def record(engine: Engine, steps: int, *, stride: int = 1) -> tuple[Trajectory, Array]:
-    """Steps an engine and records every `stride` steps, the start included; also what each step took (steps,) [ms]."""
+    """Steps an engine and records the start and every `stride` steps; also each step's processor time (steps,) [ms]."""
     frames, times = [engine.frame()], np.empty(steps)
     for number in range(steps):
-        began = time.perf_counter()
+        began = time.process_time()
         engine.step()
-        times[number] = 1000.0 * (time.perf_counter() - began)
+        times[number] = 1000.0 * (time.process_time() - began)
         if (number + 1) % stride == 0:
             frames.append(engine.frame())
     moments = np.arange(len(frames)) * stride * TIME_STEP

@@ -153,6 +153,15 @@ STANDING_CASES: Final = (
         stride=6,
     ),
     RigidCase(
+        name="pyramid-40-stands",
+        title="pyramid of base 40, 5 s",
+        difficulty="820 cubes of which the lowest rows are squeezed out where contacts are too soft, or too stiff",
+        build=lambda seed: pyramid(40),
+        duration=5.0,
+        measures=(NONE_FALLEN,),
+        stride=30,
+    ),
+    RigidCase(
         name="stack-far",
         title="stack of 10 at 10 km against the same at the origin, 10 s",
         difficulty="single precision has steps of 1 mm there",
