@@ -23,6 +23,10 @@ from elys.sim_node.cpu_level import cpu_level, is_native
 
 TARGET: Final = "elys"
 
+# A fused multiplication and addition rounds once where two instructions round twice: v3 would part from v2. Numba asks for none,
+# and without the instructions nobody can.
+_NO_FUSING: Final = "-fma"
+
 
 class ElysCPU(CPU):
     """The target's place in numba's hierarchy: whatever numba implements for the CPU holds here too."""
@@ -35,7 +39,9 @@ class _FixedLevelCodegen(JITCPUCodegen):
         return cpu_level()
 
     def _get_host_cpu_features(self) -> str:
-        return str(get_host_cpu_features()) if is_native() else ""
+        if is_native():
+            return str(get_host_cpu_features())
+        return _NO_FUSING if cpu_level() == "x86-64-v3" else ""
 
 
 class _Context(cpu.CPUContext):

@@ -37,15 +37,14 @@ def cpu_level() -> str:
         return str(llvm.get_host_cpu_name())
     if chosen and chosen not in _LEVELS:
         raise ElysError(f"{LEVEL_VARIABLE} is '{chosen}', which is no level: set it to v3, v2 or native, or unset it")
-    if platform.machine().lower() not in ("x86_64", "amd64"):
-        return "generic"
+    is_x86 = platform.machine().lower() in ("x86_64", "amd64")
     features = llvm.get_host_cpu_features()
-    had = [level for level in _LEVELS if _has(level, features)]
-    if chosen:
-        if chosen not in had:
-            raise ElysError(f"{LEVEL_VARIABLE} is '{chosen}', but this processor has no x86-64-{chosen}: unset it")
-        return _LEVELS[chosen][0]
-    return _LEVELS[had[0]][0] if had else "x86-64"
+    had = [level for level in _LEVELS if is_x86 and _has(level, features)]
+    if chosen and chosen not in had:
+        raise ElysError(f"{LEVEL_VARIABLE} is '{chosen}', but this processor has no x86-64-{chosen}: unset it")
+    if had:
+        return _LEVELS[chosen or had[0]][0]
+    return "x86-64" if is_x86 else "generic"
 
 
 def is_native() -> bool:

@@ -39,10 +39,11 @@ def kernels_are_warm() -> bool:
     return all(_is_complete(package) for package in kernel_packages())
 
 
-def warm_kernels(progress: Progress | None = None) -> None:
+def warm_kernels(progress: Progress | None = None, *, processes: int | None = None) -> None:
     """Compiles every kernel of the simulation, or loads it from a cache.
 
-    On a first start several processes share the work. `progress` is told of each kernel as it becomes ready.
+    On a first start several processes share the work, one for each processor unless said otherwise. `progress` is told of each
+    kernel as it becomes ready.
 
     Raises:
         ElysError: the cache's folder cannot be written, or ELYS_CPU_LEVEL names no level that this processor has.
@@ -64,10 +65,21 @@ def warm_kernels(progress: Progress | None = None) -> None:
             ready(kernel.name)
         return
     _make_folders()
-    compile_in_processes(kernels, ready, processes=process_count())
+    compile_in_processes(kernels, ready, processes=processes or process_count())
     for package in kernel_packages():
         (cache_directory(package) / _STAMP).touch()
     _forget_old_states()
+
+
+def ship_kernels(folder: str) -> None:
+    """Puts the compiled kernels of this level into a folder that a wheel carries as `elys/_kernels`.
+
+    Meant for a build that runs one process for each level; so this one compiles alone.
+    """
+    warm_kernels(processes=1)
+    for package in kernel_packages():
+        source = cache_directory(package)
+        shutil.copytree(source, Path(folder) / source.name, ignore=shutil.ignore_patterns("*.tmp.*"))
 
 
 def kernel_cache_report() -> KernelCacheReport:
