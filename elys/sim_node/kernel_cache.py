@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from elys.common.errors import ElysError
+from elys.sim_node.cpu_level import cpu_level
 from elys.sim_node.kernel_directory import SHIPPED_ROOT, cache_directory, cache_root, kernel_packages, shipped_directory
 from elys.sim_node.kernel_list import Kernel, all_kernels, make_callable
 from elys.sim_node.kernel_workers import compile_in_processes, process_count
@@ -27,6 +28,7 @@ _STAMP = "complete"  # a file that says so of its folder
 class KernelCacheReport(NamedTuple):
     """What the cache holds for the present sources."""
 
+    level: str  # of processors, see `cpu_level`
     path: Path  # the folder over all states
     present: int
     total: int
@@ -91,7 +93,7 @@ def kernel_cache_report() -> KernelCacheReport:
     size = sum(file.stat().st_size for file in files)
     is_shipped = all(_is_stamped(shipped) for shipped, _ in places)
     path = SHIPPED_ROOT if is_shipped else cache_root()
-    return KernelCacheReport(path, len(kernels) - len(missing), len(kernels), missing, size)
+    return KernelCacheReport(cpu_level(), path, len(kernels) - len(missing), len(kernels), missing, size)
 
 
 def _holds(file: Path, kernel: Kernel) -> bool:

@@ -8,6 +8,9 @@ import sys
 import types
 from pathlib import Path
 
+import pytest
+
+from elys.sim_node import kernel_workers
 from elys.sim_node.kernel_list import Kernel, compiling_cost
 from elys.sim_node.kernel_workers import KernelShares
 
@@ -68,6 +71,48 @@ def test_who_has_finished_takes_from_the_others():
     shares = KernelShares(kernels, 2)
     assert sorted(kernel.name for kernel in shares.drawn_by(1)) == ["k10", "k100", "k20", "k90"]
     assert next(shares.drawn_by(0), None) is None
+
+
+ECHO = "import sys\nfor line in sys.stdin: print(line, end='', flush=True)"
+DIES_AT_THE_SECOND = "import sys; print(sys.stdin.readline(), end='', flush=True); sys.stdin.readline(); sys.exit(1)"
+DIES_AT_ONCE = "raise SystemExit(1)"
+
+
+@pytest.mark.parametrize("program", [ECHO, DIES_AT_THE_SECOND, DIES_AT_ONCE])
+def test_every_kernel_is_ready_once_whatever_becomes_of_the_workers(program, monkeypatch):
+    pipe = subprocess.PIPE
+    command = [sys.executable, "-c", program]
+    monkeypatch.setattr(
+        kernel_workers,
+        "_started_worker",
+        lambda: subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, bufsize=1),
+    )
+    compiled, heard = [], []
+    monkeypatch.setattr(kernel_workers, "make_callable", lambda kernel: compiled.append(kernel.name))
+    kernels = [kernel_of_cost(f"k{length}", length) for length in range(1, 40)]
+    kernel_workers.compile_in_processes(kernels, heard.append, processes=3)
+    names = sorted(kernel.name for kernel in kernels)
+    assert sorted(heard) == names
+    assert set(compiled) == set(names)
+
+
+def test_a_kernel_that_cannot_be_compiled_is_said_here_and_ends_the_workers(monkeypatch):
+    started = []
+
+    def started_worker() -> subprocess.Popen[str]:
+        command = [sys.executable, "-c", "import time; time.sleep(100)"]
+        started.append(subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True))
+        return started[-1]
+
+    def refuse(kernel: Kernel) -> None:
+        raise TypeError(kernel.name)
+
+    monkeypatch.setattr(kernel_workers, "_started_worker", started_worker)
+    monkeypatch.setattr(kernel_workers, "make_callable", refuse)
+    with pytest.raises(TypeError, match="k80"):
+        kernels = [kernel_of_cost("k70", 70), kernel_of_cost("k80", 80)]  # the worker has the smaller one in hand
+        kernel_workers.compile_in_processes(kernels, print, processes=2)
+    assert [worker.returncode for worker in started] == [-9]
 
 
 def test_the_cost_counts_what_a_kernel_calls_once():

@@ -11,7 +11,7 @@ from elys.sim_node.cpu_level import is_native
 from elys.sim_node.kernel_list import all_kernels, make_callable
 
 # What a kernel may call: Python and numba's runtime, which calculate nothing, and single instructions that IEEE 754 rounds for
-# all alike. `sqrt` is libm's word for negative numbers, NaN everywhere; sin, exp, pow and the like differ from machine to machine.
+# all alike. `sqrt` is libm's word for negative numbers, NaN everywhere; sin, exp, pow and the like differ between machines.
 ALLOWED_CALLS = re.compile(
     r"Py\w+|NRT_\w+|numba_\w+|mem(cpy|set|move)|sqrtf?"
     r"|llvm\.(memset|memcpy|memmove|lifetime|assume|expect|x86\.atomic|vector|[su]?(add|sub|mul)\.with|[su](min|max)|abs|ct|bswap)[.\w]*"
