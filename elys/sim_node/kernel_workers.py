@@ -1,13 +1,14 @@
 """Compiling kernels in several processes, the work dealt out by what each kernel is expected to take.
 
-Each process keeps what it compiles in the cache, from where this one loads it in the end. Numba compiles under a lock, so threads
-would gain nothing.
+Each worker keeps what it compiles in the cache, from where this process loads it in the end: so this one stays as small as on
+any later start, and hears signals at once. Numba compiles under a lock, so threads would gain nothing.
 """
 
 from __future__ import annotations
 
 import contextlib
 import ctypes
+import gc
 import os
 import signal
 import subprocess
@@ -57,9 +58,10 @@ def process_count() -> int:
 
 
 def compile_in_processes(kernels: Sequence[Kernel], ready: Callable[[str], None], *, processes: int) -> None:
-    """Compiles kernels in this process and in others, and makes all of them callable here.
+    """Has kernels compiled by other processes, and makes all of them callable in this one.
 
-    `ready` hears of each kernel once, from several threads. A process that dies costs time alone: what it left is compiled here.
+    `ready` hears of each kernel once, from several threads. A worker that dies costs time alone: what it left is compiled here,
+    and what cannot be compiled raises its error here.
     """
     shares = KernelShares(kernels, processes)
     heard: set[str] = set()
@@ -69,20 +71,17 @@ def compile_in_processes(kernels: Sequence[Kernel], ready: Callable[[str], None]
         ready(name)
 
     with contextlib.ExitStack() as stack:
-        workers = [stack.enter_context(_started_worker()) for _ in range(processes - 1)]
+        workers = [stack.enter_context(_started_worker()) for _ in range(processes)]
         listeners = [
             threading.Thread(target=_feed, args=(worker, shares.drawn_by(process), done), daemon=True)
-            for process, worker in enumerate(workers, 1)
+            for process, worker in enumerate(workers)
         ]
         try:
             for listener in listeners:
                 listener.start()
-            for kernel in shares.drawn_by(0):
-                make_callable(kernel)
-                done(kernel.name)
             for listener in listeners:
                 listener.join()
-        except BaseException:
+        except BaseException:  # a signal
             for worker in workers:
                 worker.kill()
             for listener in listeners:
@@ -116,10 +115,14 @@ def _work() -> None:
     if sys.platform == "linux":
         # PR_SET_PDEATHSIG, prctl(2): nobody waits for this process once the first one was killed.
         ctypes.CDLL(None).prctl(1, signal.SIGKILL)
+    # The compiler makes much and drops little: to look for what can be freed would take a seventh of the time. For the same
+    # reason this process ends without tidying up.
+    gc.disable()
     by_name = {kernel.name: kernel for kernel in all_kernels()}
     for line in sys.stdin:
         make_callable(by_name[line.strip()])
         print(line.strip(), flush=True)
+    os._exit(0)
 
 
 if __name__ == "__main__":

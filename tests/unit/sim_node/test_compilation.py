@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
+import threading
 import types
 from pathlib import Path
 
@@ -96,23 +98,20 @@ def test_every_kernel_is_ready_once_whatever_becomes_of_the_workers(program, mon
     assert set(compiled) == set(names)
 
 
-def test_a_kernel_that_cannot_be_compiled_is_said_here_and_ends_the_workers(monkeypatch):
+def test_an_interrupted_compilation_ends_the_workers(monkeypatch):
+    command = [sys.executable, "-c", "import time; time.sleep(100)"]
     started = []
 
     def started_worker() -> subprocess.Popen[str]:
-        command = [sys.executable, "-c", "import time; time.sleep(100)"]
         started.append(subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True))
         return started[-1]
 
-    def refuse(kernel: Kernel) -> None:
-        raise TypeError(kernel.name)
-
     monkeypatch.setattr(kernel_workers, "_started_worker", started_worker)
-    monkeypatch.setattr(kernel_workers, "make_callable", refuse)
-    with pytest.raises(TypeError, match="k80"):
-        kernels = [kernel_of_cost("k70", 70), kernel_of_cost("k80", 80)]  # the worker has the smaller one in hand
-        kernel_workers.compile_in_processes(kernels, print, processes=2)
-    assert [worker.returncode for worker in started] == [-9]
+    interrupt = threading.Timer(0.3, os.kill, [os.getpid(), signal.SIGINT])
+    interrupt.start()
+    with pytest.raises(KeyboardInterrupt):
+        kernel_workers.compile_in_processes([kernel_of_cost("k7", 7), kernel_of_cost("k8", 8)], print, processes=2)
+    assert [worker.returncode for worker in started] == [-signal.SIGKILL, -signal.SIGKILL]
 
 
 def test_the_cost_counts_what_a_kernel_calls_once():
