@@ -140,10 +140,10 @@ def reduce_simplex(simplex):
 @inner
 def holds_vertex(simplex, x, y, z):
     w = simplex.vertex
+    held = False
     for k in range(simplex.count):
-        if w[3 * k] == x and w[3 * k + 1] == y and w[3 * k + 2] == z:
-            return True
-    return False
+        held = held or (w[3 * k] == x and w[3 * k + 1] == y and w[3 * k + 2] == z)
+    return held
 
 
 @inner

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from elys.sim_node.compilation import inner
-from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CYLINDER, HULL, SPHERE, TRIANGLE
+from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CYLINDER, HULL, ROUNDED, TRIANGLE
 
 
 @inner
@@ -103,7 +103,9 @@ def load_convex(shape, collider, headers, ox, oy, oz):
     kind = collider.kind
     shape.kind = kind
     shape.scale = 1.0
-    shape.radius = collider.half_extents[0] if kind == SPHERE or kind == CAPSULE else 0.0
+    shape.radius = 0.0
+    if kind in ROUNDED:
+        shape.radius = collider.half_extents[0]
     if kind == HULL:
         header = headers[collider.geometry]
         shape.first_point = header.first_point
