@@ -38,6 +38,14 @@ def _kernels() -> tuple[Kernel, ...]:
             tables.CONSTANTS,
         )
     )
+    geometry = tables.Geometry(
+        np.zeros(1, tables.GEOMETRY),
+        np.zeros(1, tables.FACE),
+        np.zeros((1, 3)),
+        np.zeros((2, 6)),
+        np.zeros(2, tables.CONVEX),
+        np.zeros(1, tables.SIMPLEX),
+    )
     indices = np.zeros(1, np.int32)
     entities = np.zeros(1, np.uint32)
     numbers = np.zeros(1)
@@ -57,10 +65,10 @@ def _kernels() -> tuple[Kernel, ...]:
         (build_tree, (boxes, leaves, nodes, indices, numbers, True)),
         (index_pairs, (pairs, 0, indices)),
         (give_slots, (pairs, 0, manifolds, points, indices, indices)),
-        (merge_pairs, (colliders, pairs, 0, pairs, 0, pairs, indices, indices, indices)),
-        (find_new_pairs, (bodies, colliders, leaves, nodes, pairs, indices, pairs, indices)),
+        (merge_pairs, (colliders, geometry, pairs, 0, pairs, 0, pairs, indices, indices, indices)),
+        (find_new_pairs, (bodies, colliders, leaves, nodes, geometry, pairs, indices, pairs, indices)),
         (prepare_contacts, (bodies, colliders, pairs, indices, 0, manifolds, points, rows, row_points, constants)),
-        (update_manifolds, (bodies, colliders, pairs, 0, manifolds, points, found, constants, indices)),
+        (update_manifolds, (bodies, colliders, pairs, 0, manifolds, points, found, geometry, constants, indices)),
         (solve_contacts, (bodies, manifolds, points, rows, row_points, 0, constants)),
     ]
     return tuple((f"physics.{function.__name__}", function, (signature_of(*a),)) for function, a in listed)
