@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 from elys.sim_node.physics.kernels.broadphase import find_new_pairs, give_slots, index_pairs, merge_pairs
-from elys.sim_node.physics.kernels.tables import FOUND, MANIFOLD, PAIR, POINTS, TREE_LEAF, grown
+from elys.sim_node.physics.kernels.tables import FOUND, MANIFOLD, PAIR, POINTS, TREE_LEAF, Geometry, grown
 from elys.sim_node.physics.kernels.tree import LEAF, build_tree
 from elys.sim_node.physics.states import ContactPoints
 
 Array = np.ndarray[Any, Any]
 
-TREE_DEPTH = 64  # a depth-first walk never has more nodes waiting
+TREE_DEPTH = 128  # a depth-first walk never has more nodes waiting, nor one within a mesh on top of it
 
 
 class BoxTree:
@@ -91,14 +91,14 @@ class ContactStore:
         self.touching_count = 0
         self.is_changed = True
 
-    def update_pairs(self, bodies: Array, colliders: Array, moved: int) -> None:
+    def update_pairs(self, bodies: Array, colliders: Array, geometry: Geometry, moved: int) -> None:
         """Finds the pairs of colliders with new fat boxes, ends those that parted."""
         before = self.pair_count
         tree = self.tree
         tree.build(colliders["fat_box"], moved)
         index_pairs(self.pairs, self.pair_count, self._starts)
         while True:
-            args = (tree.leaves, tree.nodes, self.pairs, self._starts, self._new, tree.stack)
+            args = (tree.leaves, tree.nodes, geometry, self.pairs, self._starts, self._new, tree.stack)
             found = find_new_pairs(bodies, colliders, *args)
             if found <= len(self._new):
                 break
@@ -107,6 +107,7 @@ class ContactStore:
         self.make_room(self.pair_count + found)
         self.pair_count = merge_pairs(
             colliders,
+            geometry,
             self.pairs,
             self.pair_count,
             self._new,

@@ -64,7 +64,9 @@ class Step:
     def _update_pairs(self) -> None:
         moved = fatten_boxes(self._bodies.rows, self._colliders.rows, self._constants)
         if moved:
-            self._contacts.update_pairs(self._bodies.rows, self._colliders.rows, moved)
+            self._contacts.update_pairs(
+                self._bodies.rows, self._colliders.rows, self._colliders.geometry.arrays, moved
+            )
 
     def _update_manifolds(self) -> None:
         contacts = self._contacts
@@ -75,6 +77,7 @@ class Step:
             contacts.pair_count,
             contacts.manifolds,
             contacts.found,
+            self._colliders.geometry.arrays,
             self._constants,
             contacts.touching,
         )

@@ -43,6 +43,14 @@ def _kernels() -> tuple[Kernel, ...]:
         )
     )
     solver, drives = np.zeros(1, tables.SOLVER_BODY), np.zeros(1, tables.SOLVER_DRIVE)
+    geometry = tables.Geometry(
+        np.zeros(1, tables.GEOMETRY),
+        np.zeros(1, tables.FACE),
+        np.zeros((1, 3)),
+        np.zeros((2, 6)),
+        np.zeros(2, tables.CONVEX),
+        np.zeros(1, tables.SIMPLEX),
+    )
     indices = np.zeros(1, np.int32)
     entities = np.zeros(1, np.uint32)
     masks = np.zeros(1, np.uint64)
@@ -65,15 +73,15 @@ def _kernels() -> tuple[Kernel, ...]:
         (build_tree, (boxes, leaves, nodes, indices, numbers, True)),
         (index_pairs, (pairs, 0, indices)),
         (give_slots, (pairs, 0, manifolds, indices, indices)),
-        (merge_pairs, (colliders, pairs, 0, pairs, 0, pairs, indices, indices, indices)),
-        (find_new_pairs, (bodies, colliders, leaves, nodes, pairs, indices, pairs, indices)),
+        (merge_pairs, (colliders, geometry, pairs, 0, pairs, 0, pairs, indices, indices, indices)),
+        (find_new_pairs, (bodies, colliders, leaves, nodes, geometry, pairs, indices, pairs, indices)),
         (build_islands, (*touching, indices, np.zeros(1, tables.ISLAND), strengths, constants)),
         (list_held, (bodies, indices, groups)),
         (colour_contacts, (*touching, masks, indices, indices, indices, indices, groups, spans, *lanes)),
         (prepare_bodies, (bodies, indices, 0, groups, solver, drives, strengths, constants)),
         (prepare_contacts, (groups, spans, *lanes, floats, floats, floats, floats, strengths, constants)),
         (prepare_impacts, (*touching, rows, row_points, groups, solver, drives, constants)),
-        (update_manifolds, (bodies, colliders, pairs, 0, manifolds, found, constants, indices)),
+        (update_manifolds, (bodies, colliders, pairs, 0, manifolds, found, geometry, constants, indices)),
         (
             solve_contacts,
             (groups, spans, indices, 0, *lanes, floats, solver, floats, drives, floats)

@@ -77,8 +77,8 @@ def inherit_impulses(manifold, found, count):
 
 
 @inner
-def write_manifold(first_body, second_body, a, b, manifold, found, count, margin, flipped):
-    """Stores what the narrow phase found for two bodies' colliders; `flipped` when it was asked with them exchanged.
+def write_manifold(first_body, second_body, a, b, manifold, found, count, margin):
+    """Stores what the narrow phase found for two bodies' colliders.
 
     Surfaces rub by the geometric mean of their frictions and bounce by the smaller restitution.
     """
@@ -88,12 +88,11 @@ def write_manifold(first_body, second_body, a, b, manifold, found, count, margin
     manifold.margin = margin
     manifold.friction = math.sqrt(a.friction * b.friction)
     manifold.restitution = min(a.restitution, b.restitution)
-    sign = -1.0 if flipped else 1.0
     pa = first_body.position
     pb = second_body.position
     normal = manifold.normal
     for d in range(3):
-        normal[d] = sign * found.normal[d]
+        normal[d] = found.normal[d]
         manifold.made_offset[d] = pb[d] - pa[d]
         manifold.shift[d] = 0.0
         manifold.turn_a[d] = 0.0
@@ -107,5 +106,5 @@ def write_manifold(first_body, second_body, a, b, manifold, found, count, margin
         manifold.feature[k] = found.feature[k]
         for d in range(3):
             middle = found.point[3 * k + d]
-            manifold.anchors[6 * k + d] = middle - half * sign * found.normal[d] - pa[d]
-            manifold.anchors[6 * k + 3 + d] = middle + half * sign * found.normal[d] - pb[d]
+            manifold.anchors[6 * k + d] = middle - half * found.normal[d] - pa[d]
+            manifold.anchors[6 * k + 3 + d] = middle + half * found.normal[d] - pb[d]
