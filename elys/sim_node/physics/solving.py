@@ -36,6 +36,7 @@ class SolverRoom:
         self.colour_counts = np.zeros(2 * MOST_STRENGTHS, np.int32)
         self._make_body_room(0)
         self._make_contact_room(0)
+        self.make_batch_room(16)
 
     def reserve(self, body_count: int, contact_count: int, strength_count: int) -> bool:
         """Makes room, by doubling, for so many bodies and touching pairs, and just as many groups as there are strengths.
@@ -69,14 +70,15 @@ class SolverRoom:
         self.order = np.zeros(count, np.int32)
         self.rows = np.zeros(count, ROW)
         self.row_points = np.zeros(count * POINTS, ROW_POINT)
-        # Every colour of every strength may end with a batch that is not full, and those without a colour fill one each.
-        batches = count + MOST_STRENGTHS * (OVERFLOW + 1)
-        batches = count // LANES + MOST_STRENGTHS * (OVERFLOW + 1) if count > 8 * KEYS else batches
-        self.body_a = np.zeros(batches * LANES, np.int32)
-        self.body_b = np.zeros(batches * LANES, np.int32)
-        self.slots = np.zeros(batches * LANES, np.int32)
-        self.counts = np.zeros(batches, np.int32)
-        self.batches = _aligned(batches * FLOATS, np.dtype(np.float32))
+
+    def make_batch_room(self, count: int) -> None:
+        """Makes room for so many batches, and some more."""
+        count += count // 2
+        self.body_a = np.zeros(count * LANES, np.int32)
+        self.body_b = np.zeros(count * LANES, np.int32)
+        self.slots = np.zeros(count * LANES, np.int32)
+        self.counts = np.zeros(count, np.int32)
+        self.batches = _aligned(count * FLOATS, np.dtype(np.float32))
 
 
 def _aligned(count: int, dtype: np.dtype[Any]) -> Array:

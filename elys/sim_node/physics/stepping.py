@@ -105,7 +105,14 @@ class Step:
         if not contacts.is_changed:
             return
         contacts.is_changed = False
-        colour_contacts(
+        needed = self._deal_out()
+        if needed > len(room.counts):
+            room.make_batch_room(needed)
+            self._deal_out()
+
+    def _deal_out(self) -> int:
+        room, contacts = self._room, self._contacts
+        return colour_contacts(
             self._bodies.rows,
             self._colliders.rows,
             contacts.pairs,

@@ -144,13 +144,14 @@ def sort_pairs(pairs, count, sorted_pairs, starts):
     starts[:] = 0
     for p in range(count):
         starts[pairs[p].a + 1] += 1
+        sorted_pairs[p].a = -1  # what stands there from an earlier call is no neighbour
     for i in range(starts.shape[0] - 1):
         starts[i + 1] += starts[i]
     for p in range(count):
         a = pairs[p].a
         place = starts[a]
         starts[a] = place + 1
-        while place > 0 and comes_before(pairs[p], sorted_pairs[place - 1]):
+        while place > 0 and sorted_pairs[place - 1].a == a and comes_before(pairs[p], sorted_pairs[place - 1]):
             sorted_pairs[place] = sorted_pairs[place - 1]
             place -= 1
         sorted_pairs[place] = pairs[p]
