@@ -10,6 +10,8 @@ from elys.sim_node.physics.kernels.batch import FLOATS
 from elys.sim_node.physics.kernels.colouring import KEYS, OVERFLOW
 from elys.sim_node.physics.kernels.simd import LANES
 from elys.sim_node.physics.kernels.tables import (
+    BODY,
+    COLLIDER,
     GROUP,
     ISLAND,
     POINTS,
@@ -18,6 +20,7 @@ from elys.sim_node.physics.kernels.tables import (
     SOLVER_BODY,
     SOLVER_DRIVE,
     SPAN,
+    START,
 )
 from elys.sim_node.physics.settings import MOST_STRENGTHS
 
@@ -34,6 +37,8 @@ class SolverRoom:
         self.spans = np.zeros(MOST_STRENGTHS * (OVERFLOW + 1), SPAN)
         self.starts = np.zeros(MOST_STRENGTHS * KEYS + 1, np.int32)
         self.colour_counts = np.zeros(2 * MOST_STRENGTHS, np.int32)
+        self.places = np.zeros(2, BODY)
+        self.shapes = np.zeros(2, COLLIDER)
         self._make_body_room(0)
         self._make_contact_room(0)
         self.make_batch_room(16)
@@ -59,6 +64,8 @@ class SolverRoom:
         self.islands = np.zeros(count, ISLAND)
         self.held = np.zeros(count, np.int32)
         self.masks = np.zeros(count, np.uint64)
+        self.starts_of_bodies = np.zeros(count, START)
+        self.fractions = np.ones(count)
         # One row more, for everything that never moves.
         self.solver_bodies = _aligned(count + 1, SOLVER_BODY)
         self.solver = self.solver_bodies.view(np.float32)

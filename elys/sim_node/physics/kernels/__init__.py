@@ -18,6 +18,7 @@ from elys.sim_node.physics.kernels.preparation import prepare_bodies, prepare_co
 from elys.sim_node.physics.kernels.queries import cast_rays
 from elys.sim_node.physics.kernels.solver import solve_contacts
 from elys.sim_node.physics.kernels.state_hash import hash_bodies
+from elys.sim_node.physics.kernels.sweep import stop_at_impacts
 from elys.sim_node.physics.kernels.tree import build_tree
 
 Kernel = tuple[str, Any, tuple[tuple[Any, ...], ...]]
@@ -51,6 +52,7 @@ def _kernels() -> tuple[Kernel, ...]:
         np.zeros(2, tables.CONVEX),
         np.zeros(1, tables.SIMPLEX),
     )
+    starts = np.zeros(1, tables.START)
     indices = np.zeros(1, np.int32)
     entities = np.zeros(1, np.uint32)
     masks = np.zeros(1, np.uint64)
@@ -67,7 +69,11 @@ def _kernels() -> tuple[Kernel, ...]:
         (cast_rays, (colliders, leaves, nodes, indices, numbers, vectors, vectors, numbers, indices, numbers, vectors)),
         (hash_bodies, (entities, words)),
         (publish_poses, (bodies, poses)),
-        (finish_step, (bodies, poses, solver, indices, constants)),
+        (finish_step, (bodies, poses, starts, solver, indices, constants)),
+        (
+            stop_at_impacts,
+            (bodies, colliders, pairs, indices, 0, starts, numbers, poses, bodies, colliders, geometry, constants),
+        ),
         (fatten_boxes, (bodies, colliders, constants)),
         (place_colliders, (bodies, colliders)),
         (build_tree, (boxes, leaves, nodes, indices, numbers, True)),
@@ -81,7 +87,7 @@ def _kernels() -> tuple[Kernel, ...]:
         (prepare_bodies, (bodies, indices, 0, groups, solver, drives, strengths, constants)),
         (prepare_contacts, (groups, spans, *lanes, floats, floats, floats, floats, strengths, constants)),
         (prepare_impacts, (*touching, rows, row_points, groups, solver, drives, constants)),
-        (update_manifolds, (bodies, colliders, pairs, 0, manifolds, found, geometry, constants, indices)),
+        (update_manifolds, (bodies, colliders, pairs, 0, manifolds, found, geometry, constants, indices, indices)),
         (
             solve_contacts,
             (groups, spans, indices, 0, *lanes, floats, solver, floats, drives, floats)

@@ -11,7 +11,7 @@ from elys.sim_node.physics.kernels.convex import convex_convex, plane_convex, tr
 from elys.sim_node.physics.kernels.manifold import follow_motion, forget_contact, write_manifold
 from elys.sim_node.physics.kernels.midphase import has_parts
 from elys.sim_node.physics.kernels.sphere import box_sphere, sphere_sphere
-from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CYLINDER, PLANE, SPHERE
+from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CYLINDER, MESH, PLANE, SPHERE
 
 
 @inner
@@ -19,14 +19,24 @@ def pair_margin(first, second, a, b, constants):
     """Gap up to which the colliders a and b of two bodies may touch within this step.
 
     What approaches fast is looked for from farther away, so that it is stopped at the surface and not inside; but never
-    from farther than the smaller shape is large: that would make it hit things that it passes by.
+    from farther than the smaller shape is large: that would make it hit things that it passes by. Second comes whether one
+    may even be through the other by then.
     """
     squared = 0.0
     for k in range(3):
         relative = second.velocity[k] - first.velocity[k]
         squared += relative * relative
     way = constants.time * math.sqrt(squared) + a.turning + b.turning
-    return constants.margin + min(way, a.reach, b.reach)
+    return constants.margin + min(way, a.reach, b.reach), way > thinness(a) + thinness(b)
+
+
+@inner
+def thinness(collider):
+    """How far something may move past the surface of a collider before its middle lies behind it [m]."""
+    if collider.kind >= MESH:
+        return 0.0
+    half = collider.half_extents
+    return min(half[0], half[1], half[2])
 
 
 @inner
@@ -105,15 +115,19 @@ def rolls(collider):
 
 
 @kernel
-def update_manifolds(bodies, colliders, pairs, pair_count, manifolds, all_found, geometry, all_constants, touching):
+def update_manifolds(
+    bodies, colliders, pairs, pair_count, manifolds, all_found, geometry, all_constants, touching, fast
+):
     """Brings the manifold of every pair up to date; returns how many have contact, their pairs listed in `touching`.
 
-    Second comes whether any manifold has got or lost points.
+    Second comes whether any manifold has got or lost points, third how many pairs are so fast that they may miss each other
+    within the step: those are listed in `fast`.
     """
     constants = all_constants[0]
     found = all_found[0]
     touching_count = 0
     is_changed = False
+    fast_count = 0
     for p in range(pair_count):
         pair = pairs[p]
         a = colliders[pair.a]
@@ -121,7 +135,10 @@ def update_manifolds(bodies, colliders, pairs, pair_count, manifolds, all_found,
         first = bodies[a.body]
         second = bodies[b.body]
         manifold = manifolds[pair.slot]
-        margin = pair_margin(first, second, a, b, constants)
+        margin, is_fast = pair_margin(first, second, a, b, constants)
+        if is_fast:
+            fast[fast_count] = p
+            fast_count += 1
         before = manifold.point_count
         if boxes_apart(a.box, b.box, margin):
             if before > 0:
@@ -136,4 +153,4 @@ def update_manifolds(bodies, colliders, pairs, pair_count, manifolds, all_found,
         if manifold.point_count > 0:
             touching[touching_count] = p
             touching_count += 1
-    return touching_count, is_changed
+    return touching_count, is_changed, fast_count
