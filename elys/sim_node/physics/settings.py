@@ -22,7 +22,9 @@ class PhysicsSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     substeps: int = 8  # parts of a step; contacts are solved in each
     strengths: int = 5  # how often substeps may be doubled for islands that need it, that and one
     contact_overlap: float = 1.1e-3  # more than this no contact of a small island shall give way [m]
-    contact_stiffness: float = 0.125  # frequency of a contact as a share of the substeps'; twice that against what cannot move
+    contact_stiffness: float = (
+        0.125  # frequency of a contact as a share of the substeps'; twice that against what cannot move
+    )
     contact_damping: float = 5.0  # damping ratio of that push; half of it against what cannot move
     push_speed: float = 3.0  # overlap is never removed faster [m/s]
     bounce_speed: float = 0.01  # slower approaches do not bounce [m/s]
@@ -31,7 +33,11 @@ class PhysicsSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     recycle_angle: float = 0.01  # and each turned less [rad]
 
     def __post_init__(self) -> None:
-        numbers = {name: getattr(self, name) for name in self.__struct_fields__ if name not in ("gravity", "substeps", "strengths")}
+        numbers = {
+            name: getattr(self, name)
+            for name in self.__struct_fields__
+            if name not in ("gravity", "substeps", "strengths")
+        }
         for name, value in numbers.items():
             if not (math.isfinite(value) and value >= 0.0):
                 raise PhysicsError(f"PhysicsSettings.{name} must be a finite number of 0 or more, not {value!r}")

@@ -69,9 +69,7 @@ class Step:
     def _update_pairs(self) -> None:
         moved = fatten_boxes(self._bodies.rows, self._colliders.rows, self._constants)
         if moved:
-            self._contacts.update_pairs(
-                self._bodies.rows, self._colliders.rows, self._colliders.geometry.arrays, moved
-            )
+            self._contacts.update_pairs(self._bodies.rows, self._colliders.rows, self._colliders.geometry.arrays, moved)
 
     def _update_manifolds(self) -> None:
         contacts = self._contacts
