@@ -8,11 +8,10 @@ from elys.sim_node.compilation import inner, kernel
 from elys.sim_node.physics.kernels.box_box import box_box
 from elys.sim_node.physics.kernels.capsule import capsule_capsule, sphere_capsule
 from elys.sim_node.physics.kernels.convex import convex_convex, plane_convex, triangle_convex
-from elys.sim_node.physics.kernels.manifold import can_recycle, write_manifold
+from elys.sim_node.physics.kernels.manifold import follow_motion, forget_contact, write_manifold
 from elys.sim_node.physics.kernels.midphase import has_parts
-from elys.sim_node.physics.kernels.placement import turning_travel
 from elys.sim_node.physics.kernels.sphere import box_sphere, sphere_sphere
-from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CYLINDER, PLANE, POINTS, SPHERE
+from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CYLINDER, PLANE, SPHERE
 
 
 @inner
@@ -26,9 +25,17 @@ def pair_margin(first, second, a, b, constants):
     for k in range(3):
         relative = second.velocity[k] - first.velocity[k]
         squared += relative * relative
-    h = constants.substep * constants.substeps
-    way = h * math.sqrt(squared) + turning_travel(first, a, h) + turning_travel(second, b, h)
+    way = constants.time * math.sqrt(squared) + a.turning + b.turning
     return constants.margin + min(way, a.reach, b.reach)
+
+
+@inner
+def boxes_apart(a, b, margin):
+    """Whether the smallest boxes of two colliders are farther apart than the margin: most pairs are, and need no more."""
+    for k in range(3):
+        if a[k] - margin > b[3 + k] or b[k] - margin > a[3 + k]:
+            return True
+    return False
 
 
 @inner
@@ -98,13 +105,15 @@ def rolls(collider):
 
 
 @kernel
-def update_manifolds(
-    bodies, colliders, pairs, pair_count, manifolds, points, all_found, geometry, all_constants, touching
-):
-    """Brings the manifold of every pair up to date; returns how many have contact, their pairs listed in `touching`."""
+def update_manifolds(bodies, colliders, pairs, pair_count, manifolds, all_found, geometry, all_constants, touching):
+    """Brings the manifold of every pair up to date; returns how many have contact, their pairs listed in `touching`.
+
+    Second comes whether any manifold has got or lost points.
+    """
     constants = all_constants[0]
     found = all_found[0]
     touching_count = 0
+    is_changed = False
     for p in range(pair_count):
         pair = pairs[p]
         a = colliders[pair.a]
@@ -113,10 +122,18 @@ def update_manifolds(
         second = bodies[b.body]
         manifold = manifolds[pair.slot]
         margin = pair_margin(first, second, a, b, constants)
-        if rolls(a) or rolls(b) or not can_recycle(first, second, manifold, margin, constants):
+        before = manifold.point_count
+        if boxes_apart(a.box, b.box, margin):
+            if before > 0:
+                is_changed = True
+                forget_contact(manifold)
+            manifold.margin = -1.0
+            continue
+        if rolls(a) or rolls(b) or not follow_motion(first, second, manifold, margin, constants):
             count = collide(colliders, pair.a, pair.b, pair.part, margin, found, geometry)
-            write_manifold(first, second, manifold, points, pair.slot * POINTS, found, count, margin, False)
+            write_manifold(first, second, a, b, manifold, found, count, margin)
+            is_changed = is_changed or count != before
         if manifold.point_count > 0:
             touching[touching_count] = p
             touching_count += 1
-    return touching_count
+    return touching_count, is_changed
