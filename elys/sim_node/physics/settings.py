@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Literal, get_args
 
 import msgspec
 import numpy as np
@@ -15,6 +15,10 @@ from elys.sim_node.physics.kernels.tables import CONSTANTS, STRENGTH, Table
 MOST_STRENGTHS = 8
 
 
+Rule = Literal["geometric_mean", "minimum", "maximum", "average", "multiply"]
+RULES: tuple[Rule, ...] = get_args(Rule)
+
+
 class PhysicsSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """How a world is simulated. The defaults suit things from a hand to a house in size."""
 
@@ -22,16 +26,27 @@ class PhysicsSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     substeps: int = 8  # parts of a step; contacts are solved in each
     strengths: int = 5  # how often substeps may be doubled for islands that need it, that and one
     contact_overlap: float = 1.1e-3  # more than this no contact of a small island shall give way [m]
-    contact_stiffness: float = 0.125  # frequency of a contact as a share of the substeps'; twice that against what cannot move
+    contact_stiffness: float = (
+        0.125  # frequency of a contact as a share of the substeps'; twice that against what cannot move
+    )
     contact_damping: float = 5.0  # damping ratio of that push; half of it against what cannot move
     push_speed: float = 3.0  # overlap is never removed faster [m/s]
     bounce_speed: float = 0.01  # slower approaches do not bounce [m/s]
     contact_margin: float = 0.02  # gap up to which contacts are kept [m]
+    friction_rule: Rule = "geometric_mean"  # how the coefficients of two colliders make that of a pair
+    restitution_rule: Rule = "minimum"
     recycle_distance: float = 0.01  # a manifold is kept while its bodies moved less against each other [m]
     recycle_angle: float = 0.01  # and each turned less [rad]
 
     def __post_init__(self) -> None:
-        numbers = {name: getattr(self, name) for name in self.__struct_fields__ if name not in ("gravity", "substeps", "strengths")}
+        numbers = {
+            name: value for name in self.__struct_fields__ if isinstance(value := getattr(self, name), (int, float))
+        }
+        for name in ("friction_rule", "restitution_rule"):
+            if getattr(self, name) not in RULES:
+                raise PhysicsError(
+                    f"PhysicsSettings.{name} must be one of {', '.join(RULES)}, not {getattr(self, name)!r}"
+                )
         for name, value in numbers.items():
             if not (math.isfinite(value) and value >= 0.0):
                 raise PhysicsError(f"PhysicsSettings.{name} must be a finite number of 0 or more, not {value!r}")
@@ -74,6 +89,8 @@ def step_constants(settings: PhysicsSettings, dt: float, *, can_bounce: bool) ->
     row["recycle_angle"] = settings.recycle_angle
     row["bounce_speed"] = settings.bounce_speed
     row["overlap"] = settings.contact_overlap
+    row["friction_rule"] = RULES.index(settings.friction_rule)
+    row["restitution_rule"] = RULES.index(settings.restitution_rule)
     row["can_bounce"] = can_bounce
     return constants
 
