@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Literal, get_args
 
 import msgspec
 import numpy as np
@@ -13,6 +13,10 @@ from elys.common.errors import PhysicsError
 from elys.sim_node.physics.kernels.tables import CONSTANTS, STRENGTH, Table
 
 MOST_STRENGTHS = 8
+
+
+Rule = Literal["geometric_mean", "minimum", "maximum", "average", "multiply"]
+RULES: tuple[Rule, ...] = get_args(Rule)
 
 
 class PhysicsSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -29,15 +33,20 @@ class PhysicsSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     push_speed: float = 3.0  # overlap is never removed faster [m/s]
     bounce_speed: float = 0.01  # slower approaches do not bounce [m/s]
     contact_margin: float = 0.02  # gap up to which contacts are kept [m]
+    friction_rule: Rule = "geometric_mean"  # how the coefficients of two colliders make that of a pair
+    restitution_rule: Rule = "minimum"
     recycle_distance: float = 0.01  # a manifold is kept while its bodies moved less against each other [m]
     recycle_angle: float = 0.01  # and each turned less [rad]
 
     def __post_init__(self) -> None:
         numbers = {
-            name: getattr(self, name)
-            for name in self.__struct_fields__
-            if name not in ("gravity", "substeps", "strengths")
+            name: value for name in self.__struct_fields__ if isinstance(value := getattr(self, name), (int, float))
         }
+        for name in ("friction_rule", "restitution_rule"):
+            if getattr(self, name) not in RULES:
+                raise PhysicsError(
+                    f"PhysicsSettings.{name} must be one of {', '.join(RULES)}, not {getattr(self, name)!r}"
+                )
         for name, value in numbers.items():
             if not (math.isfinite(value) and value >= 0.0):
                 raise PhysicsError(f"PhysicsSettings.{name} must be a finite number of 0 or more, not {value!r}")
@@ -80,6 +89,8 @@ def step_constants(settings: PhysicsSettings, dt: float, *, can_bounce: bool) ->
     row["recycle_angle"] = settings.recycle_angle
     row["bounce_speed"] = settings.bounce_speed
     row["overlap"] = settings.contact_overlap
+    row["friction_rule"] = RULES.index(settings.friction_rule)
+    row["restitution_rule"] = RULES.index(settings.restitution_rule)
     row["can_bounce"] = can_bounce
     return constants
 

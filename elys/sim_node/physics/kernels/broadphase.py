@@ -144,7 +144,7 @@ def sort_pairs(pairs, count, sorted_pairs, starts):
     starts[:] = 0
     for p in range(count):
         starts[pairs[p].a + 1] += 1
-        sorted_pairs[p].a = -1  # what stands there from an earlier call is no neighbour
+        sorted_pairs[p].a = -1  # not filled yet: nothing comes before it
     for i in range(starts.shape[0] - 1):
         starts[i + 1] += starts[i]
     for p in range(count):

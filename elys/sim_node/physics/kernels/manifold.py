@@ -11,7 +11,7 @@ import math
 
 from elys.sim_node.compilation import inner
 from elys.sim_node.physics.kernels.rotation import multiplied
-from elys.sim_node.physics.kernels.tables import POINTS
+from elys.sim_node.physics.kernels.tables import AVERAGE, GEOMETRIC_MEAN, MAXIMUM, MINIMUM, POINTS
 
 
 @inner
@@ -77,17 +77,29 @@ def inherit_impulses(manifold, found, count):
 
 
 @inner
-def write_manifold(first_body, second_body, a, b, manifold, found, count, margin):
+def combined(rule, p, q):
+    """The coefficient of a pair from those of its two colliders."""
+    if rule == GEOMETRIC_MEAN:
+        return math.sqrt(p * q)
+    if rule == MINIMUM:
+        return min(p, q)
+    if rule == MAXIMUM:
+        return max(p, q)
+    return 0.5 * (p + q) if rule == AVERAGE else p * q
+
+
+@inner
+def write_manifold(first_body, second_body, a, b, manifold, found, count, margin, constants):
     """Stores what the narrow phase found for two bodies' colliders.
 
-    Surfaces rub by the geometric mean of their frictions and bounce by the smaller restitution.
+    How surfaces rub and bounce follows from both by the world's rules.
     """
     inherit_impulses(manifold, found, count)
     manifold.point_count = count
     manifold.live_points = count
     manifold.margin = margin
-    manifold.friction = math.sqrt(a.friction * b.friction)
-    manifold.restitution = min(a.restitution, b.restitution)
+    manifold.friction = combined(constants.friction_rule, a.friction, b.friction)
+    manifold.restitution = combined(constants.restitution_rule, a.restitution, b.restitution)
     pa = first_body.position
     pb = second_body.position
     normal = manifold.normal

@@ -148,7 +148,7 @@ def update_manifolds(
             continue
         if rolls(a) or rolls(b) or not follow_motion(first, second, manifold, margin, constants):
             count = collide(colliders, pair.a, pair.b, pair.part, margin, found, geometry)
-            write_manifold(first, second, a, b, manifold, found, count, margin)
+            write_manifold(first, second, a, b, manifold, found, count, margin, constants)
             is_changed = is_changed or count != before
         if manifold.point_count > 0:
             touching[touching_count] = p

@@ -20,6 +20,7 @@ DYNAMIC, KINEMATIC, STATIC = 0, 1, 2
 BOX, SPHERE, CAPSULE, CYLINDER, HULL, MESH, PLANE, HEIGHT_FIELD = 0, 1, 2, 3, 4, 5, 6, 7
 ROUNDED = (SPHERE, CAPSULE)  # a core with a radius around it
 TRIANGLE = 8  # a part of a mesh or a height field; no collider is of this kind
+GEOMETRIC_MEAN, MINIMUM, MAXIMUM, AVERAGE, MULTIPLY = 0, 1, 2, 3, 4
 CORNERS = 32  # the most corners of a face that contacts are made with; of larger faces some are left out
 POINTS = 4  # the most contact points a manifold keeps; point p of manifold m is row 4 m + p of the points
 
@@ -278,6 +279,8 @@ CONSTANTS = np.dtype(
         ("recycle_angle", "f8"),  # and each turned less [rad]
         ("bounce_speed", "f8"),  # slower approaches do not bounce [m/s]
         ("overlap", "f8"),  # contacts that would give way more are solved by a stronger row of STRENGTH [m]
+        ("friction_rule", "u1"),  # how a pair's coefficient follows from two: GEOMETRIC_MEAN to MULTIPLY
+        ("restitution_rule", "u1"),
         ("can_bounce", "u1"),  # some collider has restitution
     ],
     align=True,
