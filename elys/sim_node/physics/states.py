@@ -31,12 +31,23 @@ class ContactPoints(NamedTuple):
     normal_impulse: Array  # (M,) of the whole step [N s]
 
 
-class RayHits(NamedTuple):
-    """What R rays met."""
+class Hits(NamedTuple):
+    """What each of R questions met first."""
 
     entity: Array  # (R,) uint32: the entity that carries the collider, 0 for none
-    distance: Array  # (R,) [m], infinity for none
-    normal: Array  # (R, 3) of the surface
+    distance: Array  # (R,) from the origin [m], infinity for none
+    point: Array  # (R, 3) on the surface, in world space [m], not a number for none
+    normal: Array  # (R, 3) of the surface, outward; 0 for none
+
+
+class AllHits(NamedTuple):
+    """Everything that R questions met: H rows by question, nearest first, and by collider where equally far."""
+
+    query: Array  # (H,) int64, which of the questions
+    entity: Array  # (H,) uint32
+    distance: Array  # (H,) [m]
+    point: Array  # (H, 3) [m]
+    normal: Array  # (H, 3)
 
 
 class Energy(NamedTuple):

@@ -20,29 +20,27 @@ from elys.common.math import quaternion
 from elys.sim_node.physics import checks
 from elys.sim_node.physics.bodies import BodyTable, new_rows
 from elys.sim_node.physics.colliders import ColliderTable, new_colliders
-from elys.sim_node.physics.contacts import BoxTree, ContactStore
+from elys.sim_node.physics.contacts import ContactStore
 from elys.sim_node.physics.kernels.state_hash import hash_bodies
 from elys.sim_node.physics.kernels.tables import BOX, DYNAMIC, STATIC
 from elys.sim_node.physics.mass_properties import mass_properties
 from elys.sim_node.physics.measures import energy_of, momentum_of
-from elys.sim_node.physics.raycasting import query_tree, raycast
+from elys.sim_node.physics.queries import WorldQueries
 from elys.sim_node.physics.settings import PhysicsSettings, step_constants
-from elys.sim_node.physics.states import BodyStates, ContactPoints, Energy, Momentum, Problem, RayHits
+from elys.sim_node.physics.states import BodyStates, ContactPoints, Energy, Momentum, Problem
 from elys.sim_node.physics.stepping import step_bodies
 
 Array = np.ndarray[Any, Any]
 
 
-class PhysicsWorld:
+class PhysicsWorld(WorldQueries):
     """Rigid bodies, their shapes and their contacts. Methods take entity ids and arrays with one row for each."""
 
     def __init__(self, settings: PhysicsSettings | None = None) -> None:
         self.settings = settings or PhysicsSettings()
-        self._bodies = BodyTable()
-        self._colliders = ColliderTable()
+        super().__init__(BodyTable(), ColliderTable())
         self._contacts = ContactStore()
         self._problems: list[Problem] = []
-        self._query_tree: BoxTree | None = None
 
     # ---------------------------------------------------------------- what there is
 
@@ -127,7 +125,7 @@ class PhysicsWorld:
         rows = self._bodies.rows_of(checks.entity_column(entities))
         self._remove_colliders(self._colliders.rows_on(rows))
         self._colliders.follow_bodies(self._bodies.remove(rows))
-        self._query_tree = None
+        self._query_tree.outdate()
 
     def add_colliders(
         self,
@@ -258,7 +256,7 @@ class PhysicsWorld:
         constants = step_constants(self.settings, dt, can_bounce=self._colliders.can_bounce)
         profile = {} if profile is None else profile
         faulty = step_bodies(self._bodies, self._colliders, self._contacts, constants, profile)
-        self._query_tree = None
+        self._query_tree.outdate()
         if len(faulty):
             self._stop(faulty)
 
@@ -282,16 +280,6 @@ class PhysicsWorld:
         self._changed()
 
     # ---------------------------------------------------------------- questions
-
-    def raycast(self, origins: ArrayLike, directions: ArrayLike, max_distance: ArrayLike = np.inf) -> RayHits:
-        """The first collider that each ray meets.
-
-        Parameters: origins (R, 3) [m], directions (R, 3) of any length but 0, farthest distances (R,) or one for all [m].
-        A ray that begins inside a shape hits it at distance 0.
-        """
-        if self._query_tree is None:
-            self._query_tree = query_tree(self._bodies.rows, self._colliders.rows)
-        return raycast(self._colliders.rows, self._query_tree, origins, directions, max_distance)
 
     def energy(self) -> Energy:
         """Kinetic and potential energy of all dynamic bodies [J]."""
@@ -330,7 +318,7 @@ class PhysicsWorld:
         self._bodies.load(snapshot)
         self._colliders.load(snapshot)
         self._contacts.load(snapshot, len(self._colliders.rows))
-        self._query_tree = None
+        self._query_tree.outdate()
 
     # ---------------------------------------------------------------- within
 
@@ -365,4 +353,4 @@ class PhysicsWorld:
 
     def _changed(self) -> None:
         self._bodies.publish()
-        self._query_tree = None
+        self._query_tree.outdate()

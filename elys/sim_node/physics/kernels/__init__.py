@@ -14,6 +14,7 @@ from elys.sim_node.physics.kernels.narrow_phase import update_manifolds
 from elys.sim_node.physics.kernels.placement import fatten_boxes, place_colliders, place_inertia
 from elys.sim_node.physics.kernels.preparation import prepare_contacts
 from elys.sim_node.physics.kernels.queries import cast_rays
+from elys.sim_node.physics.kernels.query_tree import QUERY_NODE, build_query_tree, refit_query_tree
 from elys.sim_node.physics.kernels.solver import solve_contacts
 from elys.sim_node.physics.kernels.state_hash import hash_bodies
 from elys.sim_node.physics.kernels.tree import build_tree
@@ -45,9 +46,16 @@ def _kernels() -> tuple[Kernel, ...]:
     vectors = np.zeros((1, 3))
     boxes = np.zeros(2, tables.COLLIDER)["box"]
     words = np.zeros((1, 2), np.uint64)
+    flags = np.zeros(1, np.uint8)
+    places = np.zeros(1, np.int64)
+    query_nodes = np.zeros(1, QUERY_NODE)
+    walk = (indices, np.zeros(1, np.float32))
+    rays = (vectors, vectors, numbers)
     # The quick ones first, so that a progress bar moves early.
     listed: list[tuple[Any, tuple[Any, ...]]] = [
-        (cast_rays, (colliders, leaves, nodes, indices, numbers, vectors, vectors, numbers, indices, numbers, vectors)),
+        (refit_query_tree, (boxes, query_nodes)),
+        (build_query_tree, (boxes, query_nodes, indices, nodes, numbers)),
+        (cast_rays, (colliders, query_nodes, flags, indices, *walk, *rays, True, places, indices, numbers, vectors)),
         (hash_bodies, (entities, words)),
         (publish_poses, (bodies, poses)),
         (finish_step, (bodies, poses, indices)),
