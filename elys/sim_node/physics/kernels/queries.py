@@ -32,8 +32,18 @@ def near_and_far(origin, along, reach):
 
 
 @inner
-def enter_box(box, base, kx, ky, kz, nx, ny, nz, fx, fy, fz, ix, iy, iz, limit):
-    """Where a ray enters a child's box, at the latest; _NEVER when it does not before the limit."""
+def line_of(ox, oy, oz, dx, dy, dz, rx, ry, rz):
+    """A ray as boxes see it, which are larger by `r` on every side."""
+    nx, fx, ix, kx = near_and_far(ox, dx, rx)
+    ny, fy, iy, ky = near_and_far(oy, dy, ry)
+    nz, fz, iz, kz = near_and_far(oz, dz, rz)
+    return nx, ny, nz, fx, fy, fz, ix, iy, iz, kx, ky, kz
+
+
+@inner
+def enter_box(box, base, line, limit):
+    """Where a line enters a child's box, at the latest; _NEVER when it does not before the limit."""
+    nx, ny, nz, fx, fy, fz, ix, iy, iz, kx, ky, kz = line
     enter = (box[base + kx] - nx) * ix
     y = (box[base + 1 + ky] - ny) * iy
     z = (box[base + 2 + kz] - nz) * iz
@@ -55,10 +65,35 @@ def single(limit):
     return np.float32(min(limit * (1.0 + ROUND_OUT), 1e38))
 
 
+@inner
+def next_on_line(nodes, stack, entries, top, line, limit):
+    """The next collider whose box a line enters before the limit, or -1, and how many nodes wait on the stack then."""
+    while top > 0:
+        top -= 1
+        if entries[top] > limit:
+            continue
+        node = stack[top]
+        while node >= 0:
+            box = nodes[node].box
+            first = enter_box(box, 0, line, limit)
+            second = enter_box(box, 6, line, limit)
+            side = 0 if first <= second else 1
+            near, far = (first, second) if first <= second else (second, first)
+            if near == _NEVER:
+                break
+            child = nodes[node].child
+            if far < _NEVER:
+                # The nearer child is gone into at once: what it hits spares the other.
+                stack[top], entries[top] = child[1 - side], far
+                top += 1
+            node = child[side]
+        if node < 0:
+            return -1 - node, top
+    return -1, 0
+
+
 @kernel
-def cast_rays(
-    colliders, nodes, chosen, own, stack, entries, origins, directions, limits, every, query, hit, distance, normal
-):
+def cast_rays(colliders, nodes, chosen, own, stack, entries, origins, directions, limits, every, query, hit, distance, normal):
     """What rays meet: the first collider of each ray, or every one.
 
     Parameters: `nodes` of the query tree, `chosen` (C,) uint8 which colliders count, `own` (R,) a body whose colliders do
@@ -71,53 +106,30 @@ def cast_rays(
     for r in range(origins.shape[0]):
         ox, oy, oz = origins[r, 0], origins[r, 1], origins[r, 2]
         dx, dy, dz = directions[r, 0], directions[r, 1], directions[r, 2]
-        nx, fx, ix, kx = near_and_far(ox, dx, 0.0)
-        ny, fy, iy, ky = near_and_far(oy, dy, 0.0)
-        nz, fz, iz, kz = near_and_far(oz, dz, 0.0)
+        line = line_of(ox, oy, oz, dx, dy, dz, 0.0, 0.0, 0.0)
         limit = limits[r]
         rough = single(limit)
         best = -1
         stack[0] = 0
         entries[0] = _ZERO
         top = 1
-        while top > 0:
-            top -= 1
-            if entries[top] > rough:
-                continue
-            node = stack[top]
-            while node >= 0:
-                box = nodes[node].box
-                first = enter_box(box, 0, kx, ky, kz, nx, ny, nz, fx, fy, fz, ix, iy, iz, rough)
-                second = enter_box(box, 6, kx, ky, kz, nx, ny, nz, fx, fy, fz, ix, iy, iz, rough)
-                side = 0 if first <= second else 1
-                near, far = (first, second) if first <= second else (second, first)
-                if near == _NEVER:
-                    break
-                child = nodes[node].child
-                if far < _NEVER:
-                    # The nearer child is gone into at once: what it hits spares the other.
-                    stack[top], entries[top] = child[1 - side], far
-                    top += 1
-                node = child[side]
-            if node >= 0:
-                continue
-            c = -1 - node
+        while True:
+            c, top = next_on_line(nodes, stack, entries, top, line, rough)
+            if c < 0:
+                break
             collider = colliders[c]
             if chosen[c] == 0 or collider.body == own[r]:
                 continue
             t, ux, uy, uz = ray_shape(collider, ox, oy, oz, dx, dy, dz)
             if t == MISS or t > limit or (t == limit and best >= 0 and best < c):
                 continue
-            place = r
-            if every:
-                place = found
-                found += 1
-                if place >= hit.shape[0]:
-                    continue
-            else:
+            place = found if every else r
+            found += 1
+            if not every:
                 limit = t
-                rough = single(limit)
+                rough = single(t)
                 best = c
-            query[place], hit[place], distance[place] = r, c, t
-            normal[place, 0], normal[place, 1], normal[place, 2] = ux, uy, uz
+            if place < hit.shape[0]:
+                query[place], hit[place], distance[place] = r, c, t
+                normal[place, 0], normal[place, 1], normal[place, 2] = ux, uy, uz
     return found
