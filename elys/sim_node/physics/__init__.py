@@ -2,7 +2,7 @@
 
 from elys.sim_node.physics.kernels.tables import BOX, DYNAMIC, KINEMATIC, SPHERE, STATIC
 from elys.sim_node.physics.settings import PhysicsSettings
-from elys.sim_node.physics.states import AllHits, BodyStates, ContactPoints, Energy, Hits, Momentum, Problem
+from elys.sim_node.physics.states import BodyStates, ContactPoints, Energy, Hits, Momentum, Overlaps, Problem
 from elys.sim_node.physics.world import PhysicsWorld
 
 __all__ = [
@@ -11,12 +11,12 @@ __all__ = [
     "KINEMATIC",
     "SPHERE",
     "STATIC",
-    "AllHits",
     "BodyStates",
     "ContactPoints",
     "Energy",
     "Hits",
     "Momentum",
+    "Overlaps",
     "PhysicsSettings",
     "PhysicsWorld",
     "Problem",

@@ -1,64 +1,59 @@
-"""Questions to a world about where shapes are, for many at once. Asking changes nothing."""
+"""Questions to a world about where shapes are, for many at once. Asking changes nothing.
+
+hits = world.raycast([[0, 9, 0], [1, 9, 1]], [0, -1, 0], max_distance=20.0)
+hits.entity, hits.distance                                        # (2,) each: 0 and infinity for a ray that met nothing
+world.cast_sphere([0, 9, 0], [0, -1, 0], radius=0.5, all_hits=True)
+world.overlap_box([0, 1, 0], size=[2, 2, 2], exclude=[7])
+world.closest_point([[0, 9, 0]], max_distance=3.0)
+"""
 
 from __future__ import annotations
 
-from typing import Any, Literal, TypedDict, Unpack, overload
+from collections.abc import Callable
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from elys.common.errors import PhysicsError
-from elys.sim_node.physics import checks
+from elys.sim_node.physics import checks, probes
 from elys.sim_node.physics.bodies import BodyTable
 from elys.sim_node.physics.colliders import ColliderTable
-from elys.sim_node.physics.kernels.queries import cast_rays
+from elys.sim_node.physics.kernels.cast import TOUCH
+from elys.sim_node.physics.kernels.nearby import find_closest, find_overlaps
+from elys.sim_node.physics.kernels.queries import cast_rays, cast_shapes
+from elys.sim_node.physics.kernels.tables import CONVEX, SIMPLEX
 from elys.sim_node.physics.query_tree import QueryTree
-from elys.sim_node.physics.states import AllHits, Hits
+from elys.sim_node.physics.states import Hits, Overlaps
 
 Array = np.ndarray[Any, Any]
 
-_FARTHEST = 1e300  # stands for infinity where differences are taken
 EVERY_LAYER = 0xFFFFFFFF
+NO_TURN = (0.0, 0.0, 0.0, 1.0)
 
 
 class Filters(TypedDict, total=False):
-    """What a question passes over; the same for all questions."""
+    """What a question passes over; the same keywords for all questions."""
 
     own_body: ArrayLike  # (R,) for each of R questions an entity whose body is not met, 0 for none
-    mask: int  # only colliders with a layer whose bit is set in it
+    mask: int  # only colliders on layers whose bit is set in it
     exclude: ArrayLike  # entities whose colliders, their own or those of their bodies, are not met
     include_triggers: bool  # colliders that nothing collides with are met as well
 
 
 class WorldQueries:
-    """What a world answers about its shapes; keywords that every question takes are those of `Filters`."""
+    """What a world answers about its shapes.
+
+    Questions come in arrays; one value of anything stands for all. `filters` are the keywords of `Filters`. A cast with
+    `all_hits` answers with every collider on the way instead of the first. Bad questions raise PhysicsError.
+    """
 
     def __init__(self, bodies: BodyTable, colliders: ColliderTable) -> None:
         self._bodies = bodies
         self._colliders = colliders
         self._query_tree = QueryTree()
 
-    @overload
-    def raycast(
-        self,
-        origins: ArrayLike,
-        directions: ArrayLike,
-        max_distance: ArrayLike = ...,
-        *,
-        all_hits: Literal[False] = ...,
-        **filters: Unpack[Filters],
-    ) -> Hits: ...
-
-    @overload
-    def raycast(
-        self,
-        origins: ArrayLike,
-        directions: ArrayLike,
-        max_distance: ArrayLike = ...,
-        *,
-        all_hits: Literal[True],
-        **filters: Unpack[Filters],
-    ) -> AllHits: ...
+    # ---------------------------------------------------------------- along a line
 
     def raycast(
         self,
@@ -68,30 +63,183 @@ class WorldQueries:
         *,
         all_hits: bool = False,
         **filters: Unpack[Filters],
-    ) -> Hits | AllHits:
-        """The first collider that each ray meets, or all of them.
+    ) -> Hits:
+        """The first collider that each ray meets.
 
-        Parameters: origins (R, 3) [m], directions (R, 3) of any length but 0, farthest distances (R,) or one for all [m].
-        A ray that begins inside a shape meets it at distance 0, with a normal against the ray.
-
-        Raises:
-            PhysicsError: a ray is not finite, has no direction or a negative length.
+        Parameters: origins (R, 3) [m], directions (R, 3) of any length but 0, farthest distances (R,) [m]. A ray that begins
+        inside a shape meets it at distance 0, with a normal against the ray.
         """
-        start, along, limits = rays_of("raycast", origins, directions, max_distance)
-        own, chosen = self._filter(len(start), **filters)
+        start, along, limits = probes.rays_of("raycast", origins, directions, max_distance)
+        own, chosen = self._filtered(len(start), **filters)
+        tree = self._query_tree
 
-        def ask(room: int) -> tuple[int, tuple[Array, ...]]:
-            found = answer_rows(room if all_hits else len(start))
-            tree = self._query_tree
+        def ask(rows: Hits, hit: Array) -> int:
             walk = (tree.nodes, chosen, own, tree.stack, tree.entries)
-            return cast_rays(self._colliders.rows, *walk, start, along, limits, all_hits, *found), found
+            answer = (rows.query, hit, rows.distance, rows.normal)
+            return int(cast_rays(self._colliders.rows, *walk, start, along, limits, all_hits, *answer))
 
-        query, hit, distance, normal = self._answer(ask, len(start), all_hits)
-        with np.errstate(invalid="ignore"):
-            point = start[query] + distance[:, None] * along[query]
-        return self._hits(all_hits, query, hit, distance, point, normal)
+        hits = self._collected(ask, len(start), all_hits)
+        met = hits.entity != 0
+        hits.point[met] = start[hits.query[met]] + hits.distance[met, None] * along[hits.query[met]]
+        return hits
 
-    def _filter(
+    def cast_sphere(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        radius: ArrayLike,
+        max_distance: ArrayLike = np.inf,
+        *,
+        all_hits: bool = False,
+        **filters: Unpack[Filters],
+    ) -> Hits:
+        """What balls of radii (R,) [m] touch first on their way from origins (R, 3) along directions (R, 3).
+
+        A shape that overlaps another where it begins meets it at distance 0, with a normal against the way.
+        """
+        rays = probes.rays_of("cast_sphere", origins, directions, max_distance)
+        return self._cast(probes.balls("cast_sphere", radius, len(rays[0])), rays, all_hits, filters)
+
+    def cast_box(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        size: ArrayLike,
+        max_distance: ArrayLike = np.inf,
+        *,
+        rotation: ArrayLike = NO_TURN,
+        all_hits: bool = False,
+        **filters: Unpack[Filters],
+    ) -> Hits:
+        """What boxes of full edge lengths (R, 3) [m], turned by (R, 4), touch first; see `cast_sphere`."""
+        rays = probes.rays_of("cast_box", origins, directions, max_distance)
+        return self._cast(probes.boxes("cast_box", size, rotation, len(rays[0])), rays, all_hits, filters)
+
+    def cast_capsule(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        radius: ArrayLike,
+        half_length: ArrayLike,
+        max_distance: ArrayLike = np.inf,
+        *,
+        rotation: ArrayLike = NO_TURN,
+        all_hits: bool = False,
+        **filters: Unpack[Filters],
+    ) -> Hits:
+        """What capsules along y, of radii and half lengths of the straight part (R,) [m], turned by (R, 4), touch first; see
+        `cast_sphere`."""
+        rays = probes.rays_of("cast_capsule", origins, directions, max_distance)
+        shapes = probes.capsules("cast_capsule", radius, half_length, rotation, len(rays[0]))
+        return self._cast(shapes, rays, all_hits, filters)
+
+    # ---------------------------------------------------------------- at a place
+
+    def overlap_point(self, points: ArrayLike, **filters: Unpack[Filters]) -> Overlaps:
+        """All colliders that hold points (R, 3) [m]."""
+        return self.overlap_sphere(points, 0.0, **filters)
+
+    def overlap_sphere(self, centers: ArrayLike, radius: ArrayLike, **filters: Unpack[Filters]) -> Overlaps:
+        """All colliders that share a point with balls around centers (R, 3), of radii (R,) [m]."""
+        places = probes.places_of("overlap_sphere", "centers", centers)
+        return self._overlaps(probes.balls("overlap_sphere", radius, len(places)), places, filters)
+
+    def overlap_box(
+        self, centers: ArrayLike, size: ArrayLike, *, rotation: ArrayLike = NO_TURN, **filters: Unpack[Filters]
+    ) -> Overlaps:
+        """All colliders that share a point with boxes of full edge lengths (R, 3) [m], turned by (R, 4)."""
+        places = probes.places_of("overlap_box", "centers", centers)
+        return self._overlaps(probes.boxes("overlap_box", size, rotation, len(places)), places, filters)
+
+    def overlap_capsule(
+        self,
+        centers: ArrayLike,
+        radius: ArrayLike,
+        half_length: ArrayLike,
+        *,
+        rotation: ArrayLike = NO_TURN,
+        **filters: Unpack[Filters],
+    ) -> Overlaps:
+        """All colliders that share a point with capsules along y, given as in `cast_capsule`."""
+        places = probes.places_of("overlap_capsule", "centers", centers)
+        shapes = probes.capsules("overlap_capsule", radius, half_length, rotation, len(places))
+        return self._overlaps(shapes, places, filters)
+
+    def closest_point(
+        self, points: ArrayLike, max_distance: ArrayLike = np.inf, **filters: Unpack[Filters]
+    ) -> Hits:
+        """The collider closest to each of the points (R, 3) [m], and where on it, up to max_distance (R,) [m] away.
+
+        A point inside a shape is its own closest point, at distance 0 with no normal.
+        """
+        places = probes.places_of("closest_point", "points", points)
+        limits = probes.limits_of("closest_point", max_distance, len(places))
+        own, chosen = self._filtered(len(places), **filters)
+        tree = self._query_tree
+        nearest = np.zeros(len(tree.stack))
+
+        def ask(rows: Hits, hit: Array) -> int:
+            walk = (tree.nodes, chosen, own, tree.stack, nearest)
+            answer = (hit, rows.distance, rows.point, rows.normal)
+            room = (np.zeros(2, CONVEX), np.zeros(1, SIMPLEX))
+            find_closest(self._colliders.rows, *self._geometry(), *walk, places, limits, room, *answer)
+            return len(places)
+
+        return self._collected(ask, len(places), False)
+
+    # ---------------------------------------------------------------- within
+
+    def _cast(self, shapes: probes.Probes, rays: tuple[Array, Array, Array], all_hits: bool, filters: Filters) -> Hits:
+        count = len(rays[0])
+        own, chosen = self._filtered(count, **filters)
+        tree = self._query_tree
+        room = (np.zeros(1, CONVEX), np.zeros(1, SIMPLEX), np.zeros(1, TOUCH))
+
+        def ask(rows: Hits, hit: Array) -> int:
+            walk = (tree.nodes, chosen, own, tree.stack, tree.entries)
+            answer = (rows.query, hit, rows.distance, rows.point, rows.normal)
+            tables = (self._colliders.rows, *self._geometry())
+            return int(cast_shapes(*tables, *walk, *rays, *shapes, room, all_hits, *answer))
+
+        return self._collected(ask, count, all_hits)
+
+    def _overlaps(self, shapes: probes.Probes, places: Array, filters: Filters) -> Overlaps:
+        own, chosen = self._filtered(len(places), **filters)
+        if not len(self._colliders.rows):
+            return Overlaps(np.zeros(0, np.int64), np.zeros(0, np.uint32))
+        tree = self._query_tree
+        tables = (self._colliders.rows, *self._geometry(), tree.nodes, chosen, own, tree.stack)
+        room = (np.zeros(2, CONVEX), np.zeros(1, SIMPLEX))
+        found = 4 * len(places)
+        while True:
+            query, hit = np.zeros(found, np.int64), np.zeros(found, np.int32)
+            found = int(find_overlaps(*tables, places, *shapes, room, query, hit))
+            if found <= len(query):
+                break
+        order = np.lexsort((hit[:found], query[:found]))
+        return Overlaps(query[order], self._colliders.rows["entity"][hit[order]])
+
+    def _collected(self, ask: Callable[[Hits, Array], int], count: int, all_hits: bool) -> Hits:
+        """The answers that `ask(rows, collider of each)` writes, in order; it tells how many there are."""
+        room = 2 * count if all_hits else count
+        while True:
+            rows, hit = nothing_met(room), np.full(room, -1, np.int32)
+            found = ask(rows, hit) if len(self._colliders.rows) else 0
+            if not all_hits or found <= room:
+                break
+            room = found
+        met = hit >= 0
+        rows.entity[met] = self._colliders.rows["entity"][hit[met]]
+        if not all_hits:
+            return rows
+        order = np.lexsort((hit[:found], rows.distance[:found], rows.query[:found]))
+        return Hits(*(column[order] for column in rows))
+
+    def _geometry(self) -> tuple[Array, Array]:
+        """What hulls are made of: headers and points."""
+        return self._colliders.headers, self._colliders.points
+
+    def _filtered(
         self,
         count: int,
         own_body: ArrayLike = 0,
@@ -102,80 +250,27 @@ class WorldQueries:
         """The own body's row (R,) of each question, and which colliders count (C,). Brings the tree up to date."""
         self._query_tree.follow(self._bodies.rows, self._colliders.rows)
         colliders = self._colliders.rows
-        try:
-            entities = np.broadcast_to(np.asarray(own_body, np.int64), (count,))
-        except ValueError as error:
-            raise PhysicsError(f"own_body must be one entity, or one for each of {count} questions") from error
+        entities = np.asarray(own_body)
+        if entities.shape not in ((), (1,), (count,)):
+            raise PhysicsError(f"own_body takes one entity or one for each of {count} questions")
         own = np.full(count, -1, np.int32)
         if (entities != 0).any():
+            entities = np.broadcast_to(entities, (count,))
             own[entities != 0] = self._bodies.rows_of(checks.entity_column(entities[entities != 0], unique=False))
         chosen = np.ones(len(colliders), np.uint8)
-        passed_over = checks.entity_column(np.asarray(exclude, np.int64), unique=False)
-        if len(passed_over):
+        if np.size(exclude):
+            passed_over = checks.entity_column(exclude, unique=False)
             bodies = self._bodies.rows["entity"][colliders["body"]]
             chosen[np.isin(colliders["entity"], passed_over) | np.isin(bodies, passed_over)] = 0
         return own, chosen
 
-    def _answer(self, ask: Any, count: int, all_hits: bool) -> tuple[Array, ...]:
-        """Rows of hits: (query, collider, ...), those of `all_hits` in order."""
-        if not len(self._colliders.rows):
-            return answer_rows(0 if all_hits else count)
-        found, rows = ask(2 * count)
-        if not all_hits:
-            return rows
-        if found > len(rows[0]):
-            found, rows = ask(found)
-        query, hit, distance = (column[:found] for column in rows[:3])
-        order = np.lexsort((hit, distance, query))
-        return tuple(column[:found][order] for column in rows)
 
-    def _hits(
-        self, all_hits: bool, query: Array, hit: Array, distance: Array, point: Array, normal: Array
-    ) -> Hits | AllHits:
-        entity = np.zeros(len(hit), np.uint32)
-        entity[hit >= 0] = self._colliders.rows["entity"][hit[hit >= 0]]
-        if all_hits:
-            return AllHits(query, entity, distance, point, normal)
-        return Hits(entity, distance, point, normal)
-
-
-def answer_rows(count: int) -> tuple[Array, Array, Array, Array]:
-    """Room for hits that says "nothing": query, collider, distance, normal."""
-    return np.arange(count), np.full(count, -1, np.int32), np.full(count, np.inf), np.zeros((count, 3))
-
-
-def rays_of(
-    question: str, origins: ArrayLike, directions: ArrayLike, max_distance: ArrayLike
-) -> tuple[Array, Array, Array]:
-    """Origins and unit directions (R, 3) and finite lengths (R,), checked; `question` is what sentences call it."""
-    start, along = vectors_of(question, "origins", origins, "directions", directions)
-    # Scaled first: the square of a very long or very short direction is no number of this size.
-    largest = abs(along).max(axis=1, keepdims=True)
-    if (largest == 0.0).any():
-        raise PhysicsError(f"{question} cannot look along a direction of length 0: direction {largest.argmin()} is")
-    along = along / largest
-    along = along / np.linalg.norm(along, axis=1, keepdims=True)
-    return start, along, limits_of(question, max_distance, len(start))
-
-
-def vectors_of(question: str, name: str, first: ArrayLike, other_name: str, second: ArrayLike) -> tuple[Array, Array]:
-    """Two columns of vectors (R, 3), one of either taken for all."""
-    try:
-        a, b = (np.atleast_2d(np.asarray(values, np.float64)) for values in (first, second))
-        a, b = np.broadcast_arrays(a, b)
-    except ValueError as error:
-        raise PhysicsError(f"{question} takes as many {name} as {other_name}, or one of either") from error
-    if a.ndim != 2 or a.shape[1] != 3 or not (np.isfinite(a).all() and np.isfinite(b).all()):
-        raise PhysicsError(f"{question} takes finite {name} and {other_name} of shape (R, 3)")
-    return np.ascontiguousarray(a), np.ascontiguousarray(b)
-
-
-def limits_of(question: str, max_distance: ArrayLike, count: int) -> Array:
-    """Farthest distances (R,), infinity as a number that can be calculated with."""
-    try:
-        limits = np.broadcast_to(np.asarray(max_distance, np.float64), (count,))
-    except ValueError as error:
-        raise PhysicsError(f"{question} takes one farthest distance, or one for each of {count}") from error
-    if not (limits >= 0.0).all():
-        raise PhysicsError(f"{question} takes distances of 0 m or more")
-    return np.minimum(limits, _FARTHEST)
+def nothing_met(count: int) -> Hits:
+    """The answers to questions that met nothing."""
+    return Hits(
+        np.arange(count),
+        np.zeros(count, np.uint32),
+        np.full(count, np.inf),
+        np.full((count, 3), np.nan),
+        np.zeros((count, 3)),
+    )

@@ -32,22 +32,21 @@ class ContactPoints(NamedTuple):
 
 
 class Hits(NamedTuple):
-    """What each of R questions met first."""
-
-    entity: Array  # (R,) uint32: the entity that carries the collider, 0 for none
-    distance: Array  # (R,) from the origin [m], infinity for none
-    point: Array  # (R, 3) on the surface, in world space [m], not a number for none
-    normal: Array  # (R, 3) of the surface, outward; 0 for none
-
-
-class AllHits(NamedTuple):
-    """Everything that R questions met: H rows by question, nearest first, and by collider where equally far."""
+    """What questions met: one row for each of R questions; with `all_hits` a row for every collider met, by question, nearest
+    first, and of equally far ones in the order of their bodies."""
 
     query: Array  # (H,) int64, which of the questions
-    entity: Array  # (H,) uint32
-    distance: Array  # (H,) [m]
-    point: Array  # (H, 3) [m]
-    normal: Array  # (H, 3)
+    entity: Array  # (H,) uint32: the entity that carries the collider, 0 for none
+    distance: Array  # (H,) [m], infinity for none
+    point: Array  # (H, 3) on the surface that was met [m], not a number for none
+    normal: Array  # (H, 3) outward from that surface; 0 for none
+
+
+class Overlaps(NamedTuple):
+    """Which colliders R shapes overlap: H rows, by question and then in the order of the colliders' bodies."""
+
+    query: Array  # (H,) int64, which of the questions
+    entity: Array  # (H,) uint32: the entity that carries the collider
 
 
 class Energy(NamedTuple):

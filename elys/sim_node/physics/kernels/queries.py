@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from elys.sim_node.compilation import inner, kernel
+from elys.sim_node.physics.kernels.cast import cast_shape
 from elys.sim_node.physics.kernels.query_tree import ROUND_OUT
 from elys.sim_node.physics.kernels.ray import MISS, ray_shape
 
@@ -132,4 +133,74 @@ def cast_rays(colliders, nodes, chosen, own, stack, entries, origins, directions
             if place < hit.shape[0]:
                 query[place], hit[place], distance[place] = r, c, t
                 normal[place, 0], normal[place, 1], normal[place, 2] = ux, uy, uz
+    return found
+
+
+@kernel
+def cast_shapes(
+    colliders,
+    headers,
+    points,
+    nodes,
+    chosen,
+    own,
+    stack,
+    entries,
+    origins,
+    directions,
+    limits,
+    probes,
+    reaches,
+    room,
+    every,
+    query,
+    hit,
+    distance,
+    point,
+    normal,
+):
+    """What moving shapes meet, as `cast_rays` has it, with the points of touch.
+
+    `probes` (R,) are the shapes, or one for all, and reaches (R,) or (1,) half the extents of their boxes, `room` is
+    (convex, simplex, touch) to work in.
+    """
+    convex, simplex, touch = room[0][0], room[1][0], room[2][0]
+    found = 0
+    for r in range(origins.shape[0]):
+        ox, oy, oz = origins[r, 0], origins[r, 1], origins[r, 2]
+        dx, dy, dz = directions[r, 0], directions[r, 1], directions[r, 2]
+        p = r if probes.shape[0] > 1 else 0
+        probe = probes[p]
+        rx, ry, rz = reaches[p, 0], reaches[p, 1], reaches[p, 2]
+        line = line_of(ox, oy, oz, dx, dy, dz, rx, ry, rz)
+        limit = limits[r]
+        rough = single(limit)
+        best = -1
+        stack[0] = 0
+        entries[0] = _ZERO
+        top = 1
+        while True:
+            c, top = next_on_line(nodes, stack, entries, top, line, rough)
+            if c < 0:
+                break
+            collider = colliders[c]
+            if chosen[c] == 0 or collider.body == own[r]:
+                continue
+            reach = rx + ry + rz
+            t = cast_shape(
+                probe, reach, collider, headers, points, convex, simplex, ox, oy, oz, dx, dy, dz, limit, touch
+            )
+            if t == MISS or t > limit or (t == limit and best >= 0 and best < c):
+                continue
+            place = found if every else r
+            found += 1
+            if not every:
+                limit = t
+                rough = single(t)
+                best = c
+            if place < hit.shape[0]:
+                query[place], hit[place], distance[place] = r, c, t
+                for k in range(3):
+                    point[place, k] = touch.point[k]
+                    normal[place, k] = touch.normal[k]
     return found

@@ -9,17 +9,38 @@ from __future__ import annotations
 import math
 
 from elys.sim_node.compilation import inner
-from elys.sim_node.physics.kernels.tables import BOX
+from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, SPHERE
 from elys.sim_node.physics.kernels.tree import FAR
 
 MISS = -1.0
 
 
 @inner
-def ray_sphere(sphere, ox, oy, oz, dx, dy, dz):
+def into_axes(axes, x, y, z):
+    """A vector in a shape's own axes."""
+    return (
+        x * axes[0] + y * axes[1] + z * axes[2],
+        x * axes[3] + y * axes[4] + z * axes[5],
+        x * axes[6] + y * axes[7] + z * axes[8],
+    )
+
+
+@inner
+def out_of_axes(axes, x, y, z):
+    """A vector of a shape's own axes in world space."""
+    return (
+        x * axes[0] + y * axes[3] + z * axes[6],
+        x * axes[1] + y * axes[4] + z * axes[7],
+        x * axes[2] + y * axes[5] + z * axes[8],
+    )
+
+
+@inner
+def ray_sphere(sphere, ox, oy, oz, dx, dy, dz, more):
+    """A ball whose radius is larger by `more`."""
     center = sphere.center
     px, py, pz = ox - center[0], oy - center[1], oz - center[2]
-    radius = sphere.half_extents[0]
+    radius = sphere.half_extents[0] + more
     t = along_ball(px, py, pz, dx, dy, dz, radius)
     if t <= 0.0:
         return t, -dx, -dy, -dz
@@ -57,13 +78,11 @@ def ray_box(box, ox, oy, oz, dx, dy, dz):
     center = box.center
     a = box.axes
     half = box.half_extents
-    px, py, pz = ox - center[0], oy - center[1], oz - center[2]
-    vx = dx * a[0] + dy * a[1] + dz * a[2]
-    vy = dx * a[3] + dy * a[4] + dz * a[5]
-    vz = dx * a[6] + dy * a[7] + dz * a[8]
-    x0, x1 = slab(px * a[0] + py * a[1] + pz * a[2], vx, half[0])
-    y0, y1 = slab(px * a[3] + py * a[4] + pz * a[5], vy, half[1])
-    z0, z1 = slab(px * a[6] + py * a[7] + pz * a[8], vz, half[2])
+    px, py, pz = into_axes(a, ox - center[0], oy - center[1], oz - center[2])
+    vx, vy, vz = into_axes(a, dx, dy, dz)
+    x0, x1 = slab(px, vx, half[0])
+    y0, y1 = slab(py, vy, half[1])
+    z0, z1 = slab(pz, vz, half[2])
     enter = max(x0, y0, z0)
     leave = min(x1, y1, z1)
     if enter > leave or leave < 0.0:
@@ -81,8 +100,84 @@ def ray_box(box, ox, oy, oz, dx, dy, dz):
 
 
 @inner
+def along_tube(px, pz, vx, vz, radius):
+    """Where a line is within `radius` of the y axis: from, to; (FAR, -FAR) when nowhere."""
+    squared = vx * vx + vz * vz
+    if squared == 0.0:
+        return (-FAR, FAR) if px * px + pz * pz <= radius * radius else (FAR, -FAR)
+    # Taken from the foot of the axis on the line, as for balls.
+    t = -(px * vx + pz * vz) / squared
+    fx, fz = px + t * vx, pz + t * vz
+    inside = radius * radius - (fx * fx + fz * fz)
+    if inside < 0.0:
+        return FAR, -FAR
+    half = math.sqrt(inside / squared)
+    return t - half, t + half
+
+
+@inner
+def along_capsule(px, py, pz, vx, vy, vz, radius, half):
+    """Distance along a unit ray in a capsule's own axes; 0 from inside, MISS when it passes by."""
+    below = py - min(max(py, -half), half)
+    if px * px + below * below + pz * pz <= radius * radius:
+        return 0.0
+    enter, leave = along_tube(px, pz, vx, vz, radius)
+    if enter > leave or leave < 0.0:
+        return MISS
+    y = py + max(enter, 0.0) * vy
+    if abs(y) <= half:
+        return enter
+    # Into the tube beyond an end: only the ball there can be met first.
+    return along_ball(px, py - math.copysign(half, y), pz, vx, vy, vz, radius)
+
+
+@inner
+def ray_capsule(capsule, ox, oy, oz, dx, dy, dz, more):
+    """A capsule whose radius is larger by `more`; the normal is that of the capsule."""
+    center = capsule.center
+    px, py, pz = into_axes(capsule.axes, ox - center[0], oy - center[1], oz - center[2])
+    vx, vy, vz = into_axes(capsule.axes, dx, dy, dz)
+    radius = capsule.half_extents[0] + more
+    half = capsule.half_extents[1]
+    t = along_capsule(px, py, pz, vx, vy, vz, radius, half)
+    if t <= 0.0:
+        return t, -dx, -dy, -dz
+    y = py + t * vy
+    scale = 1.0 / radius
+    x, y, z = (px + t * vx) * scale, (y - min(max(y, -half), half)) * scale, (pz + t * vz) * scale
+    nx, ny, nz = out_of_axes(capsule.axes, x, y, z)
+    return t, nx, ny, nz
+
+
+@inner
+def ray_cylinder(cylinder, ox, oy, oz, dx, dy, dz):
+    center = cylinder.center
+    px, py, pz = into_axes(cylinder.axes, ox - center[0], oy - center[1], oz - center[2])
+    vx, vy, vz = into_axes(cylinder.axes, dx, dy, dz)
+    radius = cylinder.half_extents[0]
+    side, side_end = along_tube(px, pz, vx, vz, radius)
+    cap, cap_end = slab(py, vy, cylinder.half_extents[1])
+    enter = max(side, cap)
+    if enter > min(side_end, cap_end) or min(side_end, cap_end) < 0.0:
+        return MISS, 0.0, 0.0, 0.0
+    if enter <= 0.0:
+        return 0.0, -dx, -dy, -dz
+    if cap >= side:
+        nx, ny, nz = out_of_axes(cylinder.axes, 0.0, -math.copysign(1.0, vy), 0.0)
+        return enter, nx, ny, nz
+    scale = 1.0 / radius
+    nx, ny, nz = out_of_axes(cylinder.axes, (px + enter * vx) * scale, 0.0, (pz + enter * vz) * scale)
+    return enter, nx, ny, nz
+
+
+@inner
 def ray_shape(collider, ox, oy, oz, dx, dy, dz):
     """A ray against a shape of any kind."""
-    if collider.kind == BOX:
+    kind = collider.kind
+    if kind == BOX:
         return ray_box(collider, ox, oy, oz, dx, dy, dz)
-    return ray_sphere(collider, ox, oy, oz, dx, dy, dz)
+    if kind == SPHERE:
+        return ray_sphere(collider, ox, oy, oz, dx, dy, dz, 0.0)
+    if kind == CAPSULE:
+        return ray_capsule(collider, ox, oy, oz, dx, dy, dz, 0.0)
+    return ray_cylinder(collider, ox, oy, oz, dx, dy, dz)
