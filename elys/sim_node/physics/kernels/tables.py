@@ -17,7 +17,9 @@ import numpy as np
 Table = np.ndarray[Any, Any]
 
 DYNAMIC, KINEMATIC, STATIC = 0, 1, 2
-BOX, SPHERE = 0, 1
+BOX, SPHERE, CAPSULE, CYLINDER, HULL, MESH, PLANE, HEIGHT_FIELD = 0, 1, 2, 3, 4, 5, 6, 7
+ROUNDED = (SPHERE, CAPSULE)  # a core with a radius around it
+TRIANGLE = 8  # a part of a mesh or a height field; no collider is of this kind
 POINTS = 4  # the most contact points a manifold keeps; point p of manifold m is row 4 m + p of the points
 
 # What moves. A body's frame sits in its centre of mass, along its principal axes of inertia.
@@ -120,6 +122,53 @@ FOUND = np.dtype(
         ("polygon", "f8", 48),  # two polygons of eight corners: u, v, height over the reference face
         ("edges", "i4", 32),  # which two edges meet in a corner
         ("feature", "i4", POINTS),
+    ],
+    align=True,
+)
+
+# A convex shape as the general narrow phase and casts see it: a core, and a radius around it. Balls are points with a
+# radius, capsules segments with one; everything else is all core. Places are relative to a point that both shapes of a
+# pair share, near them, so that nothing is lost far from the origin.
+CONVEX = np.dtype(
+    [
+        ("center", "f8", 3),  # [m]
+        ("axes", "f8", 9),  # the shape's axes, one after another; a triangle's second is its normal
+        ("half_extents", "f8", 3),  # as in COLLIDER [m]
+        ("radius", "f8"),  # around the core [m]
+        ("scale", "f8"),  # of the core about its centre, 1 but for a first guess where cores overlap
+        ("corners", "f8", 9),  # of a triangle, from its centre [m]
+        ("kind", "i4"),
+        ("first_point", "i4"),  # of a hull
+        ("point_count", "i4"),
+        ("first_face", "i4"),
+        ("face_count", "i4"),
+        ("active", "i4"),  # of a triangle: bit k where something may hang over its edge from corner k to the next
+    ],
+    align=True,
+)
+
+# The room that distances between cores are found in, and what was found.
+SIMPLEX = np.dtype(
+    [
+        ("vertex", "f8", 12),  # up to four points of a minus b [m]
+        ("from_a", "f8", 12),  # the points of a that they come from [m]
+        ("weight", "f8", 4),
+        ("direction", "f8", 3),  # unit vector from a to b
+        ("on_a", "f8", 3),  # the points of the cores that are closest [m]
+        ("on_b", "f8", 3),
+        ("count", "i4"),
+    ],
+    align=True,
+)
+
+# Faces of hulls and triangles of meshes.
+FACE = np.dtype(
+    [
+        ("normal", "f8", 3),
+        ("first_corner", "i4"),  # in the points; corners go round counter-clockwise as seen from outside
+        ("corner_count", "i4"),
+        ("active", "i4"),  # as in CONVEX
+        ("source", "i4"),  # which triangle it was in the arrays that a mesh was made from
     ],
     align=True,
 )
