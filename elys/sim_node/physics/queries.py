@@ -165,9 +165,7 @@ class WorldQueries:
         shapes = probes.capsules("overlap_capsule", radius, half_length, rotation, len(places))
         return self._overlaps(shapes, places, filters)
 
-    def closest_point(
-        self, points: ArrayLike, max_distance: ArrayLike = np.inf, **filters: Unpack[Filters]
-    ) -> Hits:
+    def closest_point(self, points: ArrayLike, max_distance: ArrayLike = np.inf, **filters: Unpack[Filters]) -> Hits:
         """The collider closest to each of the points (R, 3) [m], and where on it, up to max_distance (R,) [m] away.
 
         A point inside a shape is its own closest point, at distance 0 with no normal.

@@ -22,7 +22,7 @@ from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, SPHERE
 TOUCH = np.dtype([("point", "f8", 3), ("normal", "f8", 3)], align=True)
 
 ROUNDS = 64  # a grazing touch halves the gap with each; others take a few
-CLOSE = 1e-6  # of the shapes' extent: from there the last step is taken, where the direction of the gap is still sure
+CLOSE = 1e-7  # of the shapes' extent: from there the last step is taken, where the direction of the gap is still sure
 
 
 @inner
@@ -49,7 +49,11 @@ def cast_ball_at_box(box, radius, ox, oy, oz, dx, dy, dz):
     ex = ey = ez = 0.0
     for _ in range(ROUNDS):
         x, y, z = px + t * vx, py + t * vy, pz + t * vz
-        ex, ey, ez = x - min(max(x, -half[0]), half[0]), y - min(max(y, -half[1]), half[1]), z - min(max(z, -half[2]), half[2])
+        ex, ey, ez = (
+            x - min(max(x, -half[0]), half[0]),
+            y - min(max(y, -half[1]), half[1]),
+            z - min(max(z, -half[2]), half[2]),
+        )
         distance = math.sqrt(ex * ex + ey * ey + ez * ez)
         if distance - radius <= near:
             break

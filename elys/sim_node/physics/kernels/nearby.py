@@ -32,9 +32,7 @@ def overlaps(probe, collider, headers, points, convex, simplex, x, y, z):
 
 
 @kernel
-def find_overlaps(
-    colliders, headers, points, nodes, chosen, own, stack, centers, probes, reaches, room, query, hit
-):
+def find_overlaps(colliders, headers, points, nodes, chosen, own, stack, centers, probes, reaches, room, query, hit):
     """Which colliders share a point with shapes that stand at centers (R, 3).
 
     `probes` (R,) are the shapes, or one for all, and reaches (R, 3) or (1, 3) half the extents of their boxes; `room` is

@@ -94,7 +94,9 @@ def next_on_line(nodes, stack, entries, top, line, limit):
 
 
 @kernel
-def cast_rays(colliders, nodes, chosen, own, stack, entries, origins, directions, limits, every, query, hit, distance, normal):
+def cast_rays(
+    colliders, nodes, chosen, own, stack, entries, origins, directions, limits, every, query, hit, distance, normal
+):
     """What rays meet: the first collider of each ray, or every one.
 
     Parameters: `nodes` of the query tree, `chosen` (C,) uint8 which colliders count, `own` (R,) a body whose colliders do

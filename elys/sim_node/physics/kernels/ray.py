@@ -13,6 +13,7 @@ from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, SPHERE
 from elys.sim_node.physics.kernels.tree import FAR
 
 MISS = -1.0
+PARALLEL = 1e-200  # a direction's share along an axis that leads nowhere, and whose inverse is too large a number
 
 
 @inner
@@ -65,7 +66,7 @@ def along_ball(px, py, pz, dx, dy, dz, radius):
 @inner
 def slab(origin, along, half):
     """Where a line enters and leaves the space |x| <= half; never, as (FAR, -FAR), for one that runs beside it."""
-    if along == 0.0:
+    if abs(along) < PARALLEL:
         return (-FAR, FAR) if abs(origin) <= half else (FAR, -FAR)
     inverse = 1.0 / along
     reach = abs(half * inverse)
@@ -103,7 +104,7 @@ def ray_box(box, ox, oy, oz, dx, dy, dz):
 def along_tube(px, pz, vx, vz, radius):
     """Where a line is within `radius` of the y axis: from, to; (FAR, -FAR) when nowhere."""
     squared = vx * vx + vz * vz
-    if squared == 0.0:
+    if squared < PARALLEL:
         return (-FAR, FAR) if px * px + pz * pz <= radius * radius else (FAR, -FAR)
     # Taken from the foot of the axis on the line, as for balls.
     t = -(px * vx + pz * vz) / squared
