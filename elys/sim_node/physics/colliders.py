@@ -28,10 +28,6 @@ class ColliderTable:
         self.rows = np.zeros(0, COLLIDER)
         self.shapes = np.zeros(0, SHAPE)
         self.can_bounce = False
-        self.headers = np.zeros(
-            1, np.dtype([("first_point", "i4"), ("point_count", "i4"), ("first_face", "i4"), ("face_count", "i4")])
-        )
-        self.points = np.zeros((1, 3))
 
     def rows_on(self, bodies: Array) -> Array:
         """The rows of all colliders on body rows (M,), ascending."""

@@ -64,7 +64,6 @@ COLLIDER = np.dtype(
         ("body", "i4"),
         ("entity", "u4"),  # the entity that carries the collider: the body's, or one below it
         ("kind", "u1"),  # BOX or SPHERE
-        ("geometry", "i4"),
         ("moved", "u1"),  # the fat box is new
         ("half_extents", "f8", 3),  # of a box; a sphere's radius three times [m]
         ("center", "f8", 3),  # in world space [m]
