@@ -42,10 +42,17 @@ def _interpreted(function: Function) -> Function:
 
     @functools.wraps(function)
     def run(*arguments: Any) -> Any:
-        tables = [isinstance(a, np.ndarray) and a.dtype.names is not None for a in arguments]
-        return function(*(a.view(np.recarray) if t else a for a, t in zip(arguments, tables, strict=True)))
+        return function(*(_readable(argument) for argument in arguments))
 
     return cast(Function, run)
+
+
+def _readable(argument: Any) -> Any:
+    if isinstance(argument, np.ndarray) and argument.dtype.names is not None:
+        return argument.view(np.recarray)
+    if isinstance(argument, tuple) and hasattr(argument, "_fields"):
+        return type(argument)(*(_readable(part) for part in argument))
+    return argument
 
 
 def signature_of(*examples: Any) -> tuple[Any, ...]:

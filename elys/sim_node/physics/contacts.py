@@ -16,6 +16,7 @@ from elys.sim_node.physics.kernels.tables import (
     ROW,
     ROW_POINT,
     TREE_LEAF,
+    Geometry,
     grown,
 )
 from elys.sim_node.physics.kernels.tree import LEAF, build_tree
@@ -23,7 +24,7 @@ from elys.sim_node.physics.states import ContactPoints
 
 Array = np.ndarray[Any, Any]
 
-TREE_DEPTH = 64  # a depth-first walk never has more nodes waiting
+TREE_DEPTH = 128  # a depth-first walk never has more nodes waiting, nor one within a mesh on top of it
 
 
 class BoxTree:
@@ -97,13 +98,13 @@ class ContactStore:
         self.pair_count = len(kept)
         self.touching_count = 0
 
-    def update_pairs(self, bodies: Array, colliders: Array, moved: int) -> None:
+    def update_pairs(self, bodies: Array, colliders: Array, geometry: Geometry, moved: int) -> None:
         """Finds the pairs of colliders with new fat boxes, ends those that parted."""
         tree = self.tree
         tree.build(colliders["fat_box"], moved)
         index_pairs(self.pairs, self.pair_count, self._starts)
         while True:
-            args = (tree.leaves, tree.nodes, self.pairs, self._starts, self._new, tree.stack)
+            args = (tree.leaves, tree.nodes, geometry, self.pairs, self._starts, self._new, tree.stack)
             found = find_new_pairs(bodies, colliders, *args)
             if found <= len(self._new):
                 break
@@ -112,6 +113,7 @@ class ContactStore:
         self.make_room(self.pair_count + found)
         self.pair_count = merge_pairs(
             colliders,
+            geometry,
             self.pairs,
             self.pair_count,
             self._new,

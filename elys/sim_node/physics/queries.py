@@ -18,17 +18,16 @@ from numpy.typing import ArrayLike
 from elys.common.errors import PhysicsError
 from elys.sim_node.physics import checks, probes
 from elys.sim_node.physics.bodies import BodyTable
-from elys.sim_node.physics.colliders import ColliderTable
+from elys.sim_node.physics.colliders import EVERY_LAYER, ColliderTable
 from elys.sim_node.physics.kernels.cast import TOUCH
 from elys.sim_node.physics.kernels.nearby import find_closest, find_overlaps
 from elys.sim_node.physics.kernels.queries import cast_rays, cast_shapes
-from elys.sim_node.physics.kernels.tables import CONVEX, SIMPLEX
+from elys.sim_node.physics.kernels.tables import Geometry
 from elys.sim_node.physics.query_tree import QueryTree
 from elys.sim_node.physics.states import Hits, Overlaps
 
 Array = np.ndarray[Any, Any]
 
-EVERY_LAYER = 0xFFFFFFFF
 NO_TURN = (0.0, 0.0, 0.0, 1.0)
 
 
@@ -76,7 +75,7 @@ class WorldQueries:
         def ask(rows: Hits, hit: Array) -> int:
             walk = (tree.nodes, chosen, own, tree.stack, tree.entries)
             answer = (rows.query, hit, rows.distance, rows.normal)
-            return int(cast_rays(self._colliders.rows, *walk, start, along, limits, all_hits, *answer))
+            return int(cast_rays(*self._tables(), *walk, start, along, limits, all_hits, *answer))
 
         hits = self._collected(ask, len(start), all_hits)
         met = hits.entity != 0
@@ -179,8 +178,7 @@ class WorldQueries:
         def ask(rows: Hits, hit: Array) -> int:
             walk = (tree.nodes, chosen, own, tree.stack, nearest)
             answer = (hit, rows.distance, rows.point, rows.normal)
-            room = (np.zeros(2, CONVEX), np.zeros(1, SIMPLEX))
-            find_closest(self._colliders.rows, *self._geometry(), *walk, places, limits, room, *answer)
+            find_closest(*self._tables(), *walk, places, limits, *answer)
             return len(places)
 
         return self._collected(ask, len(places), False)
@@ -191,13 +189,12 @@ class WorldQueries:
         count = len(rays[0])
         own, chosen = self._filtered(count, **filters)
         tree = self._query_tree
-        room = (np.zeros(1, CONVEX), np.zeros(1, SIMPLEX), np.zeros(1, TOUCH))
+        touch = np.zeros(1, TOUCH)
 
         def ask(rows: Hits, hit: Array) -> int:
             walk = (tree.nodes, chosen, own, tree.stack, tree.entries)
             answer = (rows.query, hit, rows.distance, rows.point, rows.normal)
-            tables = (self._colliders.rows, *self._geometry())
-            return int(cast_shapes(*tables, *walk, *rays, *shapes, room, all_hits, *answer))
+            return int(cast_shapes(*self._tables(), *walk, *rays, *shapes, touch, all_hits, *answer))
 
         return self._collected(ask, count, all_hits)
 
@@ -206,12 +203,11 @@ class WorldQueries:
         if not len(self._colliders.rows):
             return Overlaps(np.zeros(0, np.int64), np.zeros(0, np.uint32))
         tree = self._query_tree
-        tables = (self._colliders.rows, *self._geometry(), tree.nodes, chosen, own, tree.stack)
-        room = (np.zeros(2, CONVEX), np.zeros(1, SIMPLEX))
+        walk = (tree.nodes, chosen, own, tree.stack)
         found = 4 * len(places)
         while True:
             query, hit = np.zeros(found, np.int64), np.zeros(found, np.int32)
-            found = int(find_overlaps(*tables, places, *shapes, room, query, hit))
+            found = int(find_overlaps(*self._tables(), *walk, places, *shapes, query, hit))
             if found <= len(query):
                 break
         order = np.lexsort((hit[:found], query[:found]))
@@ -233,9 +229,8 @@ class WorldQueries:
         order = np.lexsort((hit[:found], rows.distance[:found], rows.query[:found]))
         return Hits(*(column[order] for column in rows))
 
-    def _geometry(self) -> tuple[Array, Array]:
-        """What hulls are made of: headers and points."""
-        return self._colliders.headers, self._colliders.points
+    def _tables(self) -> tuple[Array, Geometry]:
+        return self._colliders.rows, self._colliders.geometry.arrays
 
     def _filtered(
         self,
@@ -255,7 +250,11 @@ class WorldQueries:
         if (entities != 0).any():
             entities = np.broadcast_to(entities, (count,))
             own[entities != 0] = self._bodies.rows_of(checks.entity_column(entities[entities != 0], unique=False))
-        chosen = np.ones(len(colliders), np.uint8)
+        if not 0 <= mask <= EVERY_LAYER:
+            raise PhysicsError(f"mask must be from 0 to 2^32 - 1, a bit for each layer, not {mask}")
+        chosen = (colliders["layer"] & np.uint32(mask) != 0).astype(np.uint8)
+        if not include_triggers:
+            chosen[colliders["trigger"] != 0] = 0
         if np.size(exclude):
             passed_over = checks.entity_column(exclude, unique=False)
             bodies = self._bodies.rows["entity"][colliders["body"]]

@@ -11,6 +11,7 @@ from elys.sim_node.physics.kernels.query_tree import BINS, QUERY_NODE, build_que
 
 Array = np.ndarray[Any, Any]
 
+MESH_DEPTH = 64  # nodes that wait on a walk down a mesh's tree, which is complete
 WORN_OUT = 1.25  # a tree whose boxes have grown by this since it was built is built anew
 
 
@@ -49,8 +50,8 @@ class QueryTree:
         if count != self._collider_count:
             self.nodes = np.zeros(max(count - 1, 1), QUERY_NODE)
             self._collider_count = count
-            # A walk never has more nodes waiting than there are, however deep the tree.
-            self.stack = np.zeros(count + 1, np.int32)
+            # A walk never has more nodes waiting than there are, however deep the tree; the one over a mesh comes on top.
+            self.stack = np.zeros(count + MESH_DEPTH, np.int32)
             self.entries = np.zeros(count + 1, np.float32)
         order = np.zeros(count, np.int32)
         self._built_cost = build_query_tree(boxes, self.nodes, order, self._bins, self._sweep)

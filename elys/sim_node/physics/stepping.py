@@ -45,7 +45,7 @@ def _place_bodies(bodies: BodyTable, colliders: ColliderTable) -> None:
 def _update_pairs(bodies: BodyTable, colliders: ColliderTable, contacts: ContactStore, constants: Table) -> None:
     moved = fatten_boxes(bodies.rows, colliders.rows, constants)
     if moved:
-        contacts.update_pairs(bodies.rows, colliders.rows, moved)
+        contacts.update_pairs(bodies.rows, colliders.rows, colliders.geometry.arrays, moved)
 
 
 def _update_manifolds(bodies: BodyTable, colliders: ColliderTable, contacts: ContactStore, constants: Table) -> None:
@@ -57,6 +57,7 @@ def _update_manifolds(bodies: BodyTable, colliders: ColliderTable, contacts: Con
         contacts.manifolds,
         contacts.points,
         contacts.found,
+        colliders.geometry.arrays,
         constants,
         contacts.touching,
     )

@@ -19,7 +19,7 @@ from elys.common.errors import PhysicsError
 from elys.common.math import quaternion
 from elys.sim_node.physics import checks
 from elys.sim_node.physics.bodies import BodyTable, new_rows
-from elys.sim_node.physics.colliders import ColliderTable, new_colliders
+from elys.sim_node.physics.colliders import EVERY_LAYER, ColliderTable, new_colliders
 from elys.sim_node.physics.contacts import ContactStore
 from elys.sim_node.physics.kernels.state_hash import hash_bodies
 from elys.sim_node.physics.kernels.tables import BOX, DYNAMIC, STATIC
@@ -134,18 +134,34 @@ class PhysicsWorld(WorldQueries):
         shape: ArrayLike = BOX,
         size: ArrayLike = (1.0, 1.0, 1.0),
         radius: ArrayLike = 0.5,
+        half_length: ArrayLike = 0.5,
+        geometry: ArrayLike = -1,
         position: ArrayLike = (0.0, 0.0, 0.0),
         rotation: ArrayLike = (0.0, 0.0, 0.0, 1.0),
         friction: ArrayLike = 0.5,
         restitution: ArrayLike = 0.0,
+        density: ArrayLike = 0.0,
+        layer: ArrayLike = 1,
+        mask: ArrayLike = EVERY_LAYER,
+        trigger: ArrayLike = False,
         owners: ArrayLike | None = None,
     ) -> None:
         """Gives bodies shapes, beside those they have. An entity named M times gets M shapes.
 
-        Parameters: the bodies' entities (M,), shape 0 box or 1 sphere, full edge lengths (M, 3) [m] of boxes, radii (M,)
-        [m] of spheres, pose of the shape in the entity's space (M, 3) [m] and (M, 4), friction and restitution (M,);
-        `owners` (M,) are the entities that carry the colliders where those are not the bodies' own. Mass is shared among a
-        body's shapes by volume; centre of mass and inertia follow.
+        Parameters: the bodies' entities (M,), and for each
+
+        - shape: BOX, SPHERE, CAPSULE, CYLINDER, HULL, MESH, PLANE or HEIGHT_FIELD. Capsules and cylinders lie along
+          their y axis; a plane fills what is below it along y and may not be on a dynamic body; meshes and height fields
+          are static;
+        - full edge lengths (M, 3) [m] of boxes, radius (M,) [m] of spheres, capsules and cylinders, half_length (M,) [m]
+          of capsules, without their caps, and of cylinders;
+        - geometry (M,): of hulls, meshes and height fields, what `add_hull`, `add_mesh` or `add_height_field` returned;
+        - pose of the shape in the entity's space (M, 3) [m] and (M, 4), friction and restitution (M,);
+        - density (M,) [kg/m^3]: where a body has one with it, its mass is the sum over those shapes. Without, the body's
+          mass is shared among its shapes by volume. Centre of mass and inertia follow;
+        - layer and mask (M,), 32 bits each: two shapes meet when each one's layer is in the other's mask;
+        - trigger (M,): notices what touches it, and pushes nothing;
+        - owners (M,): the entities that carry the colliders where those are not the bodies' own.
 
         Raises:
             PhysicsError: a value is out of its range, or an entity has no body.
@@ -154,11 +170,52 @@ class PhysicsWorld(WorldQueries):
         carriers = column if owners is None else checks.entity_column(owners, unique=False)
         bodies = self._bodies.rows_of(column)
         rows, shapes = new_colliders(
-            column, bodies, carriers, shape, size, radius, position, rotation, friction, restitution
+            self._colliders.geometry,
+            column,
+            bodies,
+            carriers,
+            shape=shape,
+            size=size,
+            radius=radius,
+            half_length=half_length,
+            geometry=geometry,
+            position=position,
+            rotation=rotation,
+            friction=friction,
+            restitution=restitution,
+            density=density,
+            layer=layer,
+            mask=mask,
+            trigger=trigger,
         )
+        self._colliders.refuse_motion(column, self._bodies.rows["motion"][bodies], rows["kind"])
         self._contacts.follow_colliders(self._colliders.insert(rows, shapes))
         self._contacts.set_collider_count(len(self._colliders.rows))
         self._update_mass(np.unique(bodies))
+
+    def add_hull(self, points: ArrayLike) -> int:
+        """A convex hull for `add_colliders`, from points (N, 3) [m] in the shape's space. Equal points give one hull.
+
+        Raises:
+            PhysicsError: a point is not finite, or the points span no volume.
+        """
+        return self._colliders.geometry.add_hull(points)
+
+    def add_mesh(self, vertices: ArrayLike, triangles: ArrayLike) -> int:
+        """A static mesh for `add_colliders`: vertices (V, 3) [m], triangles (T, 3), counter-clockwise seen from outside.
+
+        Raises:
+            PhysicsError: a vertex is not finite, a triangle names one that is not there, or none has an area.
+        """
+        return self._colliders.geometry.add_mesh(vertices, triangles)
+
+    def add_height_field(self, heights: ArrayLike, size: ArrayLike) -> int:
+        """A static ground for `add_colliders`: heights (M, N) [m] over a grid of `size` (2,) [m] along x and z.
+
+        Raises:
+            PhysicsError: a height is not finite, or the grid is smaller than 2 by 2.
+        """
+        return self._colliders.geometry.add_height_field(heights, size)
 
     def set_colliders(self, entities: ArrayLike, **shapes: Any) -> None:
         """Gives bodies shapes in place of all they had; takes what `add_colliders` takes."""
@@ -219,6 +276,10 @@ class PhysicsWorld(WorldQueries):
             changes["gravity_scale"] = checks.number_column("gravity_scale", gravity_scale, column)
         if motion is not None:
             changes["motion"] = checks.choice_column("motion", motion, column, 3)
+            on = self._colliders.rows_on(rows)
+            each = np.searchsorted(np.sort(rows), self._colliders.rows["body"][on])
+            each = np.argsort(rows)[each]
+            self._colliders.refuse_motion(column[each], changes["motion"][each], self._colliders.rows["kind"][on])
         if mass is not None:
             self._bodies.mass[rows] = checks.number_column("mass", mass, column, minimum=0.0, above=True)
         if motion is not None:
@@ -306,6 +367,7 @@ class PhysicsWorld(WorldQueries):
             "inertia": self._bodies.inertia.copy(),
             "colliders": self._colliders.rows.copy(),
             "shapes": self._colliders.shapes.copy(),
+            **self._colliders.geometry.saved(),
             **self._contacts.saved(),
         }
 
@@ -335,6 +397,8 @@ class PhysicsWorld(WorldQueries):
         """Centre of mass, axes and inertia of body rows (ascending) from their shapes."""
         bodies = np.sort(bodies)
         rows = self._colliders.rows_on(bodies)
+        mass = self._colliders.dense_mass(bodies, rows)
+        self._bodies.mass[bodies[mass > 0.0]] = mass[mass > 0.0]
         self._bodies.set_mass_properties(bodies, mass_properties(self._colliders.shapes_on(bodies, rows), len(bodies)))
         on = self._bodies.poses[self._colliders.rows["body"][rows]]
         self._colliders.attach(rows, on["center"], on["axes"])

@@ -9,11 +9,13 @@ import numpy as np
 from elys.sim_node.compilation import signature_of
 from elys.sim_node.physics.kernels import tables
 from elys.sim_node.physics.kernels.broadphase import find_new_pairs, give_slots, index_pairs, merge_pairs
+from elys.sim_node.physics.kernels.cast import TOUCH
 from elys.sim_node.physics.kernels.integrator import finish_step, publish_poses
 from elys.sim_node.physics.kernels.narrow_phase import update_manifolds
+from elys.sim_node.physics.kernels.nearby import find_closest, find_overlaps
 from elys.sim_node.physics.kernels.placement import fatten_boxes, place_colliders, place_inertia
 from elys.sim_node.physics.kernels.preparation import prepare_contacts
-from elys.sim_node.physics.kernels.queries import cast_rays
+from elys.sim_node.physics.kernels.queries import cast_rays, cast_shapes
 from elys.sim_node.physics.kernels.query_tree import QUERY_NODE, build_query_tree, refit_query_tree
 from elys.sim_node.physics.kernels.solver import solve_contacts
 from elys.sim_node.physics.kernels.state_hash import hash_bodies
@@ -39,6 +41,14 @@ def _kernels() -> tuple[Kernel, ...]:
             tables.CONSTANTS,
         )
     )
+    geometry = tables.Geometry(
+        np.zeros(1, tables.GEOMETRY),
+        np.zeros(1, tables.FACE),
+        np.zeros((1, 3)),
+        np.zeros((2, 6)),
+        np.zeros(2, tables.CONVEX),
+        np.zeros(1, tables.SIMPLEX),
+    )
     indices = np.zeros(1, np.int32)
     entities = np.zeros(1, np.uint32)
     numbers = np.zeros(1)
@@ -51,11 +61,25 @@ def _kernels() -> tuple[Kernel, ...]:
     query_nodes = np.zeros(1, QUERY_NODE)
     walk = (indices, np.zeros(1, np.float32))
     rays = (vectors, vectors, numbers)
+    probes = (np.zeros(1, tables.CONVEX), vectors, np.zeros(1, TOUCH))
+    answer = (places, indices, numbers, vectors, vectors)
     # The quick ones first, so that a progress bar moves early.
     listed: list[tuple[Any, tuple[Any, ...]]] = [
         (refit_query_tree, (boxes, query_nodes)),
         (build_query_tree, (boxes, query_nodes, indices, nodes, numbers)),
-        (cast_rays, (colliders, query_nodes, flags, indices, *walk, *rays, True, places, indices, numbers, vectors)),
+        (
+            cast_rays,
+            (colliders, geometry, query_nodes, flags, indices, *walk, *rays, True, places, indices, numbers, vectors),
+        ),
+        (cast_shapes, (colliders, geometry, query_nodes, flags, indices, *walk, *rays, *probes, True, *answer)),
+        (
+            find_overlaps,
+            (colliders, geometry, query_nodes, flags, indices, indices, vectors, *probes[:2], places, indices),
+        ),
+        (
+            find_closest,
+            (colliders, geometry, query_nodes, flags, indices, indices, numbers, vectors, numbers, *answer[1:]),
+        ),
         (hash_bodies, (entities, words)),
         (publish_poses, (bodies, poses)),
         (finish_step, (bodies, poses, indices)),
@@ -65,10 +89,10 @@ def _kernels() -> tuple[Kernel, ...]:
         (build_tree, (boxes, leaves, nodes, indices, numbers, True)),
         (index_pairs, (pairs, 0, indices)),
         (give_slots, (pairs, 0, manifolds, points, indices, indices)),
-        (merge_pairs, (colliders, pairs, 0, pairs, 0, pairs, indices, indices, indices)),
-        (find_new_pairs, (bodies, colliders, leaves, nodes, pairs, indices, pairs, indices)),
+        (merge_pairs, (colliders, geometry, pairs, 0, pairs, 0, pairs, indices, indices, indices)),
+        (find_new_pairs, (bodies, colliders, leaves, nodes, geometry, pairs, indices, pairs, indices)),
         (prepare_contacts, (bodies, colliders, pairs, indices, 0, manifolds, points, rows, row_points, constants)),
-        (update_manifolds, (bodies, colliders, pairs, 0, manifolds, points, found, constants, indices)),
+        (update_manifolds, (bodies, colliders, pairs, 0, manifolds, points, found, geometry, constants, indices)),
         (solve_contacts, (bodies, manifolds, points, rows, row_points, 0, constants)),
     ]
     return tuple((f"physics.{function.__name__}", function, (signature_of(*a),)) for function, a in listed)

@@ -6,6 +6,7 @@ Pairs stay sorted by (a, b), whatever the tree looks like: the order of impulses
 from __future__ import annotations
 
 from elys.sim_node.compilation import inner, kernel
+from elys.sim_node.physics.kernels.midphase import has_parts, local_interval, meets_part, next_part, still_near
 from elys.sim_node.physics.kernels.tables import DYNAMIC, POINTS
 from elys.sim_node.physics.kernels.tree import LEAF
 
@@ -26,24 +27,66 @@ def index_pairs(pairs, pair_count, row_start):
 
 
 @inner
-def is_known(pairs, row_start, a, b):
-    """Whether (a, b) is a pair already: a scan over the few pairs of a."""
-    p = row_start[a]
-    while p < row_start[a + 1] and pairs[p].b != b:
-        p += 1
-    return p < row_start[a + 1]
+def is_known(pairs, row_start, a, b, part):
+    """Whether (a, b, part) is a pair already: a bisection of the pairs of a, of which a floor has thousands."""
+    low = row_start[a]
+    high = row_start[a + 1]
+    while low < high:
+        middle = (low + high) // 2
+        pair = pairs[middle]
+        if pair.b < b or (pair.b == b and pair.part < part):
+            low = middle + 1
+        else:
+            high = middle
+    return low < row_start[a + 1] and pairs[low].b == b and pairs[low].part == part
 
 
 @inner
-def may_collide(bodies, first, second):
-    """Whether two bodies are worth a pair: two different ones, at least one of which can be pushed."""
-    if first == second:
+def may_collide(bodies, a, b):
+    """Whether two colliders are worth a pair: of two bodies, at least one of which can be pushed, in layers that meet."""
+    if a.body == b.body:
         return False
-    return bodies[first].motion == DYNAMIC or bodies[second].motion == DYNAMIC
+    if (a.layer & b.mask) == 0 or (b.layer & a.mask) == 0:
+        return False
+    return bodies[a.body].motion == DYNAMIC or bodies[b.body].motion == DYNAMIC
+
+
+@inner
+def add_new(pairs, row_start, a, b, part, new, found):
+    """Notes a pair unless it is known; returns how many are noted now."""
+    if is_known(pairs, row_start, a, b, part):
+        return found
+    if found < new.shape[0]:
+        new[found].a = a
+        new[found].b = b
+        new[found].part = part
+    return found + 1
+
+
+@inner
+def add_parts(colliders, mesh_row, other_row, pairs, row_start, new, found, geometry, stack, bottom):
+    """Notes the pairs of a collider with the triangles near it; returns how many pairs are noted now."""
+    mesh = colliders[mesh_row]
+    box = colliders[other_row].fat_box
+    a = min(mesh_row, other_row)
+    b = max(mesh_row, other_row)
+    x0, x1 = local_interval(mesh, box, 0)
+    y0, y1 = local_interval(mesh, box, 1)
+    z0, z1 = local_interval(mesh, box, 2)
+    stack[bottom] = 1
+    top = bottom + 1
+    count = geometry.headers[mesh.geometry].face_count
+    while True:
+        first, top = next_part(mesh, x0, x1, y0, y1, z0, z1, geometry, stack, bottom, top)
+        if first < 0:
+            return found
+        for part in range(first, min(count, first + LEAF)):
+            if meets_part(mesh, part, box, geometry):
+                found = add_new(pairs, row_start, a, b, part, new, found)
 
 
 @kernel
-def find_new_pairs(bodies, colliders, leaves, nodes, pairs, row_start, new, stack):
+def find_new_pairs(bodies, colliders, leaves, nodes, geometry, pairs, row_start, new, stack):
     """Writes the pairs that moved colliders have gained, in any order; returns how many there are.
 
     When there are more than `new` can take the rest is only counted: the caller makes room and calls again.
@@ -74,43 +117,47 @@ def find_new_pairs(bodies, colliders, leaves, nodes, pairs, row_start, new, stac
                 other = colliders[j]
                 if j == i or (j < i and other.moved != 0):  # two that moved are found from the smaller one
                     continue
-                if not boxes_overlap(other.fat_box, box) or not may_collide(bodies, collider.body, other.body):
+                if not boxes_overlap(other.fat_box, box) or not may_collide(bodies, collider, other):
                     continue
-                a = min(i, j)
-                b = max(i, j)
-                if is_known(pairs, row_start, a, b):
-                    continue
-                if found < new.shape[0]:
-                    new[found].a = a
-                    new[found].b = b
-                found += 1
+                if has_parts(other):
+                    found = add_parts(colliders, j, i, pairs, row_start, new, found, geometry, stack, top)
+                elif has_parts(collider):
+                    found = add_parts(colliders, i, j, pairs, row_start, new, found, geometry, stack, top)
+                elif still_near(collider, other, 0, geometry):
+                    found = add_new(pairs, row_start, min(i, j), max(i, j), 0, new, found)
     return found
 
 
 @inner
+def comes_before(p, q):
+    """Whether a pair stands before another: by a, then b, then part."""
+    if p.a != q.a:
+        return p.a < q.a
+    if p.b != q.b:
+        return p.b < q.b
+    return p.part < q.part
+
+
+@inner
 def sort_pairs(pairs, count, sorted_pairs, starts):
-    """Sorts pairs by (a, b) into `sorted_pairs`: counting by a, then insertion within each a."""
+    """Sorts pairs by (a, b, part) into `sorted_pairs`: counting by a, then insertion within each a."""
     starts[:] = 0
     for p in range(count):
         starts[pairs[p].a + 1] += 1
-        sorted_pairs[p].a = -1
     for i in range(starts.shape[0] - 1):
         starts[i + 1] += starts[i]
     for p in range(count):
         a = pairs[p].a
-        b = pairs[p].b
         place = starts[a]
         starts[a] = place + 1
-        while place > 0 and sorted_pairs[place - 1].a == a and sorted_pairs[place - 1].b > b:
-            sorted_pairs[place].b = sorted_pairs[place - 1].b
-            sorted_pairs[place].a = a
+        while place > 0 and comes_before(pairs[p], sorted_pairs[place - 1]):
+            sorted_pairs[place] = sorted_pairs[place - 1]
             place -= 1
-        sorted_pairs[place].a = a
-        sorted_pairs[place].b = b
+        sorted_pairs[place] = pairs[p]
 
 
 @kernel
-def merge_pairs(colliders, pairs, pair_count, new, new_count, sorted_new, starts, free, free_count):
+def merge_pairs(colliders, geometry, pairs, pair_count, new, new_count, sorted_new, starts, free, free_count):
     """Drops the pairs that parted and adds the new ones in their places; returns the pair count.
 
     `pairs` has room for the new ones and `free` for every slot; free[:free_count[0]] are the unused slots. A new pair's slot
@@ -121,7 +168,7 @@ def merge_pairs(colliders, pairs, pair_count, new, new_count, sorted_new, starts
         pair = pairs[p]
         a = colliders[pair.a]
         b = colliders[pair.b]
-        if (a.moved != 0 or b.moved != 0) and not boxes_overlap(a.fat_box, b.fat_box):
+        if (a.moved != 0 or b.moved != 0) and not still_near(a, b, pair.part, geometry):
             free[free_count[0]] = pair.slot
             free_count[0] += 1
             continue
@@ -135,12 +182,11 @@ def merge_pairs(colliders, pairs, pair_count, new, new_count, sorted_new, starts
         if q < 0:
             break
         added = sorted_new[q]
-        if p >= 0 and (pairs[p].a > added.a or (pairs[p].a == added.a and pairs[p].b > added.b)):
+        if p >= 0 and comes_before(added, pairs[p]):
             pairs[place] = pairs[p]
             p -= 1
         else:
-            pairs[place].a = added.a
-            pairs[place].b = added.b
+            pairs[place] = added
             pairs[place].slot = -1
             q -= 1
     return total

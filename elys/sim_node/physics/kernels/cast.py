@@ -15,9 +15,9 @@ import numpy as np
 
 from elys.sim_node.compilation import inner
 from elys.sim_node.physics.kernels.gjk import FAR, core_distance
-from elys.sim_node.physics.kernels.ray import MISS, into_axes, out_of_axes, ray_capsule, ray_sphere, slab
-from elys.sim_node.physics.kernels.support import load_convex
-from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, SPHERE
+from elys.sim_node.physics.kernels.ray import MISS, PARALLEL, into_axes, out_of_axes, ray_capsule, ray_sphere, slab
+from elys.sim_node.physics.kernels.support import load_convex, support
+from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, PLANE, SPHERE
 
 TOUCH = np.dtype([("point", "f8", 3), ("normal", "f8", 3)], align=True)
 
@@ -113,15 +113,47 @@ def cast_convex(probe, shape, points, simplex, extent, ox, oy, oz, dx, dy, dz, l
 
 
 @inner
-def cast_shape(probe, reach, collider, headers, points, convex, simplex, ox, oy, oz, dx, dy, dz, limit, touch):
-    """A probe against a collider of any convex kind; the probe's centre begins at o. `convex` is a row to work in."""
+def height_over(plane, probe, points, ox, oy, oz):
+    """How far the lowest point of a probe is above a plane, the probe's centre at o; and that point."""
+    nx, ny, nz = plane.axes[3], plane.axes[4], plane.axes[5]
+    probe.center[0], probe.center[1], probe.center[2] = ox, oy, oz
+    x, y, z = support(probe, points, -nx, -ny, -nz)
+    x, y, z = x - probe.radius * nx, y - probe.radius * ny, z - probe.radius * nz
+    center = plane.center
+    return (x - center[0]) * nx + (y - center[1]) * ny + (z - center[2]) * nz, x, y, z
+
+
+@inner
+def cast_at_plane(plane, probe, points, ox, oy, oz, dx, dy, dz, touch):
+    """Any convex shape against a half-space."""
+    nx, ny, nz = plane.axes[3], plane.axes[4], plane.axes[5]
+    height, x, y, z = height_over(plane, probe, points, ox, oy, oz)
+    if height <= 0.0:
+        write_touch(touch, ox, oy, oz, -dx, -dy, -dz)
+        return 0.0
+    along = dx * nx + dy * ny + dz * nz
+    if along > -PARALLEL:
+        return MISS
+    t = -height / along
+    write_touch(touch, x + t * dx, y + t * dy, z + t * dz, nx, ny, nz)
+    return t
+
+
+@inner
+def cast_solid(probe, reach, collider, geometry, ox, oy, oz, dx, dy, dz, limit, touch):
+    """A probe against anything that has an inside; the probe's centre begins at o, its box reaches `reach` in all."""
     kind = collider.kind
-    if probe.kind == SPHERE and (kind == SPHERE or kind == CAPSULE or kind == BOX):
+    if probe.kind == SPHERE and kind in (SPHERE, CAPSULE, BOX):
         return cast_ball(collider, probe.radius, ox, oy, oz, dx, dy, dz, touch)
+    points = geometry.points
+    if kind == PLANE:
+        return cast_at_plane(collider, probe, points, ox, oy, oz, dx, dy, dz, touch)
     center = collider.center
-    load_convex(convex, collider, headers, center[0], center[1], center[2])
+    shape = geometry.convex[1]
+    load_convex(shape, collider, geometry.headers, center[0], center[1], center[2])
     x, y, z = ox - center[0], oy - center[1], oz - center[2]
-    t = cast_convex(probe, convex, points, simplex, reach + collider.reach, x, y, z, dx, dy, dz, limit, touch)
+    simplex = geometry.simplex[0]
+    t = cast_convex(probe, shape, points, simplex, reach + collider.reach, x, y, z, dx, dy, dz, limit, touch)
     point = touch.point
     point[0], point[1], point[2] = point[0] + center[0], point[1] + center[1], point[2] + center[2]
     return t

@@ -12,7 +12,7 @@ from elys.sim_node.compilation import inner
 from elys.sim_node.physics.kernels.gjk import FAR, core_distance
 from elys.sim_node.physics.kernels.ray import into_axes, out_of_axes
 from elys.sim_node.physics.kernels.support import load_convex
-from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CYLINDER, SPHERE
+from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CYLINDER, PLANE, SPHERE
 
 
 @inner
@@ -52,22 +52,37 @@ def point_to_round_core(collider, radius, x, y, z):
 
 
 @inner
-def point_to_shape(collider, headers, points, convex, simplex, x, y, z):
-    """A point and a shape of any convex kind. `convex` are two rows to work in."""
-    kind = collider.kind
-    if kind == SPHERE or kind == CAPSULE:
-        return point_to_round_core(collider, collider.half_extents[0], x, y, z)
-    if kind == BOX or kind == CYLINDER:
-        return point_to_round_core(collider, 0.0, x, y, z)
-    center = collider.center
-    shape = convex[1]
-    load_convex(shape, collider, headers, center[0], center[1], center[2])
-    point = convex[0]
+def point_to_core(shape, geometry, x, y, z):
+    """A point and the core of a hull or triangle, both relative to the same place: distance, closest point, normal."""
+    point = geometry.convex[0]
     point.kind = SPHERE
     point.scale = 1.0
-    point.center[0], point.center[1], point.center[2] = x - center[0], y - center[1], z - center[2]
-    distance = core_distance(point, shape, points, FAR, simplex)
+    point.center[0], point.center[1], point.center[2] = x, y, z
+    simplex = geometry.simplex[0]
+    distance = core_distance(point, shape, geometry.points, FAR, simplex)
     if distance <= 0.0:
         return 0.0, x, y, z, 0.0, 0.0, 0.0
+    b = simplex.on_b
     n = simplex.direction
-    return distance, x + distance * n[0], y + distance * n[1], z + distance * n[2], -n[0], -n[1], -n[2]
+    return distance, b[0], b[1], b[2], -n[0], -n[1], -n[2]
+
+
+@inner
+def point_to_solid(collider, geometry, x, y, z):
+    """A point and anything that has an inside: all but meshes and height fields."""
+    kind = collider.kind
+    if kind in (SPHERE, CAPSULE):
+        return point_to_round_core(collider, collider.half_extents[0], x, y, z)
+    if kind in (BOX, CYLINDER):
+        return point_to_round_core(collider, 0.0, x, y, z)
+    center = collider.center
+    if kind == PLANE:
+        nx, ny, nz = collider.axes[3], collider.axes[4], collider.axes[5]
+        height = (x - center[0]) * nx + (y - center[1]) * ny + (z - center[2]) * nz
+        if height <= 0.0:
+            return 0.0, x, y, z, 0.0, 0.0, 0.0
+        return height, x - height * nx, y - height * ny, z - height * nz, nx, ny, nz
+    shape = geometry.convex[1]
+    load_convex(shape, collider, geometry.headers, center[0], center[1], center[2])
+    d, px, py, pz, nx, ny, nz = point_to_core(shape, geometry, x - center[0], y - center[1], z - center[2])
+    return d, px + center[0], py + center[1], pz + center[2], nx, ny, nz

@@ -15,8 +15,7 @@ import math
 
 from elys.sim_node.compilation import inner
 from elys.sim_node.physics.kernels.rotation import cross
-from elys.sim_node.physics.kernels.support import gap_along, support
-from elys.sim_node.physics.kernels.tables import BOX, CYLINDER, HULL, TRIANGLE
+from elys.sim_node.physics.kernels.support import face_count, face_normal, gap_along, support
 
 FAR = 1e300
 ROUNDS = 48  # support points tried at most; flat cores need less than ten, rims a few more
@@ -212,36 +211,6 @@ def core_distance(a, b, points, limit, simplex):
     direction = simplex.direction
     direction[0], direction[1], direction[2] = -vx / distance, -vy / distance, -vz / distance
     return distance
-
-
-@inner
-def face_count(shape):
-    """How many flat faces a core has."""
-    kind = shape.kind
-    if kind == BOX:
-        return 6
-    if kind == HULL:
-        return shape.face_count
-    if kind == CYLINDER:
-        return 2
-    return 1 if kind == TRIANGLE else 0
-
-
-@inner
-def face_normal(shape, faces, k):
-    """Outward unit normal of face k of a core."""
-    axes = shape.axes
-    kind = shape.kind
-    if kind == HULL:
-        n = faces[shape.first_face + k].normal
-        return (
-            n[0] * axes[0] + n[1] * axes[3] + n[2] * axes[6],
-            n[0] * axes[1] + n[1] * axes[4] + n[2] * axes[7],
-            n[0] * axes[2] + n[1] * axes[5] + n[2] * axes[8],
-        )
-    sign = 1.0 - 2.0 * (k & 1)
-    at = 3 * (k >> 1) if kind == BOX else 3
-    return sign * axes[at], sign * axes[at + 1], sign * axes[at + 2]
 
 
 @inner

@@ -6,10 +6,13 @@ import math
 
 from elys.sim_node.compilation import inner, kernel
 from elys.sim_node.physics.kernels.box_box import box_box
+from elys.sim_node.physics.kernels.capsule import capsule_capsule, sphere_capsule
+from elys.sim_node.physics.kernels.convex import convex_convex, plane_convex, triangle_convex
 from elys.sim_node.physics.kernels.manifold import can_recycle, write_manifold
+from elys.sim_node.physics.kernels.midphase import has_parts
 from elys.sim_node.physics.kernels.placement import turning_travel
 from elys.sim_node.physics.kernels.sphere import box_sphere, sphere_sphere
-from elys.sim_node.physics.kernels.tables import BOX, POINTS
+from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CYLINDER, PLANE, POINTS, SPHERE
 
 
 @inner
@@ -28,8 +31,76 @@ def pair_margin(first, second, a, b, constants):
     return constants.margin + min(way, a.reach, b.reach)
 
 
+@inner
+def move_points(found, count, origin, flipped):
+    """Brings points that are relative to an origin into world space, and turns the normal round where asked."""
+    point = found.point
+    for k in range(count):
+        point[3 * k] += origin[0]
+        point[3 * k + 1] += origin[1]
+        point[3 * k + 2] += origin[2]
+    if flipped:
+        turn_normal(found)
+    return count
+
+
+@inner
+def turn_normal(found):
+    normal = found.normal
+    normal[0], normal[1], normal[2] = -normal[0], -normal[1], -normal[2]
+
+
+@inner
+def collide(colliders, a, b, part, margin, found, geometry):
+    """Contact points of colliders a and b no farther apart than the margin; returns how many.
+
+    `found` gets the normal from a to b and up to four points, in the middle between the surfaces, with their separations
+    and features. `part` is the triangle where one of the two is a mesh or a height field.
+    """
+    first = colliders[a]
+    second = colliders[b]
+    if first.kind == BOX and second.kind == BOX:
+        return box_box(colliders, a, b, margin, found)
+    # By kind, so that half the pairs need no function.
+    flipped = first.kind > second.kind
+    if flipped:
+        first = colliders[b]
+        second = colliders[a]
+    kind = second.kind
+    if kind == SPHERE:
+        count = (
+            box_sphere(first, second, margin, found)
+            if first.kind == BOX
+            else sphere_sphere(first, second, margin, found)
+        )
+    elif kind == CAPSULE and first.kind == SPHERE:
+        count = sphere_capsule(first, second, margin, found)
+    elif kind == CAPSULE and first.kind == CAPSULE:
+        count = capsule_capsule(first, second, margin, found)
+    elif kind == PLANE:
+        count = plane_convex(second, first, margin, found, geometry)
+        return move_points(found, count, first.center, not flipped)
+    elif has_parts(second):
+        count = triangle_convex(second, part, first, margin, found, geometry)
+        return move_points(found, count, first.center, not flipped)
+    else:
+        count = convex_convex(first, second, margin, found, geometry)
+        return move_points(found, count, first.center, flipped)
+    if flipped:
+        turn_normal(found)
+    return count
+
+
+@inner
+def rolls(collider):
+    """Whether the point of contact wanders over the surface as the collider turns, so that a manifold must not be kept."""
+    return collider.kind == SPHERE or collider.kind == CAPSULE or collider.kind == CYLINDER
+
+
 @kernel
-def update_manifolds(bodies, colliders, pairs, pair_count, manifolds, points, all_found, all_constants, touching):
+def update_manifolds(
+    bodies, colliders, pairs, pair_count, manifolds, points, all_found, geometry, all_constants, touching
+):
     """Brings the manifold of every pair up to date; returns how many have contact, their pairs listed in `touching`."""
     constants = all_constants[0]
     found = all_found[0]
@@ -42,19 +113,9 @@ def update_manifolds(bodies, colliders, pairs, pair_count, manifolds, points, al
         second = bodies[b.body]
         manifold = manifolds[pair.slot]
         margin = pair_margin(first, second, a, b, constants)
-        boxes = a.kind == BOX and b.kind == BOX
-        if not (boxes and can_recycle(first, second, manifold, margin, constants)):
-            flipped = False
-            if boxes:
-                count = box_box(colliders, pair.a, pair.b, margin, found)
-            elif a.kind == BOX:
-                count = box_sphere(a, b, margin, found)
-            elif b.kind == BOX:
-                count = box_sphere(b, a, margin, found)
-                flipped = True
-            else:
-                count = sphere_sphere(a, b, margin, found)
-            write_manifold(first, second, manifold, points, pair.slot * POINTS, found, count, margin, flipped)
+        if rolls(a) or rolls(b) or not can_recycle(first, second, manifold, margin, constants):
+            count = collide(colliders, pair.a, pair.b, pair.part, margin, found, geometry)
+            write_manifold(first, second, manifold, points, pair.slot * POINTS, found, count, margin, False)
         if manifold.point_count > 0:
             touching[touching_count] = p
             touching_count += 1

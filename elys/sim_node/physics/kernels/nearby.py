@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from elys.sim_node.compilation import inner, kernel
-from elys.sim_node.physics.kernels.closest import point_to_shape
+from elys.sim_node.physics.kernels.cast import height_over
+from elys.sim_node.physics.kernels.closest import point_to_solid
 from elys.sim_node.physics.kernels.gjk import FAR, core_distance
+from elys.sim_node.physics.kernels.midphase import has_parts
 from elys.sim_node.physics.kernels.query_tree import NOTHING
 from elys.sim_node.physics.kernels.support import load_convex
-from elys.sim_node.physics.kernels.tables import SPHERE
+from elys.sim_node.physics.kernels.surface import overlaps_mesh, point_to_mesh
+from elys.sim_node.physics.kernels.tables import PLANE, SPHERE
 
 
 @inner
@@ -20,26 +23,28 @@ def squared_distance(box, base, x, y, z):
 
 
 @inner
-def overlaps(probe, collider, headers, points, convex, simplex, x, y, z):
-    """Whether a probe with its centre at (x, y, z) shares a point with a collider of any convex kind."""
+def overlaps(probe, reach, collider, geometry, stack, bottom, x, y, z):
+    """Whether a probe with its centre at (x, y, z) shares a point with a collider of any kind."""
+    if has_parts(collider):
+        return overlaps_mesh(probe, reach, collider, geometry, stack, bottom, x, y, z)
     if probe.kind == SPHERE:
-        return point_to_shape(collider, headers, points, convex, simplex, x, y, z)[0] <= probe.radius
+        return point_to_solid(collider, geometry, x, y, z)[0] <= probe.radius
+    if collider.kind == PLANE:
+        return height_over(collider, probe, geometry.points, x, y, z)[0] <= 0.0
     center = collider.center
-    shape = convex[1]
-    load_convex(shape, collider, headers, center[0], center[1], center[2])
+    shape = geometry.convex[1]
+    load_convex(shape, collider, geometry.headers, center[0], center[1], center[2])
     probe.center[0], probe.center[1], probe.center[2] = x - center[0], y - center[1], z - center[2]
-    return core_distance(probe, shape, points, FAR, simplex) <= probe.radius + shape.radius
+    return core_distance(probe, shape, geometry.points, FAR, geometry.simplex[0]) <= probe.radius + shape.radius
 
 
 @kernel
-def find_overlaps(colliders, headers, points, nodes, chosen, own, stack, centers, probes, reaches, room, query, hit):
+def find_overlaps(colliders, geometry, nodes, chosen, own, stack, centers, probes, reaches, query, hit):
     """Which colliders share a point with shapes that stand at centers (R, 3).
 
-    `probes` (R,) are the shapes, or one for all, and reaches (R, 3) or (1, 3) half the extents of their boxes; `room` is
-    (convex (2,), simplex) to work in. Writes query and collider in any order and returns how many there are, which may be
-    more than the room for them.
+    `probes` (R,) are the shapes, or one for all, and reaches (R, 3) or (1, 3) half the extents of their boxes. Writes query
+    and collider in any order and returns how many there are, which may be more than the room for them.
     """
-    convex, simplex = room[0], room[1][0]
     found = 0
     for r in range(centers.shape[0]):
         x, y, z = centers[r, 0], centers[r, 1], centers[r, 2]
@@ -66,7 +71,7 @@ def find_overlaps(colliders, headers, points, nodes, chosen, own, stack, centers
                 collider = colliders[c]
                 if chosen[c] == 0 or collider.body == own[r]:
                     continue
-                if overlaps(probes[p], collider, headers, points, convex, simplex, x, y, z):
+                if overlaps(probes[p], rx + ry + rz, collider, geometry, stack, top, x, y, z):
                     if found < hit.shape[0]:
                         query[found], hit[found] = r, c
                     found += 1
@@ -74,15 +79,11 @@ def find_overlaps(colliders, headers, points, nodes, chosen, own, stack, centers
 
 
 @kernel
-def find_closest(
-    colliders, headers, points, nodes, chosen, own, stack, nearest, places, limits, room, hit, distance, point, normal
-):
+def find_closest(colliders, geometry, nodes, chosen, own, stack, nearest, places, limits, hit, distance, point, normal):
     """The collider closest to each of the points `places` (R, 3), not farther than limits (R,).
 
-    `stack` and `nearest` are room for the walk, `room` is (convex (2,), simplex) to work in. Writes collider or -1, distance
-    [m], closest point and normal.
+    `stack` and `nearest` are room for the walk. Writes collider or -1, distance [m], closest point and normal.
     """
-    convex, simplex = room[0], room[1][0]
     for r in range(places.shape[0]):
         x, y, z = places[r, 0], places[r, 1], places[r, 2]
         limit = limits[r]
@@ -101,7 +102,10 @@ def find_closest(
                 collider = colliders[c]
                 if node == NOTHING or chosen[c] == 0 or collider.body == own[r]:
                     continue
-                d, px, py, pz, nx, ny, nz = point_to_shape(collider, headers, points, convex, simplex, x, y, z)
+                if has_parts(collider):
+                    d, px, py, pz, nx, ny, nz = point_to_mesh(collider, geometry, stack, top, x, y, z, limit)
+                else:
+                    d, px, py, pz, nx, ny, nz = point_to_solid(collider, geometry, x, y, z)
                 if d > limit or (d == limit and hit[r] >= 0 and hit[r] < c):
                     continue
                 limit = d

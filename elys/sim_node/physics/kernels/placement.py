@@ -6,7 +6,7 @@ import math
 
 from elys.sim_node.compilation import inner, kernel
 from elys.sim_node.physics.kernels.rotation import multiplied, rotated
-from elys.sim_node.physics.kernels.tables import DYNAMIC, SPHERE, STATIC
+from elys.sim_node.physics.kernels.tables import CAPSULE, CYLINDER, DYNAMIC, PLANE, SPHERE, STATIC
 
 
 @inner
@@ -49,6 +49,18 @@ def place_inertia(bodies, axes):
             out[5] += u * y * z
 
 
+@inner
+def axis_reach(collider, k):
+    """How far a shape reaches along a world axis, from its centre."""
+    axes = collider.axes
+    half = collider.half_extents
+    if collider.kind == CAPSULE:
+        return abs(axes[3 + k]) * half[1] + half[0]
+    if collider.kind == CYLINDER:
+        return abs(axes[3 + k]) * half[1] + math.sqrt(max(1.0 - axes[3 + k] * axes[3 + k], 0.0)) * half[0]
+    return abs(axes[k]) * half[0] + abs(axes[3 + k]) * half[1] + abs(axes[6 + k]) * half[2]
+
+
 @kernel
 def place_colliders(bodies, colliders):
     """Writes centre, axes and tight box of every collider from its body's pose."""
@@ -71,12 +83,18 @@ def place_colliders(bodies, colliders):
                 box[k] = center[k] - half[k]
                 box[3 + k] = center[k] + half[k]
             continue
+        if collider.kind == PLANE:
+            for k in range(3):
+                box[k] = center[k] - half[k]
+                box[3 + k] = center[k] + half[k]
         turn = collider.local_rotation
         x, y, z, w = multiplied(x, y, z, w, turn[0], turn[1], turn[2], turn[3])
         axes = collider.axes
         write_axes(axes, x, y, z, w)
+        if collider.kind == PLANE:
+            continue
         for k in range(3):
-            reach = abs(axes[k]) * half[0] + abs(axes[3 + k]) * half[1] + abs(axes[6 + k]) * half[2]
+            reach = axis_reach(collider, k)
             box[k] = center[k] - reach
             box[3 + k] = center[k] + reach
 

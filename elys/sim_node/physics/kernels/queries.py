@@ -9,9 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 from elys.sim_node.compilation import inner, kernel
-from elys.sim_node.physics.kernels.cast import cast_shape
+from elys.sim_node.physics.kernels.cast import cast_solid
+from elys.sim_node.physics.kernels.midphase import has_parts
 from elys.sim_node.physics.kernels.query_tree import ROUND_OUT
-from elys.sim_node.physics.kernels.ray import MISS, ray_shape
+from elys.sim_node.physics.kernels.ray import MISS, ray_solid
+from elys.sim_node.physics.kernels.surface import cast_at_mesh, ray_mesh
 
 # Three roundings on the way to either side of a comparison, each of 2^-24.
 _SLACK = np.float32(1.0 + 2.0**-20)
@@ -95,7 +97,21 @@ def next_on_line(nodes, stack, entries, top, line, limit):
 
 @kernel
 def cast_rays(
-    colliders, nodes, chosen, own, stack, entries, origins, directions, limits, every, query, hit, distance, normal
+    colliders,
+    geometry,
+    nodes,
+    chosen,
+    own,
+    stack,
+    entries,
+    origins,
+    directions,
+    limits,
+    every,
+    query,
+    hit,
+    distance,
+    normal,
 ):
     """What rays meet: the first collider of each ray, or every one.
 
@@ -123,7 +139,10 @@ def cast_rays(
             collider = colliders[c]
             if chosen[c] == 0 or collider.body == own[r]:
                 continue
-            t, ux, uy, uz = ray_shape(collider, ox, oy, oz, dx, dy, dz)
+            if has_parts(collider):
+                t, ux, uy, uz = ray_mesh(collider, geometry, stack, top, ox, oy, oz, dx, dy, dz, limit)
+            else:
+                t, ux, uy, uz = ray_solid(collider, geometry, ox, oy, oz, dx, dy, dz)
             if t == MISS or t > limit or (t == limit and best >= 0 and best < c):
                 continue
             place = found if every else r
@@ -141,8 +160,7 @@ def cast_rays(
 @kernel
 def cast_shapes(
     colliders,
-    headers,
-    points,
+    geometry,
     nodes,
     chosen,
     own,
@@ -153,7 +171,7 @@ def cast_shapes(
     limits,
     probes,
     reaches,
-    room,
+    touches,
     every,
     query,
     hit,
@@ -163,10 +181,10 @@ def cast_shapes(
 ):
     """What moving shapes meet, as `cast_rays` has it, with the points of touch.
 
-    `probes` (R,) are the shapes, or one for all, and reaches (R,) or (1,) half the extents of their boxes, `room` is
-    (convex, simplex, touch) to work in.
+    `probes` (R,) are the shapes, or one for all, and reaches (R, 3) or (1, 3) half the extents of their boxes; `touches` is
+    a row to work in.
     """
-    convex, simplex, touch = room[0][0], room[1][0], room[2][0]
+    touch = touches[0]
     found = 0
     for r in range(origins.shape[0]):
         ox, oy, oz = origins[r, 0], origins[r, 1], origins[r, 2]
@@ -189,9 +207,10 @@ def cast_shapes(
             if chosen[c] == 0 or collider.body == own[r]:
                 continue
             reach = rx + ry + rz
-            t = cast_shape(
-                probe, reach, collider, headers, points, convex, simplex, ox, oy, oz, dx, dy, dz, limit, touch
-            )
+            if has_parts(collider):
+                t = cast_at_mesh(probe, reach, collider, geometry, stack, top, ox, oy, oz, dx, dy, dz, limit, touch)
+            else:
+                t = cast_solid(probe, reach, collider, geometry, ox, oy, oz, dx, dy, dz, limit, touch)
             if t == MISS or t > limit or (t == limit and best >= 0 and best < c):
                 continue
             place = found if every else r

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from elys.sim_node.compilation import inner
-from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, SPHERE
+from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CYLINDER, PLANE, SPHERE
 from elys.sim_node.physics.kernels.tree import FAR
 
 MISS = -1.0
@@ -172,8 +172,56 @@ def ray_cylinder(cylinder, ox, oy, oz, dx, dy, dz):
 
 
 @inner
-def ray_shape(collider, ox, oy, oz, dx, dy, dz):
-    """A ray against a shape of any kind."""
+def ray_plane(plane, ox, oy, oz, dx, dy, dz):
+    """The half-space below a plane through the centre, whose normal is the second axis."""
+    center = plane.center
+    nx, ny, nz = plane.axes[3], plane.axes[4], plane.axes[5]
+    height = (ox - center[0]) * nx + (oy - center[1]) * ny + (oz - center[2]) * nz
+    if height <= 0.0:
+        return 0.0, -dx, -dy, -dz
+    along = dx * nx + dy * ny + dz * nz
+    if along > -PARALLEL:
+        return MISS, 0.0, 0.0, 0.0
+    return -height / along, nx, ny, nz
+
+
+@inner
+def ray_hull(hull, geometry, ox, oy, oz, dx, dy, dz):
+    """A hull is what lies behind all its faces (Cyrus and Beck 1978)."""
+    center = hull.center
+    px, py, pz = into_axes(hull.axes, ox - center[0], oy - center[1], oz - center[2])
+    vx, vy, vz = into_axes(hull.axes, dx, dy, dz)
+    header = geometry.headers[hull.geometry]
+    points = geometry.points
+    enter = -FAR
+    leave = FAR
+    at = -1
+    for f in range(header.first_face, header.first_face + header.face_count):
+        face = geometry.faces[f]
+        n = face.normal
+        k = face.first_corner
+        height = n[0] * (px - points[k, 0]) + n[1] * (py - points[k, 1]) + n[2] * (pz - points[k, 2])
+        along = n[0] * vx + n[1] * vy + n[2] * vz
+        if abs(along) < PARALLEL:
+            if height > 0.0:
+                return MISS, 0.0, 0.0, 0.0
+        elif along < 0.0:
+            if -height / along > enter:
+                enter, at = -height / along, f
+        else:
+            leave = min(leave, -height / along)
+    if enter > leave or leave < 0.0:
+        return MISS, 0.0, 0.0, 0.0
+    if enter <= 0.0:
+        return 0.0, -dx, -dy, -dz
+    n = geometry.faces[at].normal
+    nx, ny, nz = out_of_axes(hull.axes, n[0], n[1], n[2])
+    return enter, nx, ny, nz
+
+
+@inner
+def ray_solid(collider, geometry, ox, oy, oz, dx, dy, dz):
+    """A ray against anything that has an inside: all but meshes and height fields."""
     kind = collider.kind
     if kind == BOX:
         return ray_box(collider, ox, oy, oz, dx, dy, dz)
@@ -181,4 +229,8 @@ def ray_shape(collider, ox, oy, oz, dx, dy, dz):
         return ray_sphere(collider, ox, oy, oz, dx, dy, dz, 0.0)
     if kind == CAPSULE:
         return ray_capsule(collider, ox, oy, oz, dx, dy, dz, 0.0)
-    return ray_cylinder(collider, ox, oy, oz, dx, dy, dz)
+    if kind == CYLINDER:
+        return ray_cylinder(collider, ox, oy, oz, dx, dy, dz)
+    if kind == PLANE:
+        return ray_plane(collider, ox, oy, oz, dx, dy, dz)
+    return ray_hull(collider, geometry, ox, oy, oz, dx, dy, dz)

@@ -91,6 +91,36 @@ def gap_along(a, b, points, nx, ny, nz):
 
 
 @inner
+def face_count(shape):
+    """How many flat faces a core has."""
+    kind = shape.kind
+    if kind == BOX:
+        return 6
+    if kind == HULL:
+        return shape.face_count
+    if kind == CYLINDER:
+        return 2
+    return 1 if kind == TRIANGLE else 0
+
+
+@inner
+def face_normal(shape, faces, k):
+    """Outward unit normal of face k of a core."""
+    axes = shape.axes
+    kind = shape.kind
+    if kind == HULL:
+        n = faces[shape.first_face + k].normal
+        return (
+            n[0] * axes[0] + n[1] * axes[3] + n[2] * axes[6],
+            n[0] * axes[1] + n[1] * axes[4] + n[2] * axes[7],
+            n[0] * axes[2] + n[1] * axes[5] + n[2] * axes[8],
+        )
+    sign = 1.0 - 2.0 * (k & 1)
+    at = 3 * (k >> 1) if kind == BOX else 3
+    return sign * axes[at], sign * axes[at + 1], sign * axes[at + 2]
+
+
+@inner
 def load_convex(shape, collider, headers, ox, oy, oz):
     """Writes a box, ball, capsule, cylinder or hull as the general algorithms see it, its place relative to (ox, oy, oz)."""
     center = shape.center

@@ -10,7 +10,7 @@ first body to its second. Numbers are float64: as long as the solver is scalar i
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,7 @@ DYNAMIC, KINEMATIC, STATIC = 0, 1, 2
 BOX, SPHERE, CAPSULE, CYLINDER, HULL, MESH, PLANE, HEIGHT_FIELD = 0, 1, 2, 3, 4, 5, 6, 7
 ROUNDED = (SPHERE, CAPSULE)  # a core with a radius around it
 TRIANGLE = 8  # a part of a mesh or a height field; no collider is of this kind
+CORNERS = 32  # the most corners of a face that contacts are made with; of larger faces some are left out
 POINTS = 4  # the most contact points a manifold keeps; point p of manifold m is row 4 m + p of the points
 
 # What moves. A body's frame sits in its centre of mass, along its principal axes of inertia.
@@ -63,9 +64,13 @@ COLLIDER = np.dtype(
     [
         ("body", "i4"),
         ("entity", "u4"),  # the entity that carries the collider: the body's, or one below it
-        ("kind", "u1"),  # BOX or SPHERE
+        ("kind", "u1"),  # BOX to HEIGHT_FIELD
         ("moved", "u1"),  # the fat box is new
-        ("half_extents", "f8", 3),  # of a box; a sphere's radius three times [m]
+        ("trigger", "u1"),  # notices what touches it and pushes nothing
+        ("layer", "u4"),  # bits: two colliders meet when each one's layer is in the other's mask
+        ("mask", "u4"),
+        ("geometry", "i4"),  # row of the header of a hull, mesh or height field, else -1
+        ("half_extents", "f8", 3),  # along the shape's axes [m]; radius, half length without caps, radius of a capsule
         ("center", "f8", 3),  # in world space [m]
         ("axes", "f8", 9),  # the three axes of the shape in world space, one after another
         ("reach", "f8"),  # radius of the ball around the shape's centre that holds it [m]
@@ -82,8 +87,16 @@ COLLIDER = np.dtype(
 # Morton codes and the order they give, twice: a radix sort needs room.
 TREE_LEAF = np.dtype([("code", "i8"), ("other_code", "i8"), ("order", "i4"), ("other_order", "i4")], align=True)
 
-# Colliders whose fat boxes overlap, sorted by (a, b) with a < b.
-PAIR = np.dtype([("a", "i4"), ("b", "i4"), ("slot", "i4")], align=True)  # slot: the pair's manifold
+# Colliders whose fat boxes overlap, sorted by (a, b, part) with a < b.
+PAIR = np.dtype(
+    [
+        ("a", "i4"),
+        ("b", "i4"),
+        ("part", "i4"),  # which triangle of a mesh or height field, else 0
+        ("slot", "i4"),  # the pair's manifold
+    ],
+    align=True,
+)
 
 # What is remembered of a pair from step to step.
 MANIFOLD = np.dtype(
@@ -122,6 +135,11 @@ FOUND = np.dtype(
         ("polygon", "f8", 48),  # two polygons of eight corners: u, v, height over the reference face
         ("edges", "i4", 32),  # which two edges meet in a corner
         ("feature", "i4", POINTS),
+        # The same for faces of any shape: corners of the two that meet, from the pair's origin; then outlines as above.
+        ("reference", "f8", 3 * CORNERS),
+        ("incident", "f8", 3 * CORNERS),
+        ("outline", "f8", 12 * CORNERS),  # two outlines of up to 2 CORNERS corners: u, v, height
+        ("sides", "i4", 8 * CORNERS),  # which two sides meet in each of those corners
     ],
     align=True,
 )
@@ -157,6 +175,20 @@ SIMPLEX = np.dtype(
         ("on_a", "f8", 3),  # the points of the cores that are closest [m]
         ("on_b", "f8", 3),
         ("count", "i4"),
+    ],
+    align=True,
+)
+
+# Where a hull, mesh or height field lies in the arrays of all geometry; its points are relative to the collider's centre.
+GEOMETRY = np.dtype(
+    [
+        ("kind", "i4"),
+        ("first_point", "i4"),  # of a hull's vertices; corners of faces come after them
+        ("point_count", "i4"),
+        ("first_face", "i4"),
+        ("face_count", "i4"),
+        ("first_node", "i4"),  # of the tree over a mesh's triangles, two to a leaf, in the order of the faces
+        ("leaf_count", "i4"),
     ],
     align=True,
 )
@@ -230,6 +262,17 @@ CONSTANTS = np.dtype(
     ],
     align=True,
 )
+
+
+class Geometry(NamedTuple):
+    """Hulls, meshes and height fields of a world, and the room that the narrow phase works in."""
+
+    headers: Table  # GEOMETRY
+    faces: Table  # FACE
+    points: Table  # (N, 3) vertices of hulls, corners of faces [m]
+    nodes: Table  # (M, 6) trees over triangles, each with its root at first_node + 1
+    convex: Table  # (2,) CONVEX
+    simplex: Table  # (1,) SIMPLEX
 
 
 def grown(table: Table, count: int) -> Table:

@@ -7,14 +7,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from elys.sim_node.physics.kernels.tables import BOX, SPHERE
-from elys.sim_node.physics.mass_properties import Shapes, mass_properties
+from elys.sim_node.physics.mass_properties import Shapes, mass_properties, tensors, volumes
 
 
 def shapes_of(*entries):
     kinds, halves, positions, rotations = zip(*entries, strict=True)
-    return Shapes(
-        np.zeros(len(kinds), int), np.array(kinds), np.array(halves), np.array(positions), np.array(rotations)
-    )
+    kinds, halves = np.array(kinds), np.array(halves, float)
+    weight, tensor = volumes(kinds, halves), tensors(kinds, halves)
+    bodies = np.zeros(len(kinds), int)
+    return Shapes(bodies, kinds, halves, np.array(positions), np.array(rotations), weight, tensor)
 
 
 def tensor_of(properties):
@@ -74,6 +75,8 @@ def test_bodies_do_not_mix_and_one_without_shape_still_turns():
         np.full((3, 3), 0.5),
         np.array([[0.0, 0, 0], [-1, 0, 0], [1, 0, 0]]),
         np.tile([0.0, 0, 0, 1], (3, 1)),
+        np.ones(3),
+        np.tile(np.eye(3) / 6, (3, 1, 1)),
     )
     properties = mass_properties(shapes, 3)
     np.testing.assert_allclose(properties.inertia[0], 1 / 6)

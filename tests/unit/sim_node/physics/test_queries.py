@@ -64,7 +64,7 @@ def check(hits, every, expected, touching, *, exact):
         assert np.linalg.norm(hits.normal[r]) == pytest.approx(1.0)
         if hits.distance[r] > 0:
             assert touching(r, hits.distance[r], hits.point[r]) < 2e-6
-    assert 0 < met
+    assert met > 0
     return met
 
 
