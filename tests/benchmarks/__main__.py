@@ -15,7 +15,7 @@ from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
 
-from tests.benchmarks import latency, scene_tree, starts, ticks
+from tests.benchmarks import latency, queries, scene_tree, starts, ticks
 
 ROOT = Path(__file__).parents[2]
 SUITES: dict[str, Callable[[], list[tuple[str, str]]]] = {
@@ -23,6 +23,7 @@ SUITES: dict[str, Callable[[], list[tuple[str, str]]]] = {
     "latency": latency.measure,
     "starts": starts.measure,
     "tree": scene_tree.measure,
+    "queries": queries.measure,
 }
 
 

@@ -64,13 +64,20 @@ def rays_of(
             f"{question} takes as many origins as directions, or one of either, not {len(start)} and {len(along)}"
         )
     start, along = (np.ascontiguousarray(a) for a in np.broadcast_arrays(start, along))
-    # Scaled first: the square of a very long or very short direction is no number of this size.
-    largest = abs(along).max(axis=1, keepdims=True, initial=0.0)
+    return start, _units(question, along), limits_of(question, max_distance, len(start))
+
+
+def _units(question: str, vectors: Array) -> Array:
+    """Vectors (R, 3) at length 1; PhysicsError where one has none."""
+    squared = np.einsum("ij,ij->i", vectors, vectors)
+    if len(squared) == 0 or (squared.min() > 1e-280 and squared.max() < 1e280):
+        return vectors / np.sqrt(squared)[:, None]
+    # The square of a very long or very short vector is no number of this size: scaled first.
+    largest = abs(vectors).max(axis=1, keepdims=True)
     if (largest == 0.0).any():
         raise PhysicsError(f"{question} cannot look along a direction of length 0, as number {largest.argmin()} is")
-    along = along / largest
-    along = along / np.linalg.norm(along, axis=1, keepdims=True)
-    return start, along, limits_of(question, max_distance, len(start))
+    scaled = vectors / largest
+    return scaled / np.linalg.norm(scaled, axis=1, keepdims=True)
 
 
 def places_of(question: str, name: str, places: ArrayLike) -> Array:

@@ -74,13 +74,10 @@ class WorldQueries:
 
         def ask(rows: Hits, hit: Array) -> int:
             walk = (tree.nodes, chosen, own, tree.stack, tree.entries)
-            answer = (rows.query, hit, rows.distance, rows.normal)
+            answer = (rows.query, hit, *rows[1:])
             return int(cast_rays(*self._tables(), *walk, start, along, limits, all_hits, *answer))
 
-        hits = self._collected(ask, len(start), all_hits)
-        met = hits.entity != 0
-        hits.point[met] = start[hits.query[met]] + hits.distance[met, None] * along[hits.query[met]]
-        return hits
+        return self._collected(ask, len(start), all_hits)
 
     def cast_sphere(
         self,
@@ -177,7 +174,7 @@ class WorldQueries:
 
         def ask(rows: Hits, hit: Array) -> int:
             walk = (tree.nodes, chosen, own, tree.stack, nearest)
-            answer = (hit, rows.distance, rows.point, rows.normal)
+            answer = (hit, *rows[1:])
             find_closest(*self._tables(), *walk, places, limits, *answer)
             return len(places)
 
@@ -193,7 +190,7 @@ class WorldQueries:
 
         def ask(rows: Hits, hit: Array) -> int:
             walk = (tree.nodes, chosen, own, tree.stack, tree.entries)
-            answer = (rows.query, hit, rows.distance, rows.point, rows.normal)
+            answer = (rows.query, hit, *rows[1:])
             return int(cast_shapes(*self._tables(), *walk, *rays, *shapes, touch, all_hits, *answer))
 
         return self._collected(ask, count, all_hits)
@@ -222,8 +219,6 @@ class WorldQueries:
             if not all_hits or found <= room:
                 break
             room = found
-        met = hit >= 0
-        rows.entity[met] = self._colliders.rows["entity"][hit[met]]
         if not all_hits:
             return rows
         order = np.lexsort((hit[:found], rows.distance[:found], rows.query[:found]))

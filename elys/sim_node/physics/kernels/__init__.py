@@ -62,14 +62,14 @@ def _kernels() -> tuple[Kernel, ...]:
     walk = (indices, np.zeros(1, np.float32))
     rays = (vectors, vectors, numbers)
     probes = (np.zeros(1, tables.CONVEX), vectors, np.zeros(1, TOUCH))
-    answer = (places, indices, numbers, vectors, vectors)
+    answer = (places, indices, entities, numbers, vectors, vectors)
     # The quick ones first, so that a progress bar moves early.
     listed: list[tuple[Any, tuple[Any, ...]]] = [
         (refit_query_tree, (boxes, query_nodes)),
         (build_query_tree, (boxes, query_nodes, indices, nodes, numbers)),
         (
             cast_rays,
-            (colliders, geometry, query_nodes, flags, indices, *walk, *rays, True, places, indices, numbers, vectors),
+            (colliders, geometry, query_nodes, flags, indices, *walk, *rays, True, *answer),
         ),
         (cast_shapes, (colliders, geometry, query_nodes, flags, indices, *walk, *rays, *probes, True, *answer)),
         (

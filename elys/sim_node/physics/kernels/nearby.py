@@ -79,10 +79,13 @@ def find_overlaps(colliders, geometry, nodes, chosen, own, stack, centers, probe
 
 
 @kernel
-def find_closest(colliders, geometry, nodes, chosen, own, stack, nearest, places, limits, hit, distance, point, normal):
+def find_closest(
+    colliders, geometry, nodes, chosen, own, stack, nearest, places, limits, hit, entity, distance, point, normal
+):
     """The collider closest to each of the points `places` (R, 3), not farther than limits (R,).
 
-    `stack` and `nearest` are room for the walk. Writes collider or -1, distance [m], closest point and normal.
+    `stack` and `nearest` are room for the walk. Writes collider, its entity, distance
+    [m], closest point and normal where there is one near enough.
     """
     for r in range(places.shape[0]):
         x, y, z = places[r, 0], places[r, 1], places[r, 2]
@@ -110,6 +113,7 @@ def find_closest(colliders, geometry, nodes, chosen, own, stack, nearest, places
                     continue
                 limit = d
                 hit[r] = c
+                entity[r] = collider.entity
                 distance[r] = d
                 point[r, 0], point[r, 1], point[r, 2] = px, py, pz
                 normal[r, 0], normal[r, 1], normal[r, 2] = nx, ny, nz

@@ -110,16 +110,19 @@ def cast_rays(
     every,
     query,
     hit,
+    entity,
     distance,
+    point,
     normal,
 ):
     """What rays meet: the first collider of each ray, or every one.
 
     Parameters: `nodes` of the query tree, `chosen` (C,) uint8 which colliders count, `own` (R,) a body whose colliders do
     not count for a ray, or -1; rays (R, 3) with unit directions and the farthest distance (R,) of each; `stack` and
-    `entries` are room for the walk. Results by hit: its query (the ray), collider, distance [m] and surface normal. Without
-    `every` there is one row for each ray, with collider -1 where it meets nothing. With it they come in any order; returns
-    how many there are, which may be more than the room for them: then the caller makes room and calls again.
+    `entries` are room for the walk. Results by hit: its query (the ray), collider and its entity, distance [m], point [m] and
+    surface normal. Without `every` there is one row for each ray, which is left alone where it meets nothing. With it they
+    come in any order; returns how many there are, which may be more than the room for them: then the caller makes room and
+    calls again.
     """
     found = 0
     for r in range(origins.shape[0]):
@@ -152,7 +155,8 @@ def cast_rays(
                 rough = single(t)
                 best = c
             if place < hit.shape[0]:
-                query[place], hit[place], distance[place] = r, c, t
+                query[place], hit[place], entity[place], distance[place] = r, c, collider.entity, t
+                point[place, 0], point[place, 1], point[place, 2] = ox + t * dx, oy + t * dy, oz + t * dz
                 normal[place, 0], normal[place, 1], normal[place, 2] = ux, uy, uz
     return found
 
@@ -175,6 +179,7 @@ def cast_shapes(
     every,
     query,
     hit,
+    entity,
     distance,
     point,
     normal,
@@ -220,7 +225,7 @@ def cast_shapes(
                 rough = single(t)
                 best = c
             if place < hit.shape[0]:
-                query[place], hit[place], distance[place] = r, c, t
+                query[place], hit[place], entity[place], distance[place] = r, c, collider.entity, t
                 for k in range(3):
                     point[place, k] = touch.point[k]
                     normal[place, k] = touch.normal[k]
