@@ -9,13 +9,16 @@ import numpy as np
 from elys.sim_node.compilation import signature_of
 from elys.sim_node.physics.kernels import tables
 from elys.sim_node.physics.kernels.broadphase import find_new_pairs, give_slots, index_pairs, merge_pairs
+from elys.sim_node.physics.kernels.cast import TOUCH
 from elys.sim_node.physics.kernels.colouring import colour_contacts
 from elys.sim_node.physics.kernels.integrator import finish_step, publish_poses
 from elys.sim_node.physics.kernels.islands import build_islands, list_held
 from elys.sim_node.physics.kernels.narrow_phase import update_manifolds
+from elys.sim_node.physics.kernels.nearby import find_closest, find_overlaps
 from elys.sim_node.physics.kernels.placement import fatten_boxes, place_colliders
 from elys.sim_node.physics.kernels.preparation import prepare_bodies, prepare_contacts, prepare_impacts
-from elys.sim_node.physics.kernels.queries import cast_rays
+from elys.sim_node.physics.kernels.queries import cast_rays, cast_shapes
+from elys.sim_node.physics.kernels.query_tree import QUERY_NODE, build_query_tree, refit_query_tree
 from elys.sim_node.physics.kernels.solver import solve_contacts
 from elys.sim_node.physics.kernels.state_hash import hash_bodies
 from elys.sim_node.physics.kernels.sweep import stop_at_impacts
@@ -64,9 +67,30 @@ def _kernels() -> tuple[Kernel, ...]:
     words = np.zeros((1, 2), np.uint64)
     touching = (bodies, colliders, pairs, indices, 0, manifolds)
     lanes = (indices, indices, indices, indices)
+    flags = np.zeros(1, np.uint8)
+    places = np.zeros(1, np.int64)
+    query_nodes = np.zeros(1, QUERY_NODE)
+    walk = (indices, np.zeros(1, np.float32))
+    rays = (vectors, vectors, numbers)
+    probes = (np.zeros(1, tables.CONVEX), vectors, np.zeros(1, TOUCH))
+    answer = (places, indices, entities, numbers, vectors, vectors)
     # The quick ones first, so that a progress bar moves early.
     listed: list[tuple[Any, tuple[Any, ...]]] = [
-        (cast_rays, (colliders, leaves, nodes, indices, numbers, vectors, vectors, numbers, indices, numbers, vectors)),
+        (refit_query_tree, (boxes, query_nodes)),
+        (build_query_tree, (boxes, query_nodes, indices, nodes, numbers)),
+        (
+            cast_rays,
+            (colliders, geometry, query_nodes, flags, indices, *walk, *rays, True, *answer),
+        ),
+        (cast_shapes, (colliders, geometry, query_nodes, flags, indices, *walk, *rays, *probes, True, *answer)),
+        (
+            find_overlaps,
+            (colliders, geometry, query_nodes, flags, indices, indices, vectors, *probes[:2], places, indices),
+        ),
+        (
+            find_closest,
+            (colliders, geometry, query_nodes, flags, indices, indices, numbers, vectors, numbers, *answer[1:]),
+        ),
         (hash_bodies, (entities, words)),
         (publish_poses, (bodies, poses)),
         (finish_step, (bodies, poses, starts, solver, indices, constants)),
