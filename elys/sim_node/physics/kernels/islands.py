@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from elys.sim_node.compilation import inner, kernel
-from elys.sim_node.physics.kernels.tables import DYNAMIC, POINTS, STATIC
+from elys.sim_node.physics.kernels.tables import DYNAMIC, KINEMATIC, POINTS, STATIC
 
 COLUMN = 64  # bodies up to which each contact of an island may give way by the allowed overlap
 SMALL = 512  # bodies up to which an island is solved exactly at all
@@ -39,6 +39,14 @@ def join(parent, a, b):
         parent[b] = a
     else:
         parent[a] = b
+
+
+@inner
+def is_moving(body):
+    moves = False
+    for k in range(6):
+        moves = moves or body.velocity[k] != 0.0
+    return moves
 
 
 @inner
@@ -84,9 +92,10 @@ def allowance(body_count):
 
 
 @inner
-def find_islands(bodies, colliders, pairs, touching, touching_count, parent, islands):
-    """Marks the bodies that contacts hold and joins them into islands."""
-    for i in range(bodies.shape[0]):
+def find_islands(bodies, awake, awake_count, colliders, pairs, touching, touching_count, parent, islands):
+    """Marks the bodies that contacts hold and joins them into islands; what something moves by itself touches stays awake."""
+    for index in range(awake_count):
+        i = awake[index]
         bodies[i].held = 0
         parent[i] = i
         island = islands[i]
@@ -105,8 +114,13 @@ def find_islands(bodies, colliders, pairs, touching, touching_count, parent, isl
             second.held = 1
         if first.motion == DYNAMIC and second.motion == DYNAMIC:
             join(parent, a, b)
-    for i in range(bodies.shape[0]):
-        if bodies[i].held != 0:
+        elif first.motion == KINEMATIC and is_moving(first):
+            second.still_time = 0.0
+        elif second.motion == KINEMATIC and is_moving(second):
+            first.still_time = 0.0
+    for index in range(awake_count):
+        i = awake[index]
+        if bodies[i].held != 0 and bodies[i].motion == DYNAMIC:
             island = islands[root_of(parent, i)]
             island.body_count += 1
             island.present = max(island.present, bodies[i].strength)
@@ -123,24 +137,36 @@ def ask_contacts(bodies, colliders, pairs, touching, touching_count, manifolds, 
         second = bodies[b]
         island = islands[root_of(parent, a if first.motion == DYNAMIC else b)]
         allowed = constants.overlap * allowance(island.body_count)
-        wanted = wanted_strength(first, second, manifolds[pair.slot], allowed, island.present, strengths, constants)
+        wanted = wanted_strength(first, second, manifolds[touching[t]], allowed, island.present, strengths, constants)
         island.wanted = max(island.wanted, wanted)
 
 
 @kernel
 def build_islands(
-    bodies, colliders, pairs, touching, touching_count, manifolds, parent, islands, strengths, all_constants
+    bodies,
+    awake,
+    awake_count,
+    colliders,
+    pairs,
+    touching,
+    touching_count,
+    manifolds,
+    parent,
+    islands,
+    strengths,
+    all_constants,
 ):
-    """Marks the bodies that contacts hold, and gives each the strength of its island; whether any strength has changed.
+    """Marks the awake bodies that contacts hold, and gives each the strength of its island; whether any strength has changed.
 
     Parameters: parent (N,) int32 and islands (N,) are room; afterwards root_of(parent, i) is the row of body i's island.
     """
-    find_islands(bodies, colliders, pairs, touching, touching_count, parent, islands)
+    find_islands(bodies, awake, awake_count, colliders, pairs, touching, touching_count, parent, islands)
     ask_contacts(
         bodies, colliders, pairs, touching, touching_count, manifolds, parent, islands, strengths, all_constants[0]
     )
     is_changed = False
-    for i in range(bodies.shape[0]):
+    for index in range(awake_count):
+        i = awake[index]
         body = bodies[i]
         before = body.strength
         if body.held != 0 and body.motion == DYNAMIC:
@@ -162,14 +188,15 @@ def build_islands(
 
 
 @kernel
-def list_held(bodies, held, groups):
+def list_held(bodies, awake, awake_count, held, groups):
     """Lists the rows of held bodies by strength, those that no force moves last; fills the groups' ranges of `held` (N,).
 
     Returns where the list of the latter ends; it begins where the last group ends.
     """
     for g in range(groups.shape[0]):
         groups[g].last_body = 0
-    for i in range(bodies.shape[0]):
+    for index in range(awake_count):
+        i = awake[index]
         if bodies[i].held != 0 and bodies[i].motion == DYNAMIC:
             groups[bodies[i].strength].last_body += 1
     at = 0
@@ -178,7 +205,8 @@ def list_held(bodies, held, groups):
         at += groups[g].last_body
         groups[g].last_body = groups[g].first_body
     end = at
-    for i in range(bodies.shape[0]):
+    for index in range(awake_count):
+        i = awake[index]
         if bodies[i].held == 0:
             continue
         if bodies[i].motion == DYNAMIC:

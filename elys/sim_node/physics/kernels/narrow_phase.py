@@ -10,8 +10,9 @@ from elys.sim_node.physics.kernels.capsule import capsule_capsule, sphere_capsul
 from elys.sim_node.physics.kernels.convex import convex_convex, plane_convex, triangle_convex
 from elys.sim_node.physics.kernels.manifold import follow_motion, forget_contact, write_manifold
 from elys.sim_node.physics.kernels.midphase import has_parts
+from elys.sim_node.physics.kernels.sleeping import AWAKE, WAKING, disturbs
 from elys.sim_node.physics.kernels.sphere import box_sphere, sphere_sphere
-from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CYLINDER, MESH, PLANE, SPHERE
+from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CYLINDER, DYNAMIC, MESH, PLANE, SPHERE
 
 
 @inner
@@ -114,30 +115,38 @@ def rolls(collider):
     return collider.kind == SPHERE or collider.kind == CAPSULE or collider.kind == CYLINDER
 
 
+@inner
+def is_held(body):
+    """Whether contacts have an effect on a body now."""
+    return body.motion == DYNAMIC and body.asleep == AWAKE
+
+
 @kernel
 def update_manifolds(
-    bodies, colliders, pairs, pair_count, manifolds, all_found, geometry, all_constants, touching, fast
+    bodies, colliders, pairs, active, active_count, manifolds, all_found, geometry, all_constants, touching, fast
 ):
-    """Brings the manifold of every pair up to date; returns how many have contact, their pairs listed in `touching`.
+    """Brings the manifold of every active pair up to date; returns how many have contact, their slots listed in `touching`.
 
     Second comes whether any manifold has got or lost points, third how many pairs are so fast that they may miss each other
-    within the step: those are listed in `fast`.
+    within the step: those are listed in `fast`. Last comes whether anything asleep was touched and marked to be woken.
     """
     constants = all_constants[0]
     found = all_found[0]
     touching_count = 0
     is_changed = False
+    is_woken = False
     fast_count = 0
-    for p in range(pair_count):
-        pair = pairs[p]
+    for p in range(active_count):
+        slot = active[p]
+        pair = pairs[slot]
         a = colliders[pair.a]
         b = colliders[pair.b]
         first = bodies[a.body]
         second = bodies[b.body]
-        manifold = manifolds[pair.slot]
+        manifold = manifolds[slot]
         margin, is_fast = pair_margin(first, second, a, b, constants)
         if is_fast:
-            fast[fast_count] = p
+            fast[fast_count] = slot
             fast_count += 1
         before = manifold.point_count
         if boxes_apart(a.box, b.box, margin):
@@ -151,6 +160,13 @@ def update_manifolds(
             write_manifold(first, second, a, b, manifold, found, count, margin, constants)
             is_changed = is_changed or count != before
         if manifold.point_count > 0:
-            touching[touching_count] = p
-            touching_count += 1
-    return touching_count, is_changed, fast_count
+            if disturbs(first, second):
+                second.asleep = WAKING
+                is_woken = True
+            elif disturbs(second, first):
+                first.asleep = WAKING
+                is_woken = True
+            if is_held(first) or is_held(second):
+                touching[touching_count] = slot
+                touching_count += 1
+    return touching_count, is_changed, fast_count, is_woken
