@@ -17,7 +17,7 @@ from elys.common.math import quaternion
 from elys.sim_node.physics import checks
 from elys.sim_node.physics.kernels.integrator import publish_poses
 from elys.sim_node.physics.kernels.tables import BODY, DYNAMIC, KINEMATIC, POSE, STATIC
-from elys.sim_node.physics.mass_properties import MassProperties
+from elys.sim_node.physics.mass_properties import SHAPELESS_RADIUS, MassProperties
 
 Array = np.ndarray[Any, Any]
 
@@ -113,6 +113,12 @@ class BodyTable:
         self.inertia[rows] = properties.inertia
         self.place(rows, position, rotation)
         self.update_inverses(rows)
+
+    def set_extents(self, rows: Array, of_shapes: Array, extents: Array) -> None:
+        """How far the bodies in rows reach: `extents` (M,) [m] of the shapes on body rows `of_shapes` (M,)."""
+        self.rows["extent"][rows] = SHAPELESS_RADIUS
+        self.rows["extent"][of_shapes] = 0.0
+        np.maximum.at(self.rows["extent"], of_shapes, extents)
 
     def update_inverses(self, rows: Array) -> None:
         """Inverse mass and inertia from mass, moments and motion: nothing for what no force moves."""

@@ -87,6 +87,8 @@ def step_constants(settings: PhysicsSettings, dt: float, *, can_bounce: bool) ->
     row = constants[0]
     row["time"] = dt
     row["gravity"] = settings.gravity
+    strength = math.sqrt(sum(g * g for g in settings.gravity))
+    row["down"] = np.asarray(settings.gravity) / strength if strength > 0.0 else 0.0
     row["margin"] = settings.contact_margin
     row["fattening"] = 0.5 * settings.contact_margin
     row["recycle_distance"] = settings.recycle_distance

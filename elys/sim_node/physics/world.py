@@ -445,6 +445,7 @@ class PhysicsWorld(WorldQueries):
         self._bodies.set_mass_properties(bodies, mass_properties(self._colliders.shapes_on(bodies, rows), len(bodies)))
         on = self._bodies.poses[self._colliders.rows["body"][rows]]
         self._colliders.attach(rows, on["center"], on["axes"])
+        self._bodies.set_extents(bodies, *self._colliders.extents(rows))
         self._changed()
 
     def _remove_colliders(self, rows: Array) -> None:

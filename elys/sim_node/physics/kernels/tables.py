@@ -35,6 +35,7 @@ BODY = np.dtype(
         ("gravity_scale", "f8"),
         ("linear_damping", "f8"),  # [1/s]
         ("angular_damping", "f8"),  # [1/s]
+        ("extent", "f8"),  # distance of its farthest point from the centre of mass [m]
         ("still_time", "f8"),  # for how long it has hardly moved [s]
         ("next_asleep", "i4"),  # row of the next body of its sleeping island, in a ring
         ("entity", "u4"),
@@ -275,6 +276,7 @@ CONSTANTS = np.dtype(
     [
         ("time", "f8"),  # of the step [s]
         ("gravity", "f8", 3),  # [m/s^2]
+        ("down", "f8", 3),  # its direction; zero without gravity
         ("margin", "f8"),  # gap up to which resting contacts are kept [m]
         ("fattening", "f8"),  # how much larger fat boxes are [m]
         ("recycle_distance", "f8"),  # a manifold is kept while its bodies moved less against each other [m]
@@ -309,6 +311,9 @@ STRENGTH = np.dtype(
 ISLAND = np.dtype(
     [
         ("still_time", "f8"),  # the shortest of its bodies' [s]
+        ("low", "f8"),  # its lowest and highest centre of mass along gravity [m]
+        ("high", "f8"),
+        ("extent", "f8"),  # sum of its bodies' [m]
         ("body_count", "i4"),
         ("wanted", "u1"),  # the strength that its contacts ask for
         ("present", "u1"),  # the largest that its bodies had in the last step
