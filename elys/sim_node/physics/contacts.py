@@ -108,6 +108,7 @@ class ContactStore:
         self.pair_count = merge_pairs(
             colliders,
             geometry,
+            self.manifolds,
             self.pairs,
             self.pair_count,
             self._new,

@@ -50,6 +50,7 @@ def _kernels() -> tuple[Kernel, ...]:
         np.zeros((2, 6)),
         np.zeros(2, tables.CONVEX),
         np.zeros(1, tables.SIMPLEX),
+        np.zeros(1, tables.CLUSTER),
     )
     indices = np.zeros(1, np.int32)
     entities = np.zeros(1, np.uint32)
@@ -73,7 +74,7 @@ def _kernels() -> tuple[Kernel, ...]:
         (build_tree, (boxes, leaves, nodes, indices, numbers, True)),
         (index_pairs, (pairs, 0, indices)),
         (give_slots, (pairs, 0, manifolds, indices, indices)),
-        (merge_pairs, (colliders, geometry, pairs, 0, pairs, 0, pairs, indices, indices, indices)),
+        (merge_pairs, (colliders, geometry, manifolds, pairs, 0, pairs, 0, pairs, indices, indices, indices)),
         (find_new_pairs, (bodies, colliders, leaves, nodes, geometry, pairs, indices, pairs, indices)),
         (build_islands, (*touching, indices, np.zeros(1, tables.ISLAND), strengths, constants)),
         (list_held, (bodies, indices, groups)),

@@ -157,8 +157,26 @@ def sort_pairs(pairs, count, sorted_pairs, starts):
         sorted_pairs[place] = pairs[p]
 
 
+@inner
+def pass_on(manifolds, pairs, p, pair_count, kept):
+    """Before a pair with a part of a mesh ends, a neighbour in its run takes over the contact that it keeps for them."""
+    if manifolds[pairs[p].slot].point_count == 0:
+        return
+    heir = -1
+    if p + 1 < pair_count and pairs[p + 1].a == pairs[p].a and pairs[p + 1].b == pairs[p].b:
+        heir = p + 1
+    elif kept > 0 and pairs[kept - 1].a == pairs[p].a and pairs[kept - 1].b == pairs[p].b:
+        heir = kept - 1
+    if heir >= 0 and manifolds[pairs[heir].slot].point_count == 0:
+        slot = pairs[heir].slot
+        pairs[heir].slot = pairs[p].slot
+        pairs[p].slot = slot
+
+
 @kernel
-def merge_pairs(colliders, geometry, pairs, pair_count, new, new_count, sorted_new, starts, free, free_count):
+def merge_pairs(
+    colliders, geometry, manifolds, pairs, pair_count, new, new_count, sorted_new, starts, free, free_count
+):
     """Drops the pairs that parted and adds the new ones in their places; returns the pair count.
 
     `pairs` has room for the new ones and `free` for every slot; free[:free_count[0]] are the unused slots. A new pair's slot
@@ -170,6 +188,7 @@ def merge_pairs(colliders, geometry, pairs, pair_count, new, new_count, sorted_n
         a = colliders[pair.a]
         b = colliders[pair.b]
         if (a.moved != 0 or b.moved != 0) and not still_near(a, b, pair.part, geometry):
+            pass_on(manifolds, pairs, p, pair_count, kept)
             free[free_count[0]] = pair.slot
             free_count[0] += 1
             continue

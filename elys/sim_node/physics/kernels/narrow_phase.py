@@ -10,6 +10,7 @@ from elys.sim_node.physics.kernels.capsule import capsule_capsule, sphere_capsul
 from elys.sim_node.physics.kernels.convex import convex_convex, plane_convex, triangle_convex
 from elys.sim_node.physics.kernels.manifold import follow_motion, forget_contact, write_manifold
 from elys.sim_node.physics.kernels.midphase import has_parts
+from elys.sim_node.physics.kernels.parts import choose_hosts, gather, hosted_by, run_end, take_cluster
 from elys.sim_node.physics.kernels.sphere import box_sphere, sphere_sphere
 from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CYLINDER, PLANE, SPHERE
 
@@ -104,6 +105,37 @@ def rolls(collider):
     return collider.kind == SPHERE or collider.kind == CAPSULE or collider.kind == CYLINDER
 
 
+@inner
+def update_parts(bodies, colliders, pairs, begin, end, manifolds, found, geometry, constants):
+    """Brings the manifolds of a collider with the parts of a mesh up to date; whether any has got or lost points."""
+    a = colliders[pairs[begin].a]
+    b = colliders[pairs[begin].b]
+    first = bodies[a.body]
+    second = bodies[b.body]
+    margin = pair_margin(first, second, a, b, constants)
+    is_stale = rolls(a) or rolls(b)
+    for q in range(begin, end):
+        is_stale = not follow_motion(first, second, manifolds[pairs[q].slot], margin, constants) or is_stale
+    if not is_stale:
+        return False
+    clusters = geometry.clusters
+    cluster_count = 0
+    for q in range(begin, end):
+        count = collide(colliders, pairs[q].a, pairs[q].b, pairs[q].part, margin, found, geometry)
+        if count > 0:
+            cluster_count = gather(clusters, cluster_count, found, count, q, margin)
+    choose_hosts(clusters, cluster_count, pairs, begin, end, manifolds)
+    is_changed = False
+    for q in range(begin, end):
+        manifold = manifolds[pairs[q].slot]
+        before = manifold.point_count
+        at = hosted_by(clusters, cluster_count, q)
+        count = take_cluster(clusters[at], found) if at >= 0 else 0
+        write_manifold(first, second, a, b, manifold, found, count, margin, constants)
+        is_changed = is_changed or count != before
+    return is_changed
+
+
 @kernel
 def update_manifolds(bodies, colliders, pairs, pair_count, manifolds, all_found, geometry, all_constants, touching):
     """Brings the manifold of every pair up to date; returns how many have contact, their pairs listed in `touching`.
@@ -114,10 +146,22 @@ def update_manifolds(bodies, colliders, pairs, pair_count, manifolds, all_found,
     found = all_found[0]
     touching_count = 0
     is_changed = False
+    parts_end = 0
     for p in range(pair_count):
         pair = pairs[p]
         a = colliders[pair.a]
         b = colliders[pair.b]
+        if has_parts(a) or has_parts(b):
+            if p >= parts_end:
+                parts_end = run_end(pairs, p, pair_count)
+                part_changed = update_parts(
+                    bodies, colliders, pairs, p, parts_end, manifolds, found, geometry, constants
+                )
+                is_changed = is_changed or part_changed
+            if manifolds[pair.slot].point_count > 0:
+                touching[touching_count] = p
+                touching_count += 1
+            continue
         first = bodies[a.body]
         second = bodies[b.body]
         manifold = manifolds[pair.slot]
