@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from tests.benchmarks import latency, rigid_bodies, scene_tree, starts, ticks
+from tests.benchmarks import latency, queries, rigid_bodies, scene_tree, starts, ticks
 from tests.benchmarks.machine import machine
 
 ROOT = Path(__file__).parents[2]
@@ -24,6 +24,7 @@ SUITES: dict[str, Callable[[], list[tuple[str, str]]]] = {
     "starts": starts.measure,
     "tree": scene_tree.measure,
     "rigid": rigid_bodies.measure,
+    "queries": queries.measure,
 }
 
 

@@ -14,7 +14,7 @@ from elys.sim_node.physics.kernels.tables import (
     STATIC,
 )
 from elys.sim_node.physics.settings import PhysicsSettings
-from elys.sim_node.physics.states import BodyStates, ContactPoints, Energy, Momentum, Problem, RayHits
+from elys.sim_node.physics.states import BodyStates, ContactPoints, Energy, Hits, Momentum, Overlaps, Problem
 from elys.sim_node.physics.world import PhysicsWorld
 
 __all__ = [
@@ -32,9 +32,10 @@ __all__ = [
     "BodyStates",
     "ContactPoints",
     "Energy",
+    "Hits",
     "Momentum",
+    "Overlaps",
     "PhysicsSettings",
     "PhysicsWorld",
     "Problem",
-    "RayHits",
 ]

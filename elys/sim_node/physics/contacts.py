@@ -49,6 +49,7 @@ class ContactStore:
         self.is_changed = True  # since contacts were last dealt out to the solver
         self.pairs = np.zeros(64, PAIR)
         self.touching = np.zeros(64, np.int32)
+        self.fast = np.zeros(64, np.int32)
         self.manifolds = np.zeros(64, MANIFOLD)
         self.found = np.zeros(1, FOUND)
         self.tree = BoxTree(0)
@@ -130,6 +131,7 @@ class ContactStore:
         count = max(2 * old, pair_count + 1)
         self.pairs = grown(self.pairs, count)
         self.touching = grown(self.touching, count)
+        self.fast = grown(self.fast, count)
         self.manifolds = grown(self.manifolds, count)
         self._free = grown(self._free, count)
         free = int(self._free_count[0])

@@ -10,6 +10,8 @@ from elys.sim_node.physics.kernels.batch import FLOATS
 from elys.sim_node.physics.kernels.colouring import KEYS, OVERFLOW
 from elys.sim_node.physics.kernels.simd import LANES
 from elys.sim_node.physics.kernels.tables import (
+    BODY,
+    COLLIDER,
     GROUP,
     ISLAND,
     POINTS,
@@ -18,6 +20,7 @@ from elys.sim_node.physics.kernels.tables import (
     SOLVER_BODY,
     SOLVER_DRIVE,
     SPAN,
+    START,
 )
 from elys.sim_node.physics.settings import MOST_STRENGTHS
 
@@ -34,8 +37,11 @@ class SolverRoom:
         self.spans = np.zeros(MOST_STRENGTHS * (OVERFLOW + 1), SPAN)
         self.starts = np.zeros(MOST_STRENGTHS * KEYS + 1, np.int32)
         self.colour_counts = np.zeros(2 * MOST_STRENGTHS, np.int32)
+        self.places = np.zeros(2, BODY)
+        self.shapes = np.zeros(2, COLLIDER)
         self._make_body_room(0)
         self._make_contact_room(0)
+        self.make_batch_room(16)
 
     def reserve(self, body_count: int, contact_count: int, strength_count: int) -> bool:
         """Makes room, by doubling, for so many bodies and touching pairs, and just as many groups as there are strengths.
@@ -58,6 +64,8 @@ class SolverRoom:
         self.islands = np.zeros(count, ISLAND)
         self.held = np.zeros(count, np.int32)
         self.masks = np.zeros(count, np.uint64)
+        self.starts_of_bodies = np.zeros(count, START)
+        self.fractions = np.ones(count)
         # One row more, for everything that never moves.
         self.solver_bodies = _aligned(count + 1, SOLVER_BODY)
         self.solver = self.solver_bodies.view(np.float32)
@@ -69,14 +77,15 @@ class SolverRoom:
         self.order = np.zeros(count, np.int32)
         self.rows = np.zeros(count, ROW)
         self.row_points = np.zeros(count * POINTS, ROW_POINT)
-        # Every colour of every strength may end with a batch that is not full, and those without a colour fill one each.
-        batches = count + MOST_STRENGTHS * (OVERFLOW + 1)
-        batches = count // LANES + MOST_STRENGTHS * (OVERFLOW + 1) if count > 8 * KEYS else batches
-        self.body_a = np.zeros(batches * LANES, np.int32)
-        self.body_b = np.zeros(batches * LANES, np.int32)
-        self.slots = np.zeros(batches * LANES, np.int32)
-        self.counts = np.zeros(batches, np.int32)
-        self.batches = _aligned(batches * FLOATS, np.dtype(np.float32))
+
+    def make_batch_room(self, count: int) -> None:
+        """Makes room for so many batches, and some more."""
+        count += count // 2
+        self.body_a = np.zeros(count * LANES, np.int32)
+        self.body_b = np.zeros(count * LANES, np.int32)
+        self.slots = np.zeros(count * LANES, np.int32)
+        self.counts = np.zeros(count, np.int32)
+        self.batches = _aligned(count * FLOATS, np.dtype(np.float32))
 
 
 def _aligned(count: int, dtype: np.dtype[Any]) -> Array:

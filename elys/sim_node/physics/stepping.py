@@ -18,6 +18,7 @@ from elys.sim_node.physics.kernels.narrow_phase import update_manifolds
 from elys.sim_node.physics.kernels.placement import fatten_boxes, place_colliders
 from elys.sim_node.physics.kernels.preparation import prepare_bodies, prepare_contacts, prepare_impacts
 from elys.sim_node.physics.kernels.solver import solve_contacts
+from elys.sim_node.physics.kernels.sweep import stop_at_impacts
 from elys.sim_node.physics.kernels.tables import Table
 from elys.sim_node.physics.solving import SolverRoom
 
@@ -46,6 +47,7 @@ class Step:
         self._constants = constants
         self._strengths = strengths
         self._held_end = 0
+        self._fast_count = 0
 
     def run(self, profile: dict[str, float]) -> Array:
         """Moves everything; returns the rows of bodies whose numbers are not finite any more."""
@@ -56,7 +58,10 @@ class Step:
         _timed(profile, "colour_contacts", self._colour_contacts)
         _timed(profile, "prepare_contacts", self._prepare_contacts)
         _timed(profile, "solve_contacts", self._solve_contacts)
-        return _timed(profile, "finish_step", self._finish_step)
+        faulty = _timed(profile, "finish_step", self._finish_step)
+        if self._fast_count and not len(faulty):
+            _timed(profile, "stop_at_impacts", self._stop_at_impacts)
+        return faulty
 
     def _place_bodies(self) -> None:
         place_colliders(self._bodies.rows, self._colliders.rows)
@@ -64,13 +69,11 @@ class Step:
     def _update_pairs(self) -> None:
         moved = fatten_boxes(self._bodies.rows, self._colliders.rows, self._constants)
         if moved:
-            self._contacts.update_pairs(
-                self._bodies.rows, self._colliders.rows, self._colliders.geometry.arrays, moved
-            )
+            self._contacts.update_pairs(self._bodies.rows, self._colliders.rows, self._colliders.geometry.arrays, moved)
 
     def _update_manifolds(self) -> None:
         contacts = self._contacts
-        contacts.touching_count, is_changed = update_manifolds(
+        contacts.touching_count, is_changed, self._fast_count = update_manifolds(
             self._bodies.rows,
             self._colliders.rows,
             contacts.pairs,
@@ -80,6 +83,7 @@ class Step:
             self._colliders.geometry.arrays,
             self._constants,
             contacts.touching,
+            contacts.fast,
         )
         contacts.is_changed |= is_changed
 
@@ -105,7 +109,14 @@ class Step:
         if not contacts.is_changed:
             return
         contacts.is_changed = False
-        colour_contacts(
+        needed = self._deal_out()
+        if needed > len(room.counts):
+            room.make_batch_room(needed)
+            self._deal_out()
+
+    def _deal_out(self) -> int:
+        room, contacts = self._room, self._contacts
+        return colour_contacts(
             self._bodies.rows,
             self._colliders.rows,
             contacts.pairs,
@@ -192,8 +203,32 @@ class Step:
 
     def _finish_step(self) -> Array:
         bodies = self._bodies
-        count = finish_step(bodies.rows, bodies.poses, self._room.solver_bodies, bodies.faulty_room, self._constants)
+        count = finish_step(
+            bodies.rows,
+            bodies.poses,
+            self._room.starts_of_bodies,
+            self._room.solver_bodies,
+            bodies.faulty_room,
+            self._constants,
+        )
         return bodies.faulty_room[:count].copy() if count else _NONE
+
+    def _stop_at_impacts(self) -> None:
+        room = self._room
+        stop_at_impacts(
+            self._bodies.rows,
+            self._colliders.rows,
+            self._contacts.pairs,
+            self._contacts.fast,
+            self._fast_count,
+            room.starts_of_bodies,
+            room.fractions,
+            self._bodies.poses,
+            room.places,
+            room.shapes,
+            self._colliders.geometry.arrays,
+            self._constants,
+        )
 
 
 def _timed(profile: dict[str, float], name: str, stage: Callable[[], Result]) -> Result:

@@ -20,33 +20,31 @@ from elys.common.math import quaternion
 from elys.sim_node.physics import checks
 from elys.sim_node.physics.bodies import BodyTable, new_rows
 from elys.sim_node.physics.colliders import EVERY_LAYER, ColliderTable, new_colliders
-from elys.sim_node.physics.contacts import BoxTree, ContactStore
+from elys.sim_node.physics.contacts import ContactStore
 from elys.sim_node.physics.kernels.state_hash import hash_bodies
 from elys.sim_node.physics.kernels.tables import BOX, DYNAMIC, STATIC
 from elys.sim_node.physics.mass_properties import mass_properties
 from elys.sim_node.physics.measures import energy_of, momentum_of
-from elys.sim_node.physics.raycasting import query_tree, raycast
+from elys.sim_node.physics.queries import WorldQueries
 from elys.sim_node.physics.settings import PhysicsSettings, step_constants, step_strengths
 from elys.sim_node.physics.solving import SolverRoom
-from elys.sim_node.physics.states import BodyStates, ContactPoints, Energy, Momentum, Problem, RayHits
+from elys.sim_node.physics.states import BodyStates, ContactPoints, Energy, Momentum, Problem
 from elys.sim_node.physics.stepping import Step
 
 Array = np.ndarray[Any, Any]
 
 
-class PhysicsWorld:
+class PhysicsWorld(WorldQueries):
     """Rigid bodies, their shapes and their contacts. Methods take entity ids and arrays with one row for each."""
 
     def __init__(self, settings: PhysicsSettings | None = None) -> None:
         self.settings = settings or PhysicsSettings()
-        self._bodies = BodyTable()
-        self._colliders = ColliderTable()
+        super().__init__(BodyTable(), ColliderTable())
         self._contacts = ContactStore()
         self._room = SolverRoom()
         self._step: Step | None = None
         self._step_plan: tuple[float, PhysicsSettings, bool] | None = None
         self._problems: list[Problem] = []
-        self._query_tree: BoxTree | None = None
 
     # ---------------------------------------------------------------- what there is
 
@@ -132,7 +130,7 @@ class PhysicsWorld:
         self._remove_colliders(self._colliders.rows_on(rows))
         self._colliders.follow_bodies(self._bodies.remove(rows))
         self._contacts.is_changed = True
-        self._query_tree = None
+        self._query_tree.outdate()
 
     def add_colliders(
         self,
@@ -323,7 +321,7 @@ class PhysicsWorld:
             raise PhysicsError(f"A step must take a finite time above 0 s, not {dt!r}")
         profile = {} if profile is None else profile
         faulty = self._step_of(dt).run(profile)
-        self._query_tree = None
+        self._query_tree.outdate()
         if len(faulty):
             self._stop(faulty)
 
@@ -356,16 +354,6 @@ class PhysicsWorld:
         self._changed()
 
     # ---------------------------------------------------------------- questions
-
-    def raycast(self, origins: ArrayLike, directions: ArrayLike, max_distance: ArrayLike = np.inf) -> RayHits:
-        """The first collider that each ray meets.
-
-        Parameters: origins (R, 3) [m], directions (R, 3) of any length but 0, farthest distances (R,) or one for all [m].
-        A ray that begins inside a shape hits it at distance 0.
-        """
-        if self._query_tree is None:
-            self._query_tree = query_tree(self._bodies.rows, self._colliders.rows)
-        return raycast(self._colliders.rows, self._query_tree, origins, directions, max_distance)
 
     def energy(self) -> Energy:
         """Kinetic and potential energy of all dynamic bodies [J]."""
@@ -405,7 +393,7 @@ class PhysicsWorld:
         self._bodies.load(snapshot)
         self._colliders.load(snapshot)
         self._contacts.load(snapshot, len(self._colliders.rows))
-        self._query_tree = None
+        self._query_tree.outdate()
 
     # ---------------------------------------------------------------- within
 
@@ -443,4 +431,4 @@ class PhysicsWorld:
     def _changed(self) -> None:
         self._contacts.is_changed = True
         self._bodies.publish()
-        self._query_tree = None
+        self._query_tree.outdate()

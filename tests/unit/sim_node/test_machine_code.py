@@ -17,7 +17,7 @@ ALLOWED_CALLS = re.compile(
     r"|llvm\.(memset|memcpy|memmove|lifetime|assume|expect|x86\.atomic|vector|[su]?(add|sub|mul)\.with|[su](min|max)|abs|ct|bswap)[.\w]*"
     r"|llvm\.(fabs|sqrt|floor|ceil|trunc|rint|copysign|minnum|maxnum)\.\w+"
 )
-RELAXED = re.compile(r"\bf(?:add|sub|mul|div|neg|cmp) (?:fast|contract|reassoc|arcp|afn|nnan|ninf|nsz)\b")
+RELAXED = re.compile(r"= (?:tail )?(?:f\w+|call|select|phi) (?:fast|contract|reassoc|arcp|afn|nnan|ninf|nsz)\b")
 
 KERNELS = {kernel.name: kernel for kernel in all_kernels()}
 

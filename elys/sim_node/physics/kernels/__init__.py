@@ -9,15 +9,19 @@ import numpy as np
 from elys.sim_node.compilation import signature_of
 from elys.sim_node.physics.kernels import tables
 from elys.sim_node.physics.kernels.broadphase import find_new_pairs, give_slots, index_pairs, merge_pairs
+from elys.sim_node.physics.kernels.cast import TOUCH
 from elys.sim_node.physics.kernels.colouring import colour_contacts
 from elys.sim_node.physics.kernels.integrator import finish_step, publish_poses
 from elys.sim_node.physics.kernels.islands import build_islands, list_held
 from elys.sim_node.physics.kernels.narrow_phase import update_manifolds
+from elys.sim_node.physics.kernels.nearby import find_closest, find_overlaps
 from elys.sim_node.physics.kernels.placement import fatten_boxes, place_colliders
 from elys.sim_node.physics.kernels.preparation import prepare_bodies, prepare_contacts, prepare_impacts
-from elys.sim_node.physics.kernels.queries import cast_rays
+from elys.sim_node.physics.kernels.queries import cast_rays, cast_shapes
+from elys.sim_node.physics.kernels.query_tree import QUERY_NODE, build_query_tree, refit_query_tree
 from elys.sim_node.physics.kernels.solver import solve_contacts
 from elys.sim_node.physics.kernels.state_hash import hash_bodies
+from elys.sim_node.physics.kernels.sweep import stop_at_impacts
 from elys.sim_node.physics.kernels.tree import build_tree
 
 Kernel = tuple[str, Any, tuple[tuple[Any, ...], ...]]
@@ -52,6 +56,7 @@ def _kernels() -> tuple[Kernel, ...]:
         np.zeros(1, tables.SIMPLEX),
         np.zeros(1, tables.CLUSTER),
     )
+    starts = np.zeros(1, tables.START)
     indices = np.zeros(1, np.int32)
     entities = np.zeros(1, np.uint32)
     masks = np.zeros(1, np.uint64)
@@ -63,12 +68,37 @@ def _kernels() -> tuple[Kernel, ...]:
     words = np.zeros((1, 2), np.uint64)
     touching = (bodies, colliders, pairs, indices, 0, manifolds)
     lanes = (indices, indices, indices, indices)
+    flags = np.zeros(1, np.uint8)
+    places = np.zeros(1, np.int64)
+    query_nodes = np.zeros(1, QUERY_NODE)
+    walk = (indices, np.zeros(1, np.float32))
+    rays = (vectors, vectors, numbers)
+    probes = (np.zeros(1, tables.CONVEX), vectors, np.zeros(1, TOUCH))
+    answer = (places, indices, entities, numbers, vectors, vectors)
     # The quick ones first, so that a progress bar moves early.
     listed: list[tuple[Any, tuple[Any, ...]]] = [
-        (cast_rays, (colliders, leaves, nodes, indices, numbers, vectors, vectors, numbers, indices, numbers, vectors)),
+        (refit_query_tree, (boxes, query_nodes)),
+        (build_query_tree, (boxes, query_nodes, indices, nodes, numbers)),
+        (
+            cast_rays,
+            (colliders, geometry, query_nodes, flags, indices, *walk, *rays, True, *answer),
+        ),
+        (cast_shapes, (colliders, geometry, query_nodes, flags, indices, *walk, *rays, *probes, True, *answer)),
+        (
+            find_overlaps,
+            (colliders, geometry, query_nodes, flags, indices, indices, vectors, *probes[:2], places, indices),
+        ),
+        (
+            find_closest,
+            (colliders, geometry, query_nodes, flags, indices, indices, numbers, vectors, numbers, *answer[1:]),
+        ),
         (hash_bodies, (entities, words)),
         (publish_poses, (bodies, poses)),
-        (finish_step, (bodies, poses, solver, indices, constants)),
+        (finish_step, (bodies, poses, starts, solver, indices, constants)),
+        (
+            stop_at_impacts,
+            (bodies, colliders, pairs, indices, 0, starts, numbers, poses, bodies, colliders, geometry, constants),
+        ),
         (fatten_boxes, (bodies, colliders, constants)),
         (place_colliders, (bodies, colliders)),
         (build_tree, (boxes, leaves, nodes, indices, numbers, True)),
@@ -82,7 +112,7 @@ def _kernels() -> tuple[Kernel, ...]:
         (prepare_bodies, (bodies, indices, 0, groups, solver, drives, strengths, constants)),
         (prepare_contacts, (groups, spans, *lanes, floats, floats, floats, floats, strengths, constants)),
         (prepare_impacts, (*touching, rows, row_points, groups, solver, drives, constants)),
-        (update_manifolds, (bodies, colliders, pairs, 0, manifolds, found, geometry, constants, indices)),
+        (update_manifolds, (bodies, colliders, pairs, 0, manifolds, found, geometry, constants, indices, indices)),
         (
             solve_contacts,
             (groups, spans, indices, 0, *lanes, floats, solver, floats, drives, floats)

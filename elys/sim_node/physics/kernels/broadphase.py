@@ -151,7 +151,7 @@ def sort_pairs(pairs, count, sorted_pairs, starts):
         a = pairs[p].a
         place = starts[a]
         starts[a] = place + 1
-        while place > 0 and comes_before(pairs[p], sorted_pairs[place - 1]):
+        while place > 0 and sorted_pairs[place - 1].a == a and comes_before(pairs[p], sorted_pairs[place - 1]):
             sorted_pairs[place] = sorted_pairs[place - 1]
             place -= 1
         sorted_pairs[place] = pairs[p]

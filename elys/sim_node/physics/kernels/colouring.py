@@ -79,6 +79,16 @@ def sort_by_key(keys, count, starts, order):
 
 
 @inner
+def count_batches(starts, group_count):
+    """How many batches the sorted keys make: each colour's last one may have empty lanes."""
+    batches = 0
+    for colour in range(group_count * (OVERFLOW + 1)):
+        count = starts[(colour + 1) * POINTS] - starts[colour * POINTS]
+        batches += count if colour % (OVERFLOW + 1) == OVERFLOW else (count + LANES - 1) // LANES
+    return batches
+
+
+@inner
 def fill_lane(lane, nobody, a, b, slot, body_a, body_b, slots):
     """Who is in a lane; what cannot move is `nobody`, whose row never changes."""
     body_a[lane] = a if a >= 0 else nobody
@@ -108,11 +118,16 @@ def colour_contacts(
 ):
     """Deals the touching pairs out into batches, and the batches into spans of one colour; returns how many batches.
 
+    When there is no room for so many nothing is dealt out: the caller makes room and calls again.
+
     Parameters: masks (N,) uint64, keys and order (T,) int32, starts and colour_counts int32 are room; body_a, body_b and slots
     (8 B,) int32 and counts (B,) are the batches' bodies, manifolds and points. Slot 0 is nobody's manifold.
     """
     choose_colours(bodies, colliders, pairs, touching, touching_count, manifolds, masks, keys, colour_counts)
     sort_by_key(keys, touching_count, starts, order)
+    needed = count_batches(starts, groups.shape[0])
+    if needed > counts.shape[0]:
+        return needed
     nobody = bodies.shape[0]
     batch = 0
     span = 0

@@ -245,10 +245,10 @@ def publish_pose(body, pose):
 
 
 @kernel
-def finish_step(bodies, poses, solver_bodies, faulty, all_constants):
+def finish_step(bodies, poses, starts, solver_bodies, faulty, all_constants):
     """Moves every body to where it is after the step and publishes the poses; returns how many are not finite any more.
 
-    Those are listed in `faulty` (N,) and keep their last published pose.
+    Those are listed in `faulty` (N,) and keep their last published pose. `starts` (N,) gets where each was before.
     """
     constants = all_constants[0]
     faults = 0
@@ -258,7 +258,15 @@ def finish_step(bodies, poses, solver_bodies, faulty, all_constants):
             # What is not finite times no inverse mass is not 0: one bad body must not spoil all that touch the ground.
             for k in range(6):
                 body.velocity[k] = 0.0
+            for k in range(3):
+                starts[i].position[k] = body.position[k]
+            for k in range(4):
+                starts[i].rotation[k] = body.rotation[k]
             continue
+        for k in range(3):
+            starts[i].position[k] = body.position[k]
+        for k in range(4):
+            starts[i].rotation[k] = body.rotation[k]
         if body.held != 0 and body.motion == DYNAMIC:
             move_held(body, solver_bodies[i])
         else:

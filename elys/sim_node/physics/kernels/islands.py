@@ -113,9 +113,7 @@ def find_islands(bodies, colliders, pairs, touching, touching_count, parent, isl
 
 
 @inner
-def ask_contacts(
-    bodies, colliders, pairs, touching, touching_count, manifolds, parent, islands, strengths, constants
-):
+def ask_contacts(bodies, colliders, pairs, touching, touching_count, manifolds, parent, islands, strengths, constants):
     """Writes the strength that each island's contacts ask for."""
     for t in range(touching_count):
         pair = pairs[touching[t]]

@@ -12,7 +12,7 @@ from elys.sim_node.physics.kernels.manifold import follow_motion, forget_contact
 from elys.sim_node.physics.kernels.midphase import has_parts
 from elys.sim_node.physics.kernels.parts import choose_hosts, gather, hosted_by, run_end, take_cluster
 from elys.sim_node.physics.kernels.sphere import box_sphere, sphere_sphere
-from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CYLINDER, PLANE, SPHERE
+from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CYLINDER, MESH, PLANE, SPHERE
 
 
 @inner
@@ -20,14 +20,24 @@ def pair_margin(first, second, a, b, constants):
     """Gap up to which the colliders a and b of two bodies may touch within this step.
 
     What approaches fast is looked for from farther away, so that it is stopped at the surface and not inside; but never
-    from farther than the smaller shape is large: that would make it hit things that it passes by.
+    from farther than the smaller shape is large: that would make it hit things that it passes by. Second comes whether one
+    may even be through the other by then.
     """
     squared = 0.0
     for k in range(3):
         relative = second.velocity[k] - first.velocity[k]
         squared += relative * relative
     way = constants.time * math.sqrt(squared) + a.turning + b.turning
-    return constants.margin + min(way, a.reach, b.reach)
+    return constants.margin + min(way, a.reach, b.reach), way > thinness(a) + thinness(b)
+
+
+@inner
+def thinness(collider):
+    """How far something may move past the surface of a collider before its middle lies behind it [m]."""
+    if collider.kind >= MESH:
+        return 0.0
+    half = collider.half_extents
+    return min(half[0], half[1], half[2])
 
 
 @inner
@@ -106,13 +116,10 @@ def rolls(collider):
 
 
 @inner
-def update_parts(bodies, colliders, pairs, begin, end, manifolds, found, geometry, constants):
+def update_parts(first, second, colliders, pairs, begin, end, manifolds, found, geometry, margin, constants):
     """Brings the manifolds of a collider with the parts of a mesh up to date; whether any has got or lost points."""
     a = colliders[pairs[begin].a]
     b = colliders[pairs[begin].b]
-    first = bodies[a.body]
-    second = bodies[b.body]
-    margin = pair_margin(first, second, a, b, constants)
     is_stale = rolls(a) or rolls(b)
     for q in range(begin, end):
         is_stale = not follow_motion(first, second, manifolds[pairs[q].slot], margin, constants) or is_stale
@@ -137,35 +144,42 @@ def update_parts(bodies, colliders, pairs, begin, end, manifolds, found, geometr
 
 
 @kernel
-def update_manifolds(bodies, colliders, pairs, pair_count, manifolds, all_found, geometry, all_constants, touching):
+def update_manifolds(
+    bodies, colliders, pairs, pair_count, manifolds, all_found, geometry, all_constants, touching, fast
+):
     """Brings the manifold of every pair up to date; returns how many have contact, their pairs listed in `touching`.
 
-    Second comes whether any manifold has got or lost points.
+    Second comes whether any manifold has got or lost points, third how many pairs are so fast that they may miss each other
+    within the step: those are listed in `fast`.
     """
     constants = all_constants[0]
     found = all_found[0]
     touching_count = 0
     is_changed = False
     parts_end = 0
+    fast_count = 0
     for p in range(pair_count):
         pair = pairs[p]
         a = colliders[pair.a]
         b = colliders[pair.b]
+        first = bodies[a.body]
+        second = bodies[b.body]
+        manifold = manifolds[pair.slot]
+        margin, is_fast = pair_margin(first, second, a, b, constants)
+        if is_fast:
+            fast[fast_count] = p
+            fast_count += 1
         if has_parts(a) or has_parts(b):
             if p >= parts_end:
                 parts_end = run_end(pairs, p, pair_count)
                 part_changed = update_parts(
-                    bodies, colliders, pairs, p, parts_end, manifolds, found, geometry, constants
+                    first, second, colliders, pairs, p, parts_end, manifolds, found, geometry, margin, constants
                 )
                 is_changed = is_changed or part_changed
-            if manifolds[pair.slot].point_count > 0:
+            if manifold.point_count > 0:
                 touching[touching_count] = p
                 touching_count += 1
             continue
-        first = bodies[a.body]
-        second = bodies[b.body]
-        manifold = manifolds[pair.slot]
-        margin = pair_margin(first, second, a, b, constants)
         before = manifold.point_count
         if boxes_apart(a.box, b.box, margin):
             if before > 0:
@@ -180,4 +194,4 @@ def update_manifolds(bodies, colliders, pairs, pair_count, manifolds, all_found,
         if manifold.point_count > 0:
             touching[touching_count] = p
             touching_count += 1
-    return touching_count, is_changed
+    return touching_count, is_changed, fast_count

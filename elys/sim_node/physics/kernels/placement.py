@@ -55,40 +55,32 @@ def axis_reach(collider, k):
     return abs(axes[k]) * half[0] + abs(axes[3 + k]) * half[1] + abs(axes[6 + k]) * half[2]
 
 
+@inner
+def place_collider(body, collider):
+    """Writes centre and axes of a collider from its body's pose."""
+    q = body.rotation
+    x, y, z, w = q[0], q[1], q[2], q[3]
+    local = collider.local_position
+    px, py, pz = rotated(x, y, z, w, local[0], local[1], local[2])
+    center = collider.center
+    center[0], center[1], center[2] = px + body.position[0], py + body.position[1], pz + body.position[2]
+    if collider.kind != SPHERE:
+        turn = collider.local_rotation
+        x, y, z, w = multiplied(x, y, z, w, turn[0], turn[1], turn[2], turn[3])
+        write_axes(collider.axes, x, y, z, w)
+
+
 @kernel
 def place_colliders(bodies, colliders):
     """Writes centre, axes and tight box of every collider from its body's pose."""
     for c in range(colliders.shape[0]):
         collider = colliders[c]
-        body = bodies[collider.body]
-        q = body.rotation
-        x, y, z, w = q[0], q[1], q[2], q[3]
-        local = collider.local_position
-        px, py, pz = rotated(x, y, z, w, local[0], local[1], local[2])
-        px += body.position[0]
-        py += body.position[1]
-        pz += body.position[2]
+        place_collider(bodies[collider.body], collider)
         center = collider.center
-        center[0], center[1], center[2] = px, py, pz
-        half = collider.half_extents
         box = collider.box
-        if collider.kind == SPHERE:
-            for k in range(3):
-                box[k] = center[k] - half[k]
-                box[3 + k] = center[k] + half[k]
-            continue
-        if collider.kind == PLANE:
-            for k in range(3):
-                box[k] = center[k] - half[k]
-                box[3 + k] = center[k] + half[k]
-        turn = collider.local_rotation
-        x, y, z, w = multiplied(x, y, z, w, turn[0], turn[1], turn[2], turn[3])
-        axes = collider.axes
-        write_axes(axes, x, y, z, w)
-        if collider.kind == PLANE:
-            continue
         for k in range(3):
-            reach = axis_reach(collider, k)
+            is_same_all_around = collider.kind == SPHERE or collider.kind == PLANE
+            reach = collider.half_extents[k] if is_same_all_around else axis_reach(collider, k)
             box[k] = center[k] - reach
             box[3 + k] = center[k] + reach
 

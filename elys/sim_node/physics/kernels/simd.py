@@ -125,7 +125,9 @@ def _transposed(builder: Any, rows: list[Any]) -> list[Any]:
 def _row_places(context: Any, builder: Any, sig: Any, args: Any) -> list[Any]:
     """Pointers to float `offset` of rows indices[first : first + 8] of a flat table."""
     table, indices, first, stride, offset = args[:5]
-    as_word = [context.cast(builder, value, kind, types.intp) for value, kind in zip(args[2:5], sig.args[2:5], strict=True)]
+    as_word = [
+        context.cast(builder, value, kind, types.intp) for value, kind in zip(args[2:5], sig.args[2:5], strict=True)
+    ]
     first, stride, offset = as_word
     index_place = _place(context, builder, sig.args[1], indices, first)
     data = context.make_array(sig.args[0])(context, builder, table).data
@@ -143,7 +145,9 @@ def splat(typingctx: Any, x: Any) -> Any:
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         number = context.cast(builder, args[0], sig.args[0], types.float32)
         undefined = ir.Constant(_FLOATS, ir.Undefined)
-        return _shuffled(builder, builder.insert_element(undefined, number, ir.Constant(_INT32, 0)), undefined, [0] * LANES)
+        return _shuffled(
+            builder, builder.insert_element(undefined, number, ir.Constant(_INT32, 0)), undefined, [0] * LANES
+        )
 
     return f32x8(x), emit
 
@@ -234,9 +238,7 @@ def gather_rows(typingctx: Any, table: Any, indices: Any, first: Any, stride: An
 
 
 @intrinsic
-def scatter_rows(
-    typingctx: Any, table: Any, indices: Any, first: Any, stride: Any, offset: Any, vectors: Any
-) -> Any:
+def scatter_rows(typingctx: Any, table: Any, indices: Any, first: Any, stride: Any, offset: Any, vectors: Any) -> Any:
     """Writes what `gather_rows` reads; of rows that are named twice the last lane stays."""
 
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:

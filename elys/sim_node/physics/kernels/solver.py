@@ -224,8 +224,16 @@ def solve_batch(batches, body_a, body_b, batch, count, solver, strength, biased,
     px = total * nx + d1 * tx + d2 * sx
     py = total * ny + d1 * ty + d2 * sy
     pz = total * nz + d1 * tz + d2 * sz
-    tax, tay, taz = tax + d1 * ax + d2 * ex + d3 * nx, tay + d1 * ay + d2 * ey + d3 * ny, taz + d1 * az + d2 * ez + d3 * nz
-    tbx, tby, tbz = tbx + d1 * bx + d2 * gx + d3 * nx, tby + d1 * by + d2 * gy + d3 * ny, tbz + d1 * bz + d2 * gz + d3 * nz
+    tax, tay, taz = (
+        tax + d1 * ax + d2 * ex + d3 * nx,
+        tay + d1 * ay + d2 * ey + d3 * ny,
+        taz + d1 * az + d2 * ez + d3 * nz,
+    )
+    tbx, tby, tbz = (
+        tbx + d1 * bx + d2 * gx + d3 * nx,
+        tby + d1 * by + d2 * gy + d3 * ny,
+        tbz + d1 * bz + d2 * gz + d3 * nz,
+    )
     push(batches, body_a, body_b, batch, solver, a, b, px, py, pz, tax, tay, taz, tbx, tby, tbz, struck)
 
 

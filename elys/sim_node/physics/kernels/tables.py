@@ -69,6 +69,9 @@ SOLVER_DRIVE = np.dtype(
     ]
 )
 
+# Where a body was when the step began.
+START = np.dtype([("position", "f8", 3), ("rotation", "f8", 4)], align=True)
+
 # Bodies as the outside sees them: poses of entities, not of centres of mass.
 POSE = np.dtype(
     [
