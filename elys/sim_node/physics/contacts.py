@@ -141,6 +141,7 @@ class ContactStore:
             moved,
             moved_count,
             geometry,
+            self.manifolds,
             self.pairs,
             self.manifolds,
             self._table,

@@ -153,6 +153,40 @@ def clear_manifold(manifold):
         manifold.step_impulse[k] = 0.0
 
 
+@inner
+def are_neighbours(p, q):
+    """Whether two pairs are of the same colliders, one of them a mesh."""
+    return p.a == q.a and p.b == q.b
+
+
+@inner
+def pass_on(pairs, manifolds, table, active, p, active_count, kept):
+    """Before a pair with a part of a mesh ends, a neighbour in its run takes over the contact that it keeps for them.
+
+    The two exchange their slots, and with them their manifolds.
+    """
+    slot = active[p]
+    if manifolds[slot].point_count == 0:
+        return
+    heir = -1
+    if p + 1 < active_count and are_neighbours(pairs[active[p + 1]], pairs[slot]):
+        heir = p + 1
+    elif kept > 0 and are_neighbours(pairs[active[kept - 1]], pairs[slot]):
+        heir = kept - 1
+    if heir < 0 or manifolds[active[heir]].point_count > 0:
+        return
+    other = active[heir]
+    remove_pair(pairs, table, slot)
+    remove_pair(pairs, table, other)
+    part = pairs[slot].part
+    pairs[slot].part = pairs[other].part
+    pairs[other].part = part
+    insert_pair(pairs, table, slot)
+    insert_pair(pairs, table, other)
+    active[heir] = slot
+    active[p] = other
+
+
 @kernel
 def change_pairs(
     colliders,
@@ -183,8 +217,10 @@ def change_pairs(
         a = colliders[pair.a]
         b = colliders[pair.b]
         if (a.moved != 0 or b.moved != 0) and not still_near(a, b, pair.part, geometry):
+            pass_on(pairs, manifolds, table, active, p, active_count, kept)
+            slot = active[p]
             remove_pair(pairs, table, slot)
-            pair.a = -1
+            pairs[slot].a = -1
             free[free_count[0]] = slot
             free_count[0] += 1
             continue

@@ -10,6 +10,7 @@ from elys.sim_node.physics.kernels.capsule import capsule_capsule, sphere_capsul
 from elys.sim_node.physics.kernels.convex import convex_convex, plane_convex, triangle_convex
 from elys.sim_node.physics.kernels.manifold import follow_motion, forget_contact, write_manifold
 from elys.sim_node.physics.kernels.midphase import has_parts
+from elys.sim_node.physics.kernels.parts import choose_hosts, gather, hosted_by, run_end, take_cluster
 from elys.sim_node.physics.kernels.sleeping import AWAKE, WAKING, disturbs
 from elys.sim_node.physics.kernels.sphere import box_sphere, sphere_sphere
 from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CYLINDER, DYNAMIC, MESH, PLANE, SPHERE
@@ -116,9 +117,51 @@ def rolls(collider):
 
 
 @inner
+def update_parts(first, second, colliders, pairs, active, begin, end, manifolds, found, geometry, margin, constants):
+    """Brings the manifolds of a collider with the parts of a mesh up to date; whether any has got or lost points."""
+    row_a = pairs[active[begin]].a
+    row_b = pairs[active[begin]].b
+    a = colliders[row_a]
+    b = colliders[row_b]
+    is_stale = rolls(a) or rolls(b)
+    for q in range(begin, end):
+        is_stale = not follow_motion(first, second, manifolds[active[q]], margin, constants) or is_stale
+    if not is_stale:
+        return False
+    clusters = geometry.clusters
+    cluster_count = 0
+    for q in range(begin, end):
+        count = collide(colliders, row_a, row_b, pairs[active[q]].part, margin, found, geometry)
+        if count > 0:
+            cluster_count = gather(clusters, cluster_count, found, count, q, margin)
+    choose_hosts(clusters, cluster_count, active, begin, end, manifolds)
+    is_changed = False
+    for q in range(begin, end):
+        manifold = manifolds[active[q]]
+        before = manifold.point_count
+        at = hosted_by(clusters, cluster_count, q)
+        count = take_cluster(clusters[at], found) if at >= 0 else 0
+        write_manifold(first, second, a, b, manifold, found, count, margin, constants)
+        is_changed = is_changed or count != before
+    return is_changed
+
+
+@inner
 def is_held(body):
     """Whether contacts have an effect on a body now."""
     return body.motion == DYNAMIC and body.asleep == AWAKE
+
+
+@inner
+def wake_touched(first, second):
+    """Marks the one of two touching bodies that the other wakes; whether there is one."""
+    if disturbs(first, second):
+        second.asleep = WAKING
+        return True
+    if disturbs(second, first):
+        first.asleep = WAKING
+        return True
+    return False
 
 
 @kernel
@@ -134,8 +177,9 @@ def update_manifolds(
     found = all_found[0]
     touching_count = 0
     is_changed = False
-    is_woken = False
+    parts_end = 0
     fast_count = 0
+    is_woken = False
     for p in range(active_count):
         slot = active[p]
         pair = pairs[slot]
@@ -148,24 +192,25 @@ def update_manifolds(
         if is_fast:
             fast[fast_count] = slot
             fast_count += 1
-        before = manifold.point_count
-        if boxes_apart(a.box, b.box, margin):
-            if before > 0:
+        if has_parts(a) or has_parts(b):
+            if p >= parts_end:
+                parts_end = run_end(pairs, active, p, active_count)
+                part_changed = update_parts(
+                    first, second, colliders, pairs, active, p, parts_end, manifolds, found, geometry, margin, constants
+                )
+                is_changed = is_changed or part_changed
+        elif boxes_apart(a.box, b.box, margin):
+            if manifold.point_count > 0:
                 is_changed = True
                 forget_contact(manifold)
             manifold.margin = -1.0
-            continue
-        if rolls(a) or rolls(b) or not follow_motion(first, second, manifold, margin, constants):
+        elif rolls(a) or rolls(b) or not follow_motion(first, second, manifold, margin, constants):
+            before = manifold.point_count
             count = collide(colliders, pair.a, pair.b, pair.part, margin, found, geometry)
             write_manifold(first, second, a, b, manifold, found, count, margin, constants)
             is_changed = is_changed or count != before
         if manifold.point_count > 0:
-            if disturbs(first, second):
-                second.asleep = WAKING
-                is_woken = True
-            elif disturbs(second, first):
-                first.asleep = WAKING
-                is_woken = True
+            is_woken = wake_touched(first, second) or is_woken
             if is_held(first) or is_held(second):
                 touching[touching_count] = slot
                 touching_count += 1

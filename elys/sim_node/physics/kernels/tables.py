@@ -337,6 +337,21 @@ GROUP = np.dtype(
 )
 
 
+# Contact points of a collider with several parts of a mesh that have one normal; twice the room of a manifold.
+CLUSTER = np.dtype(
+    [
+        ("normal", "f8", 3),
+        ("point", "f8", 6 * POINTS),
+        ("separation", "f8", 2 * POINTS),
+        ("feature", "i4", 2 * POINTS),
+        ("count", "i4"),
+        ("origin", "i4"),  # the pair in which it was found first
+        ("host", "i4"),  # the pair that keeps it
+    ],
+    align=True,
+)
+
+
 class Geometry(NamedTuple):
     """Hulls, meshes and height fields of a world, and the room that the narrow phase works in."""
 
@@ -346,6 +361,7 @@ class Geometry(NamedTuple):
     nodes: Table  # (M, 6) trees over triangles, each with its root at first_node + 1
     convex: Table  # (2,) CONVEX
     simplex: Table  # (1,) SIMPLEX
+    clusters: Table  # (16,) CLUSTER
 
 
 def grown(table: Table, count: int) -> Table:
