@@ -15,6 +15,8 @@ from elys.sim_node.physics.kernels.sleeping import AWAKE, WAKING, disturbs
 from elys.sim_node.physics.kernels.sphere import box_sphere, sphere_sphere
 from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CYLINDER, DYNAMIC, MESH, PLANE, SPHERE
 
+HARDLY = 1e-3  # turn after which the contact of something round is looked for anew [rad]
+
 
 @inner
 def pair_margin(first, second, a, b, constants):
@@ -59,14 +61,25 @@ def move_points(found, count, origin, flipped):
         point[3 * k + 1] += origin[1]
         point[3 * k + 2] += origin[2]
     if flipped:
-        turn_normal(found)
+        turn_round(found.normal)
     return count
 
 
 @inner
-def turn_normal(found):
-    normal = found.normal
-    normal[0], normal[1], normal[2] = -normal[0], -normal[1], -normal[2]
+def turn_round(vector):
+    vector[0], vector[1], vector[2] = -vector[0], -vector[1], -vector[2]
+
+
+@inner
+def set_hint(found, manifold):
+    """Offers the manifold's normal, if it has contact, as the direction to look in."""
+    hint = found.hint
+    scale = 0.0
+    if manifold.point_count > 0:
+        n = manifold.normal
+        scale = 1.0 / math.sqrt(float(n[0]) * n[0] + float(n[1]) * n[1] + float(n[2]) * n[2])
+    for k in range(3):
+        hint[k] = scale * manifold.normal[k]
 
 
 @inner
@@ -103,17 +116,40 @@ def collide(colliders, a, b, part, margin, found, geometry):
         count = triangle_convex(second, part, first, margin, found, geometry)
         return move_points(found, count, first.center, not flipped)
     else:
+        if flipped:
+            turn_round(found.hint)
         count = convex_convex(first, second, margin, found, geometry)
         return move_points(found, count, first.center, flipped)
     if flipped:
-        turn_normal(found)
+        turn_round(found.normal)
     return count
 
 
 @inner
-def rolls(collider):
-    """Whether the point of contact wanders over the surface as the collider turns, so that a manifold must not be kept."""
-    return collider.kind == SPHERE or collider.kind == CAPSULE or collider.kind == CYLINDER
+def must_refresh(first, second, a, b, manifold, margin, constants):
+    """Whether a manifold does not describe any more how two bodies meet. Writes how they have moved since it was made.
+
+    The point of contact of what is round wanders as it turns, so that hardly any turn is too much; balls are met so
+    quickly that theirs is always made anew.
+    """
+    if a.kind == SPHERE or b.kind == SPHERE or not follow_motion(first, second, manifold, margin, constants):
+        return True
+    turned = 0.0
+    if is_round(a):
+        turned = turned_by(manifold.turn_a)
+    if is_round(b):
+        turned = max(turned, turned_by(manifold.turn_b))
+    return turned > HARDLY * HARDLY
+
+
+@inner
+def is_round(collider):
+    return collider.kind == CAPSULE or collider.kind == CYLINDER
+
+
+@inner
+def turned_by(turn):
+    return turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2]
 
 
 @inner
@@ -123,9 +159,9 @@ def update_parts(first, second, colliders, pairs, active, begin, end, manifolds,
     row_b = pairs[active[begin]].b
     a = colliders[row_a]
     b = colliders[row_b]
-    is_stale = rolls(a) or rolls(b)
+    is_stale = False
     for q in range(begin, end):
-        is_stale = not follow_motion(first, second, manifolds[active[q]], margin, constants) or is_stale
+        is_stale = must_refresh(first, second, a, b, manifolds[active[q]], margin, constants) or is_stale
     if not is_stale:
         return False
     clusters = geometry.clusters
@@ -204,8 +240,9 @@ def update_manifolds(
                 is_changed = True
                 forget_contact(manifold)
             manifold.margin = -1.0
-        elif rolls(a) or rolls(b) or not follow_motion(first, second, manifold, margin, constants):
+        elif must_refresh(first, second, a, b, manifold, margin, constants):
             before = manifold.point_count
+            set_hint(found, manifold)
             count = collide(colliders, pair.a, pair.b, pair.part, margin, found, geometry)
             write_manifold(first, second, a, b, manifold, found, count, margin, constants)
             is_changed = is_changed or count != before

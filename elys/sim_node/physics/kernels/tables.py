@@ -162,6 +162,7 @@ MANIFOLD = np.dtype(
 # What a narrow phase function finds, and the room it works in.
 FOUND = np.dtype(
     [
+        ("hint", "f8", 3),  # the normal of the step before, from a to b; 0 for none
         ("normal", "f8", 3),
         ("point", "f8", 3 * POINTS),  # in the middle between the surfaces [m]
         ("separation", "f8", POINTS),  # [m]
