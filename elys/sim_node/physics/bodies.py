@@ -30,7 +30,6 @@ class BodyTable:
         self.poses = np.zeros(0, POSE)
         self.mass = np.zeros(0)
         self.inertia = np.zeros((0, 3))  # principal moments for 1 kg [m^2]
-        self.axes_room = np.zeros(9)
         self.faulty_room = np.zeros(0, np.int32)
         self._index = np.zeros(0, np.int64)  # the entities' indices, ascending
 
@@ -114,7 +113,6 @@ class BodyTable:
         self.rows["inverse_mass"][rows] = np.where(dynamic, 1.0 / mass, 0.0)
         moments = mass[:, None] * self.inertia[rows]
         self.rows["inverse_inertia"][rows] = np.where(dynamic[:, None], 1.0 / moments, 0.0)
-        self.rows["world_inverse_inertia"][rows[~dynamic]] = 0.0
         self.rows["velocity"][rows[self.rows["motion"][rows] == STATIC]] = 0.0
 
     def load(self, snapshot: dict[str, Array]) -> None:

@@ -7,18 +7,7 @@ from typing import Any
 import numpy as np
 
 from elys.sim_node.physics.kernels.broadphase import find_new_pairs, give_slots, index_pairs, merge_pairs
-from elys.sim_node.physics.kernels.tables import (
-    FOUND,
-    MANIFOLD,
-    MANIFOLD_POINT,
-    PAIR,
-    POINTS,
-    ROW,
-    ROW_POINT,
-    TREE_LEAF,
-    Geometry,
-    grown,
-)
+from elys.sim_node.physics.kernels.tables import FOUND, MANIFOLD, PAIR, POINTS, TREE_LEAF, Geometry, grown
 from elys.sim_node.physics.kernels.tree import LEAF, build_tree
 from elys.sim_node.physics.states import ContactPoints
 
@@ -57,19 +46,23 @@ class ContactStore:
     def __init__(self) -> None:
         self.pair_count = 0
         self.touching_count = 0
+        self.is_changed = True  # since contacts were last dealt out to the solver
         self.pairs = np.zeros(64, PAIR)
         self.touching = np.zeros(64, np.int32)
+        self.fast = np.zeros(64, np.int32)
         self.manifolds = np.zeros(64, MANIFOLD)
-        self.points = np.zeros(64 * POINTS, MANIFOLD_POINT)
-        self.rows = np.zeros(64, ROW)
-        self.row_points = np.zeros(64 * POINTS, ROW_POINT)
         self.found = np.zeros(1, FOUND)
         self.tree = BoxTree(0)
-        self._free = np.arange(63, -1, -1, dtype=np.int32)
-        self._free_count = np.array([64], np.int32)
+        self._free = np.arange(63, -1, -1, dtype=np.int32)  # slot 0 is nobody's: empty lanes of the solver point to it
+        self._free_count = np.array([63], np.int32)
         self._new = np.zeros(64, PAIR)
         self._sorted = np.zeros(64, PAIR)
         self._starts = np.zeros(1, np.int32)
+
+    @property
+    def flat_manifolds(self) -> Array:
+        """The manifolds as float32, a view: what vectors are loaded from."""
+        return self.manifolds.view(np.float32)
 
     @property
     def live_pairs(self) -> Array:
@@ -97,9 +90,11 @@ class ContactStore:
         self.pairs[: len(kept)] = kept
         self.pair_count = len(kept)
         self.touching_count = 0
+        self.is_changed = True
 
     def update_pairs(self, bodies: Array, colliders: Array, geometry: Geometry, moved: int) -> None:
         """Finds the pairs of colliders with new fat boxes, ends those that parted."""
+        before = self.pair_count
         tree = self.tree
         tree.build(colliders["fat_box"], moved)
         index_pairs(self.pairs, self.pair_count, self._starts)
@@ -123,59 +118,52 @@ class ContactStore:
             self._free,
             self._free_count,
         )
-        give_slots(self.pairs, self.pair_count, self.manifolds, self.points, self._free, self._free_count)
+        give_slots(self.pairs, self.pair_count, self.manifolds, self._free, self._free_count)
+        # Places in `pairs` have changed, and with them what `touching` says.
+        self.is_changed |= found > 0 or self.pair_count != before
 
     def make_room(self, pair_count: int) -> None:
         """Lets there be that many pairs."""
         old = len(self.pairs)
-        if pair_count <= old:
+        if pair_count < old:
             return
-        count = max(2 * old, pair_count)
+        count = max(2 * old, pair_count + 1)
         self.pairs = grown(self.pairs, count)
         self.touching = grown(self.touching, count)
+        self.fast = grown(self.fast, count)
         self.manifolds = grown(self.manifolds, count)
-        self.points = grown(self.points, count * POINTS)
         self._free = grown(self._free, count)
         free = int(self._free_count[0])
         self._free[free : free + count - old] = np.arange(count - 1, old - 1, -1)
         self._free_count[0] = free + count - old
 
-    def make_rows(self, row_count: int) -> None:
-        """Lets there be that many rows for the solver."""
-        if row_count > len(self.rows):
-            count = max(2 * len(self.rows), row_count)
-            self.rows = np.zeros(count, ROW)
-            self.row_points = np.zeros(count * POINTS, ROW_POINT)
-
     def contact_points(self, bodies: Array, colliders: Array) -> ContactPoints:
         """The points of the last step that touch or carried an impulse."""
         pairs = self.pairs[self.touching[: self.touching_count]]
         manifolds = self.manifolds[pairs["slot"]]
-        pair = np.repeat(np.arange(len(pairs)), manifolds["point_count"])
-        starts = np.cumsum(manifolds["point_count"]) - manifolds["point_count"]
-        points = self.points[pairs["slot"][pair] * POINTS + np.arange(len(pair)) - starts[pair]]
-        real = (points["separation"] <= 0.0) | (points["step_impulse"] > 0.0)
-        pair, points = pair[real], points[real]
-        halfway = 0.5 * points["made_separation"][:, None] * manifolds["normal"][pair]
+        real = (manifolds["separation"] <= 0.0) | (manifolds["step_impulse"] > 0.0)
+        real &= np.arange(POINTS) < manifolds["point_count"][:, None]
+        pair, k = np.nonzero(real)
+        normal = manifolds["normal"][pair].astype(np.float64)
+        halfway = 0.5 * manifolds["made_separation"][pair, k, None] * normal
+        anchor = manifolds["anchors"].reshape(-1, POINTS, 6)[pair, k, :3]
         body_a = colliders["body"][pairs["a"][pair]]
         body_b = colliders["body"][pairs["b"][pair]]
         return ContactPoints(
             bodies["entity"][body_a],
             bodies["entity"][body_b],
-            bodies["position"][body_a] + points["anchor_a"] + halfway,
-            manifolds["normal"][pair],
-            -points["separation"],
-            points["step_impulse"],
+            bodies["position"][body_a] + anchor + halfway,
+            normal,
+            -manifolds["separation"][pair, k],
+            manifolds["step_impulse"][pair, k],
         )
 
     def saved(self) -> dict[str, Array]:
         """Pairs with their manifolds, in the order of the pairs."""
         slots = self.live_pairs["slot"]
-        places = (slots[:, None] * POINTS + np.arange(POINTS)).ravel()
         return {
             "pairs": self.live_pairs.copy(),
             "manifolds": self.manifolds[slots],
-            "manifold_points": self.points[places],
             "touching": self.touching[: self.touching_count].copy(),
         }
 
@@ -186,11 +174,11 @@ class ContactStore:
         count = len(saved["pairs"])
         self.make_room(count)
         self.pairs[:count] = saved["pairs"]
-        self.pairs["slot"][:count] = np.arange(count)
-        self.manifolds[:count] = saved["manifolds"]
-        self.points[: count * POINTS] = saved["manifold_points"]
-        self._free[: len(self.pairs) - count] = np.arange(len(self.pairs) - 1, count - 1, -1)
-        self._free_count[0] = len(self.pairs) - count
+        self.pairs["slot"][:count] = np.arange(1, count + 1)
+        self.manifolds[1 : count + 1] = saved["manifolds"]
+        free = len(self.pairs) - 1 - count
+        self._free[:free] = np.arange(len(self.pairs) - 1, count, -1)
+        self._free_count[0] = free
         self.pair_count = count
         self.touching_count = len(saved["touching"])
         self.touching[: self.touching_count] = saved["touching"]

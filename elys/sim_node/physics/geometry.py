@@ -131,11 +131,13 @@ class GeometryStore:
     def load(self, saved: dict[str, Array]) -> None:
         """Takes back what `saved` gave."""
         try:
-            tables = [saved[f"geometry_{name}"] for name in ("headers", "faces", "points", "nodes")]
+            headers, faces, points, nodes = (
+                saved[f"geometry_{name}"].copy() for name in ("headers", "faces", "points", "nodes")
+            )
             solids, digests = saved["geometry_solids"], saved["geometry_digests"]
         except KeyError as error:
             raise PhysicsError(f"This is not a snapshot of this version: its table {error} is missing") from error
-        self.arrays = Geometry(*(table.copy() for table in tables), self.arrays.convex, self.arrays.simplex)
+        self.arrays = Geometry(headers, faces, points, nodes, self.arrays.convex, self.arrays.simplex)
         self._known = {bytes(digest).ljust(16, b"\0"): handle for handle, digest in enumerate(digests)}
         self.solids = [
             Solid(

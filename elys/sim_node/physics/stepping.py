@@ -11,89 +11,224 @@ import numpy as np
 from elys.sim_node.physics.bodies import BodyTable
 from elys.sim_node.physics.colliders import ColliderTable
 from elys.sim_node.physics.contacts import ContactStore
+from elys.sim_node.physics.kernels.colouring import colour_contacts
 from elys.sim_node.physics.kernels.integrator import finish_step
+from elys.sim_node.physics.kernels.islands import build_islands, list_held
 from elys.sim_node.physics.kernels.narrow_phase import update_manifolds
-from elys.sim_node.physics.kernels.placement import fatten_boxes, place_colliders, place_inertia
-from elys.sim_node.physics.kernels.preparation import prepare_contacts
+from elys.sim_node.physics.kernels.placement import fatten_boxes, place_colliders
+from elys.sim_node.physics.kernels.preparation import prepare_bodies, prepare_contacts, prepare_impacts
 from elys.sim_node.physics.kernels.solver import solve_contacts
+from elys.sim_node.physics.kernels.sweep import stop_at_impacts
 from elys.sim_node.physics.kernels.tables import Table
+from elys.sim_node.physics.solving import SolverRoom
 
 Array = np.ndarray[Any, Any]
 Result = TypeVar("Result")
 
-
-def step_bodies(
-    bodies: BodyTable, colliders: ColliderTable, contacts: ContactStore, constants: Table, profile: dict[str, float]
-) -> Array:
-    """Moves everything by one step, the seconds of each stage going into `profile`.
-
-    Returns the rows of bodies whose numbers are not finite any more.
-    """
-    _timed(profile, "place_bodies", lambda: _place_bodies(bodies, colliders))
-    _timed(profile, "update_pairs", lambda: _update_pairs(bodies, colliders, contacts, constants))
-    _timed(profile, "update_manifolds", lambda: _update_manifolds(bodies, colliders, contacts, constants))
-    _timed(profile, "prepare_contacts", lambda: _prepare_contacts(bodies, colliders, contacts, constants))
-    _timed(profile, "solve_contacts", lambda: _solve_contacts(bodies, contacts, constants))
-    return _timed(profile, "finish_step", lambda: _finish_step(bodies))
+_NONE: Array = np.zeros(0, np.int32)
 
 
-def _place_bodies(bodies: BodyTable, colliders: ColliderTable) -> None:
-    place_inertia(bodies.rows, bodies.axes_room)
-    place_colliders(bodies.rows, colliders.rows)
+class Step:
+    """One step of a world: its stages in order, each timed into the profile [s]."""
 
+    def __init__(
+        self,
+        bodies: BodyTable,
+        colliders: ColliderTable,
+        contacts: ContactStore,
+        room: SolverRoom,
+        constants: Table,
+        strengths: Table,
+    ) -> None:
+        self._bodies = bodies
+        self._colliders = colliders
+        self._contacts = contacts
+        self._room = room
+        self._constants = constants
+        self._strengths = strengths
+        self._held_end = 0
+        self._fast_count = 0
 
-def _update_pairs(bodies: BodyTable, colliders: ColliderTable, contacts: ContactStore, constants: Table) -> None:
-    moved = fatten_boxes(bodies.rows, colliders.rows, constants)
-    if moved:
-        contacts.update_pairs(bodies.rows, colliders.rows, colliders.geometry.arrays, moved)
+    def run(self, profile: dict[str, float]) -> Array:
+        """Moves everything; returns the rows of bodies whose numbers are not finite any more."""
+        _timed(profile, "place_bodies", self._place_bodies)
+        _timed(profile, "update_pairs", self._update_pairs)
+        _timed(profile, "update_manifolds", self._update_manifolds)
+        _timed(profile, "build_islands", self._build_islands)
+        _timed(profile, "colour_contacts", self._colour_contacts)
+        _timed(profile, "prepare_contacts", self._prepare_contacts)
+        _timed(profile, "solve_contacts", self._solve_contacts)
+        faulty = _timed(profile, "finish_step", self._finish_step)
+        if self._fast_count and not len(faulty):
+            _timed(profile, "stop_at_impacts", self._stop_at_impacts)
+        return faulty
 
+    def _place_bodies(self) -> None:
+        place_colliders(self._bodies.rows, self._colliders.rows)
 
-def _update_manifolds(bodies: BodyTable, colliders: ColliderTable, contacts: ContactStore, constants: Table) -> None:
-    contacts.touching_count = update_manifolds(
-        bodies.rows,
-        colliders.rows,
-        contacts.pairs,
-        contacts.pair_count,
-        contacts.manifolds,
-        contacts.points,
-        contacts.found,
-        colliders.geometry.arrays,
-        constants,
-        contacts.touching,
-    )
+    def _update_pairs(self) -> None:
+        moved = fatten_boxes(self._bodies.rows, self._colliders.rows, self._constants)
+        if moved:
+            self._contacts.update_pairs(self._bodies.rows, self._colliders.rows, self._colliders.geometry.arrays, moved)
 
+    def _update_manifolds(self) -> None:
+        contacts = self._contacts
+        contacts.touching_count, is_changed, self._fast_count = update_manifolds(
+            self._bodies.rows,
+            self._colliders.rows,
+            contacts.pairs,
+            contacts.pair_count,
+            contacts.manifolds,
+            contacts.found,
+            self._colliders.geometry.arrays,
+            self._constants,
+            contacts.touching,
+            contacts.fast,
+        )
+        contacts.is_changed |= is_changed
 
-def _prepare_contacts(bodies: BodyTable, colliders: ColliderTable, contacts: ContactStore, constants: Table) -> None:
-    contacts.make_rows(contacts.touching_count)
-    prepare_contacts(
-        bodies.rows,
-        colliders.rows,
-        contacts.pairs,
-        contacts.touching,
-        contacts.touching_count,
-        contacts.manifolds,
-        contacts.points,
-        contacts.rows,
-        contacts.row_points,
-        constants,
-    )
+    def _build_islands(self) -> None:
+        room, contacts = self._room, self._contacts
+        contacts.is_changed |= room.reserve(len(self._bodies.rows), contacts.touching_count, len(self._strengths))
+        contacts.is_changed |= build_islands(
+            self._bodies.rows,
+            self._colliders.rows,
+            contacts.pairs,
+            contacts.touching,
+            contacts.touching_count,
+            contacts.manifolds,
+            room.parent,
+            room.islands,
+            self._strengths,
+            self._constants,
+        )
+        self._held_end = list_held(self._bodies.rows, room.held, room.groups)
 
+    def _colour_contacts(self) -> None:
+        room, contacts = self._room, self._contacts
+        if not contacts.is_changed:
+            return
+        contacts.is_changed = False
+        needed = self._deal_out()
+        if needed > len(room.counts):
+            room.make_batch_room(needed)
+            self._deal_out()
 
-def _solve_contacts(bodies: BodyTable, contacts: ContactStore, constants: Table) -> None:
-    solve_contacts(
-        bodies.rows,
-        contacts.manifolds,
-        contacts.points,
-        contacts.rows,
-        contacts.row_points,
-        contacts.touching_count,
-        constants,
-    )
+    def _deal_out(self) -> int:
+        room, contacts = self._room, self._contacts
+        return colour_contacts(
+            self._bodies.rows,
+            self._colliders.rows,
+            contacts.pairs,
+            contacts.touching,
+            contacts.touching_count,
+            contacts.manifolds,
+            room.masks,
+            room.keys,
+            room.order,
+            room.starts,
+            room.colour_counts,
+            room.groups,
+            room.spans,
+            room.body_a,
+            room.body_b,
+            room.slots,
+            room.counts,
+        )
 
+    def _prepare_contacts(self) -> None:
+        room, contacts = self._room, self._contacts
+        prepare_bodies(
+            self._bodies.rows,
+            room.held,
+            self._held_end,
+            room.groups,
+            room.solver_bodies,
+            room.drives,
+            self._strengths,
+            self._constants,
+        )
+        prepare_contacts(
+            room.groups,
+            room.spans,
+            room.body_a,
+            room.body_b,
+            room.slots,
+            room.counts,
+            room.batches,
+            room.solver,
+            room.drive,
+            contacts.flat_manifolds,
+            self._strengths,
+            self._constants,
+        )
+        prepare_impacts(
+            self._bodies.rows,
+            self._colliders.rows,
+            contacts.pairs,
+            contacts.touching,
+            contacts.touching_count,
+            contacts.manifolds,
+            room.rows,
+            room.row_points,
+            room.groups,
+            room.solver_bodies,
+            room.drives,
+            self._constants,
+        )
 
-def _finish_step(bodies: BodyTable) -> Array:
-    count = finish_step(bodies.rows, bodies.poses, bodies.faulty_room)
-    return bodies.faulty_room[:count].copy()
+    def _solve_contacts(self) -> None:
+        room, contacts = self._room, self._contacts
+        solve_contacts(
+            room.groups,
+            room.spans,
+            room.held,
+            self._held_end,
+            room.body_a,
+            room.body_b,
+            room.slots,
+            room.counts,
+            room.batches,
+            room.solver_bodies,
+            room.solver,
+            room.drives,
+            room.drive,
+            contacts.manifolds,
+            contacts.flat_manifolds,
+            room.rows,
+            room.row_points,
+            self._strengths,
+            self._constants,
+        )
+
+    def _finish_step(self) -> Array:
+        bodies = self._bodies
+        count = finish_step(
+            bodies.rows,
+            bodies.poses,
+            self._room.starts_of_bodies,
+            self._room.solver_bodies,
+            bodies.faulty_room,
+            self._constants,
+        )
+        return bodies.faulty_room[:count].copy() if count else _NONE
+
+    def _stop_at_impacts(self) -> None:
+        room = self._room
+        stop_at_impacts(
+            self._bodies.rows,
+            self._colliders.rows,
+            self._contacts.pairs,
+            self._contacts.fast,
+            self._fast_count,
+            room.starts_of_bodies,
+            room.fractions,
+            self._bodies.poses,
+            room.places,
+            room.shapes,
+            self._colliders.geometry.arrays,
+            self._constants,
+        )
 
 
 def _timed(profile: dict[str, float], name: str, stage: Callable[[], Result]) -> Result:

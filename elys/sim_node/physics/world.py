@@ -26,9 +26,10 @@ from elys.sim_node.physics.kernels.tables import BOX, DYNAMIC, STATIC
 from elys.sim_node.physics.mass_properties import mass_properties
 from elys.sim_node.physics.measures import energy_of, momentum_of
 from elys.sim_node.physics.queries import WorldQueries
-from elys.sim_node.physics.settings import PhysicsSettings, step_constants
+from elys.sim_node.physics.settings import PhysicsSettings, step_constants, step_strengths
+from elys.sim_node.physics.solving import SolverRoom
 from elys.sim_node.physics.states import BodyStates, ContactPoints, Energy, Momentum, Problem
-from elys.sim_node.physics.stepping import step_bodies
+from elys.sim_node.physics.stepping import Step
 
 Array = np.ndarray[Any, Any]
 
@@ -40,6 +41,9 @@ class PhysicsWorld(WorldQueries):
         self.settings = settings or PhysicsSettings()
         super().__init__(BodyTable(), ColliderTable())
         self._contacts = ContactStore()
+        self._room = SolverRoom()
+        self._step: Step | None = None
+        self._step_plan: tuple[float, PhysicsSettings, bool] | None = None
         self._problems: list[Problem] = []
 
     # ---------------------------------------------------------------- what there is
@@ -125,6 +129,7 @@ class PhysicsWorld(WorldQueries):
         rows = self._bodies.rows_of(checks.entity_column(entities))
         self._remove_colliders(self._colliders.rows_on(rows))
         self._colliders.follow_bodies(self._bodies.remove(rows))
+        self._contacts.is_changed = True
         self._query_tree.outdate()
 
     def add_colliders(
@@ -314,12 +319,21 @@ class PhysicsWorld(WorldQueries):
         """
         if not (np.isfinite(dt) and dt > 0.0):
             raise PhysicsError(f"A step must take a finite time above 0 s, not {dt!r}")
-        constants = step_constants(self.settings, dt, can_bounce=self._colliders.can_bounce)
         profile = {} if profile is None else profile
-        faulty = step_bodies(self._bodies, self._colliders, self._contacts, constants, profile)
+        faulty = self._step_of(dt).run(profile)
         self._query_tree.outdate()
         if len(faulty):
             self._stop(faulty)
+
+    def _step_of(self, dt: float) -> Step:
+        """The step of this length with the present settings; made anew when one of them changes."""
+        plan = (dt, self.settings, self._colliders.can_bounce)
+        if self._step is None or self._step_plan != plan:
+            constants = step_constants(self.settings, dt, can_bounce=self._colliders.can_bounce)
+            strengths = step_strengths(self.settings, dt)
+            self._step = Step(self._bodies, self._colliders, self._contacts, self._room, constants, strengths)
+            self._step_plan = plan
+        return self._step
 
     def _stop(self, rows: Array) -> None:
         """Takes bodies that are not finite any more out of motion, where they were last seen."""
@@ -335,7 +349,6 @@ class PhysicsWorld(WorldQueries):
         self._forget_pairs(rows)
         table["motion"][rows] = STATIC
         table["velocity"][rows] = 0.0
-        table["displacement"][rows] = 0.0
         self._bodies.update_inverses(rows)
         self._bodies.place(rows, poses["position"], np.asarray(poses["rotation"], np.float64))
         self._changed()
@@ -416,5 +429,6 @@ class PhysicsWorld(WorldQueries):
         self._colliders.forget_boxes(rows)
 
     def _changed(self) -> None:
+        self._contacts.is_changed = True
         self._bodies.publish()
         self._query_tree.outdate()

@@ -10,22 +10,25 @@ from elys.sim_node.compilation import signature_of
 from elys.sim_node.physics.kernels import tables
 from elys.sim_node.physics.kernels.broadphase import find_new_pairs, give_slots, index_pairs, merge_pairs
 from elys.sim_node.physics.kernels.cast import TOUCH
+from elys.sim_node.physics.kernels.colouring import colour_contacts
 from elys.sim_node.physics.kernels.integrator import finish_step, publish_poses
+from elys.sim_node.physics.kernels.islands import build_islands, list_held
 from elys.sim_node.physics.kernels.narrow_phase import update_manifolds
 from elys.sim_node.physics.kernels.nearby import find_closest, find_overlaps
-from elys.sim_node.physics.kernels.placement import fatten_boxes, place_colliders, place_inertia
-from elys.sim_node.physics.kernels.preparation import prepare_contacts
+from elys.sim_node.physics.kernels.placement import fatten_boxes, place_colliders
+from elys.sim_node.physics.kernels.preparation import prepare_bodies, prepare_contacts, prepare_impacts
 from elys.sim_node.physics.kernels.queries import cast_rays, cast_shapes
 from elys.sim_node.physics.kernels.query_tree import QUERY_NODE, build_query_tree, refit_query_tree
 from elys.sim_node.physics.kernels.solver import solve_contacts
 from elys.sim_node.physics.kernels.state_hash import hash_bodies
+from elys.sim_node.physics.kernels.sweep import stop_at_impacts
 from elys.sim_node.physics.kernels.tree import build_tree
 
 Kernel = tuple[str, Any, tuple[tuple[Any, ...], ...]]
 
 
 def _kernels() -> tuple[Kernel, ...]:
-    bodies, poses, colliders, pairs, manifolds, points, rows, row_points, leaves, found, constants = (
+    bodies, poses, colliders, pairs, manifolds, rows, row_points, leaves, found, constants, groups, spans, strengths = (
         np.zeros(1, dtype)
         for dtype in (
             tables.BODY,
@@ -33,14 +36,17 @@ def _kernels() -> tuple[Kernel, ...]:
             tables.COLLIDER,
             tables.PAIR,
             tables.MANIFOLD,
-            tables.MANIFOLD_POINT,
             tables.ROW,
             tables.ROW_POINT,
             tables.TREE_LEAF,
             tables.FOUND,
             tables.CONSTANTS,
+            tables.GROUP,
+            tables.SPAN,
+            tables.STRENGTH,
         )
     )
+    solver, drives = np.zeros(1, tables.SOLVER_BODY), np.zeros(1, tables.SOLVER_DRIVE)
     geometry = tables.Geometry(
         np.zeros(1, tables.GEOMETRY),
         np.zeros(1, tables.FACE),
@@ -49,13 +55,18 @@ def _kernels() -> tuple[Kernel, ...]:
         np.zeros(2, tables.CONVEX),
         np.zeros(1, tables.SIMPLEX),
     )
+    starts = np.zeros(1, tables.START)
     indices = np.zeros(1, np.int32)
     entities = np.zeros(1, np.uint32)
+    masks = np.zeros(1, np.uint64)
     numbers = np.zeros(1)
+    floats = np.zeros(1, np.float32)
     nodes = np.zeros((2, 6))
     vectors = np.zeros((1, 3))
     boxes = np.zeros(2, tables.COLLIDER)["box"]
     words = np.zeros((1, 2), np.uint64)
+    touching = (bodies, colliders, pairs, indices, 0, manifolds)
+    lanes = (indices, indices, indices, indices)
     flags = np.zeros(1, np.uint8)
     places = np.zeros(1, np.int64)
     query_nodes = np.zeros(1, QUERY_NODE)
@@ -82,18 +93,30 @@ def _kernels() -> tuple[Kernel, ...]:
         ),
         (hash_bodies, (entities, words)),
         (publish_poses, (bodies, poses)),
-        (finish_step, (bodies, poses, indices)),
+        (finish_step, (bodies, poses, starts, solver, indices, constants)),
+        (
+            stop_at_impacts,
+            (bodies, colliders, pairs, indices, 0, starts, numbers, poses, bodies, colliders, geometry, constants),
+        ),
         (fatten_boxes, (bodies, colliders, constants)),
         (place_colliders, (bodies, colliders)),
-        (place_inertia, (bodies, numbers)),
         (build_tree, (boxes, leaves, nodes, indices, numbers, True)),
         (index_pairs, (pairs, 0, indices)),
-        (give_slots, (pairs, 0, manifolds, points, indices, indices)),
+        (give_slots, (pairs, 0, manifolds, indices, indices)),
         (merge_pairs, (colliders, geometry, pairs, 0, pairs, 0, pairs, indices, indices, indices)),
         (find_new_pairs, (bodies, colliders, leaves, nodes, geometry, pairs, indices, pairs, indices)),
-        (prepare_contacts, (bodies, colliders, pairs, indices, 0, manifolds, points, rows, row_points, constants)),
-        (update_manifolds, (bodies, colliders, pairs, 0, manifolds, points, found, geometry, constants, indices)),
-        (solve_contacts, (bodies, manifolds, points, rows, row_points, 0, constants)),
+        (build_islands, (*touching, indices, np.zeros(1, tables.ISLAND), strengths, constants)),
+        (list_held, (bodies, indices, groups)),
+        (colour_contacts, (*touching, masks, indices, indices, indices, indices, groups, spans, *lanes)),
+        (prepare_bodies, (bodies, indices, 0, groups, solver, drives, strengths, constants)),
+        (prepare_contacts, (groups, spans, *lanes, floats, floats, floats, floats, strengths, constants)),
+        (prepare_impacts, (*touching, rows, row_points, groups, solver, drives, constants)),
+        (update_manifolds, (bodies, colliders, pairs, 0, manifolds, found, geometry, constants, indices, indices)),
+        (
+            solve_contacts,
+            (groups, spans, indices, 0, *lanes, floats, solver, floats, drives, floats)
+            + (manifolds, floats, rows, row_points, strengths, constants),
+        ),
     ]
     return tuple((f"physics.{function.__name__}", function, (signature_of(*a),)) for function, a in listed)
 

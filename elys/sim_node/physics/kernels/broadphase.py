@@ -144,13 +144,14 @@ def sort_pairs(pairs, count, sorted_pairs, starts):
     starts[:] = 0
     for p in range(count):
         starts[pairs[p].a + 1] += 1
+        sorted_pairs[p].a = -1  # not filled yet: nothing comes before it
     for i in range(starts.shape[0] - 1):
         starts[i + 1] += starts[i]
     for p in range(count):
         a = pairs[p].a
         place = starts[a]
         starts[a] = place + 1
-        while place > 0 and comes_before(pairs[p], sorted_pairs[place - 1]):
+        while place > 0 and sorted_pairs[place - 1].a == a and comes_before(pairs[p], sorted_pairs[place - 1]):
             sorted_pairs[place] = sorted_pairs[place - 1]
             place -= 1
         sorted_pairs[place] = pairs[p]
@@ -193,7 +194,7 @@ def merge_pairs(colliders, geometry, pairs, pair_count, new, new_count, sorted_n
 
 
 @kernel
-def give_slots(pairs, pair_count, manifolds, points, free, free_count):
+def give_slots(pairs, pair_count, manifolds, free, free_count):
     """Gives an empty manifold to every pair that has none."""
     for p in range(pair_count):
         if pairs[p].slot >= 0:
@@ -204,9 +205,11 @@ def give_slots(pairs, pair_count, manifolds, points, free, free_count):
         manifold = manifolds[slot]
         manifold.point_count = 0
         manifold.margin = -1.0
+        manifold.load = 0.0
+        manifold.impulse_time = 0.0
         manifold.twist_impulse = 0.0
         for k in range(3):
             manifold.friction_impulse[k] = 0.0
-        for k in range(slot * POINTS, slot * POINTS + POINTS):
-            points[k].normal_impulse = 0.0
-            points[k].step_impulse = 0.0
+        for k in range(POINTS):
+            manifold.normal_impulse[k] = 0.0
+            manifold.step_impulse[k] = 0.0

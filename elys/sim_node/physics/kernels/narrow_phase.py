@@ -8,11 +8,10 @@ from elys.sim_node.compilation import inner, kernel
 from elys.sim_node.physics.kernels.box_box import box_box
 from elys.sim_node.physics.kernels.capsule import capsule_capsule, sphere_capsule
 from elys.sim_node.physics.kernels.convex import convex_convex, plane_convex, triangle_convex
-from elys.sim_node.physics.kernels.manifold import can_recycle, write_manifold
+from elys.sim_node.physics.kernels.manifold import follow_motion, forget_contact, write_manifold
 from elys.sim_node.physics.kernels.midphase import has_parts
-from elys.sim_node.physics.kernels.placement import turning_travel
 from elys.sim_node.physics.kernels.sphere import box_sphere, sphere_sphere
-from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CYLINDER, PLANE, POINTS, SPHERE
+from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CYLINDER, MESH, PLANE, SPHERE
 
 
 @inner
@@ -20,15 +19,33 @@ def pair_margin(first, second, a, b, constants):
     """Gap up to which the colliders a and b of two bodies may touch within this step.
 
     What approaches fast is looked for from farther away, so that it is stopped at the surface and not inside; but never
-    from farther than the smaller shape is large: that would make it hit things that it passes by.
+    from farther than the smaller shape is large: that would make it hit things that it passes by. Second comes whether one
+    may even be through the other by then.
     """
     squared = 0.0
     for k in range(3):
         relative = second.velocity[k] - first.velocity[k]
         squared += relative * relative
-    h = constants.substep * constants.substeps
-    way = h * math.sqrt(squared) + turning_travel(first, a, h) + turning_travel(second, b, h)
-    return constants.margin + min(way, a.reach, b.reach)
+    way = constants.time * math.sqrt(squared) + a.turning + b.turning
+    return constants.margin + min(way, a.reach, b.reach), way > thinness(a) + thinness(b)
+
+
+@inner
+def thinness(collider):
+    """How far something may move past the surface of a collider before its middle lies behind it [m]."""
+    if collider.kind >= MESH:
+        return 0.0
+    half = collider.half_extents
+    return min(half[0], half[1], half[2])
+
+
+@inner
+def boxes_apart(a, b, margin):
+    """Whether the smallest boxes of two colliders are farther apart than the margin: most pairs are, and need no more."""
+    for k in range(3):
+        if a[k] - margin > b[3 + k] or b[k] - margin > a[3 + k]:
+            return True
+    return False
 
 
 @inner
@@ -99,12 +116,18 @@ def rolls(collider):
 
 @kernel
 def update_manifolds(
-    bodies, colliders, pairs, pair_count, manifolds, points, all_found, geometry, all_constants, touching
+    bodies, colliders, pairs, pair_count, manifolds, all_found, geometry, all_constants, touching, fast
 ):
-    """Brings the manifold of every pair up to date; returns how many have contact, their pairs listed in `touching`."""
+    """Brings the manifold of every pair up to date; returns how many have contact, their pairs listed in `touching`.
+
+    Second comes whether any manifold has got or lost points, third how many pairs are so fast that they may miss each other
+    within the step: those are listed in `fast`.
+    """
     constants = all_constants[0]
     found = all_found[0]
     touching_count = 0
+    is_changed = False
+    fast_count = 0
     for p in range(pair_count):
         pair = pairs[p]
         a = colliders[pair.a]
@@ -112,11 +135,22 @@ def update_manifolds(
         first = bodies[a.body]
         second = bodies[b.body]
         manifold = manifolds[pair.slot]
-        margin = pair_margin(first, second, a, b, constants)
-        if rolls(a) or rolls(b) or not can_recycle(first, second, manifold, margin, constants):
+        margin, is_fast = pair_margin(first, second, a, b, constants)
+        if is_fast:
+            fast[fast_count] = p
+            fast_count += 1
+        before = manifold.point_count
+        if boxes_apart(a.box, b.box, margin):
+            if before > 0:
+                is_changed = True
+                forget_contact(manifold)
+            manifold.margin = -1.0
+            continue
+        if rolls(a) or rolls(b) or not follow_motion(first, second, manifold, margin, constants):
             count = collide(colliders, pair.a, pair.b, pair.part, margin, found, geometry)
-            write_manifold(first, second, manifold, points, pair.slot * POINTS, found, count, margin, False)
+            write_manifold(first, second, a, b, manifold, found, count, margin, constants)
+            is_changed = is_changed or count != before
         if manifold.point_count > 0:
             touching[touching_count] = p
             touching_count += 1
-    return touching_count
+    return touching_count, is_changed, fast_count

@@ -5,7 +5,7 @@ compiles four times faster (a table is a pointer, a column is seven values that 
 used together in one place of the memory. In Python `table["velocity"]` is an (N, 6) array.
 
 Vectors are in world axes unless a name says otherwise, quaternions are x y z w, and a manifold's normal points from its
-first body to its second. Numbers are float64: as long as the solver is scalar it loses nothing by it.
+first body to its second. Numbers are float64, but for what the contact solver works on: that is float32, eight at a time.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ DYNAMIC, KINEMATIC, STATIC = 0, 1, 2
 BOX, SPHERE, CAPSULE, CYLINDER, HULL, MESH, PLANE, HEIGHT_FIELD = 0, 1, 2, 3, 4, 5, 6, 7
 ROUNDED = (SPHERE, CAPSULE)  # a core with a radius around it
 TRIANGLE = 8  # a part of a mesh or a height field; no collider is of this kind
+GEOMETRIC_MEAN, MINIMUM, MAXIMUM, AVERAGE, MULTIPLY = 0, 1, 2, 3, 4
 CORNERS = 32  # the most corners of a face that contacts are made with; of larger faces some are left out
 POINTS = 4  # the most contact points a manifold keeps; point p of manifold m is row 4 m + p of the points
 
@@ -29,22 +30,47 @@ BODY = np.dtype(
         ("position", "f8", 3),  # centre of mass [m]
         ("rotation", "f8", 4),  # world_from_principal
         ("velocity", "f8", 6),  # linear [m/s], angular [rad/s]
-        ("displacement", "f8", 6),  # translation [m], rotation vector [rad] since the step began
         ("inverse_mass", "f8"),  # [1/kg], 0 for what no force moves
         ("inverse_inertia", "f8", 3),  # about the principal axes [1/(kg m^2)]
-        ("world_inverse_inertia", "f8", 6),  # xx yy zz xy xz yz, as the step began
         ("gravity_scale", "f8"),
         ("linear_damping", "f8"),  # [1/s]
         ("angular_damping", "f8"),  # [1/s]
-        ("free_velocity", "f8", 6),  # velocity without the contacts' impulses of this substep
-        ("start_velocity", "f8", 6),  # velocity as the substep began
-        ("impact_shift", "f8", 6),  # displacement that impacts of this substep add
         ("entity", "u4"),
         ("motion", "u1"),  # DYNAMIC, KINEMATIC or STATIC
-        ("struck", "u1"),  # a contact began to push in this substep
+        ("strength", "u1"),  # which row of STRENGTH its contacts asked for in the last step
+        ("calm", "u1"),  # for how many steps its island has been solved more strongly than it asked for
+        ("held", "u1"),  # a contact may act on it in this step
     ],
     align=True,
 )
+
+# A body as the contact solver sees it, 64 bytes: one line of the cache. Its flat float32 view is what vectors are loaded
+# from. Row i is body row i; one more row at the end stands for everything that never moves.
+SOLVER_BODY = np.dtype(
+    [
+        ("velocity", "f4", 6),  # linear [m/s], angular [rad/s]
+        ("inverse_mass", "f4"),  # [1/kg]
+        ("struck", "f4"),  # above 0: a contact began to push in this substep
+        ("displacement", "f4", 6),  # translation [m], rotation vector [rad] since the step began
+        ("unused", "f4", 2),
+    ]
+)
+# What changes a body apart from contacts, in eights as well.
+SOLVER_DRIVE = np.dtype(
+    [
+        ("free_velocity", "f4", 8),  # velocity without the contacts' impulses of this substep
+        ("start_velocity", "f4", 8),  # velocity as the substep began
+        ("kick", "f4", 8),  # change of velocity by forces in a substep
+        ("keep", "f4", 8),  # what damping leaves of the velocity in a substep
+        ("inverse_inertia", "f4", 6),  # in world axes, as the step began: xx yy zz xy xz yz [1/(kg m^2)]
+        ("gravity_scale", "f4"),
+        ("unused", "f4"),
+        ("impact_shift", "f4", 8),  # displacement that impacts of this substep add
+    ]
+)
+
+# Where a body was when the step began.
+START = np.dtype([("position", "f8", 3), ("rotation", "f8", 4)], align=True)
 
 # Bodies as the outside sees them: poses of entities, not of centres of mass.
 POSE = np.dtype(
@@ -74,6 +100,7 @@ COLLIDER = np.dtype(
         ("center", "f8", 3),  # in world space [m]
         ("axes", "f8", 9),  # the three axes of the shape in world space, one after another
         ("reach", "f8"),  # radius of the ball around the shape's centre that holds it [m]
+        ("turning", "f8"),  # how far its farthest point can go in this step because the body turns [m]
         ("local_position", "f8", 3),  # in the body's frame [m]
         ("local_rotation", "f8", 4),  # principal_from_shape
         ("friction", "f8"),
@@ -98,29 +125,33 @@ PAIR = np.dtype(
     align=True,
 )
 
-# What is remembered of a pair from step to step.
+# What is remembered of a pair from step to step. The first 64 floats are gathered as vectors, eight at a time.
 MANIFOLD = np.dtype(
     [
-        ("point_count", "i4"),
-        ("margin", "f8"),  # gap up to which points were looked for when made [m]; negative: never made
-        ("normal", "f8", 3),
-        ("friction_impulse", "f8", 3),  # of the last substep [N s]
-        ("twist_impulse", "f8"),  # about the normal [N m s]
+        ("normal", "f4", 3),
+        ("friction", "f4"),
+        ("restitution", "f4"),
+        ("live_points", "f4"),  # point_count again
+        ("impulse_time", "f4"),  # of which substep the impulses below are [s]
+        ("load", "f4"),  # force that it has held for some time [N]
+        ("made_separation", "f4", POINTS),  # gaps when the manifold was made [m], negative for overlap
+        ("shift", "f4", 3),  # how far b has moved against a since [m]
+        ("unused_too", "f4"),
+        ("anchors", "f4", 6 * POINTS),  # of each point on a and on b, from their centres of mass [m]
+        ("turn_a", "f4", 3),  # rotation vectors since the manifold was made [rad]
+        ("turn_b", "f4", 3),
+        ("padding", "f4", 2),
+        ("normal_impulse", "f4", POINTS),  # of the last substep [N s]
+        ("friction_impulse", "f4", 3),  # in world axes
+        ("twist_impulse", "f4"),  # about the normal [N m s]
+        ("separation", "f4", POINTS),  # gaps at the end of the last step [m]
+        ("step_impulse", "f4", POINTS),  # of the whole last step [N s]
         ("made_offset", "f8", 3),  # from a to b when made [m]
         ("made_rotation_a", "f8", 4),
         ("made_rotation_b", "f8", 4),
-    ],
-    align=True,
-)
-MANIFOLD_POINT = np.dtype(
-    [
-        ("anchor_a", "f8", 3),  # on the surface of a, from a's centre of mass [m]
-        ("anchor_b", "f8", 3),
-        ("made_separation", "f8"),  # gap when the manifold was made [m], negative for overlap
-        ("separation", "f8"),  # gap at the end of the last step [m]
-        ("normal_impulse", "f8"),  # of the last substep [N s]
-        ("step_impulse", "f8"),  # of the whole last step [N s]
-        ("feature", "i4"),  # which corner, edge or face meets which: recognises a point in the next step
+        ("margin", "f8"),  # gap up to which points were looked for when made [m]; negative: never made
+        ("feature", "i4", POINTS),  # which corner, edge or face meets which: recognises a point in the next step
+        ("point_count", "i4"),
     ],
     align=True,
 )
@@ -131,7 +162,8 @@ FOUND = np.dtype(
         ("normal", "f8", 3),
         ("point", "f8", 3 * POINTS),  # in the middle between the surfaces [m]
         ("separation", "f8", POINTS),  # [m]
-        ("impulse", "f8", POINTS),
+        ("impulse", "f8", POINTS),  # room to find the old points' impulses
+        ("step_impulse", "f8", POINTS),
         ("polygon", "f8", 48),  # two polygons of eight corners: u, v, height over the reference face
         ("edges", "i4", 32),  # which two edges meet in a corner
         ("feature", "i4", POINTS),
@@ -205,7 +237,7 @@ FACE = np.dtype(
     align=True,
 )
 
-# The solver's view of a manifold with contact: what stays during the step, and its impulses.
+# A manifold that may bounce, as impacts see it: what stays during the step.
 ROW = np.dtype(
     [
         ("body_a", "i4"),
@@ -216,16 +248,10 @@ ROW = np.dtype(
         ("tangent", "f8", 6),  # two directions, perpendicular to the normal and to each other
         ("friction", "f8"),
         ("restitution", "f8"),
-        ("push_rate", "f8"),  # how fast overlap is pushed out [1/s]
-        ("mass_scale", "f8"),  # softness: share of the effective mass
-        ("impulse_scale", "f8"),  # softness: share of the impulse given back
         ("closing", "f8"),  # relative acceleration by gravity, against the normal [m/s^2]
         ("friction_mass", "f8", 3),  # inverse of the symmetric 2 x 2 effective inverse mass: 11, 12, 22
-        ("friction_impulse", "f8", 3),  # along the tangents [N s], about the normal [N m s]
         ("friction_arm", "f8", 12),  # r x t at the centre of friction: first tangent on a, on b, second on a, on b
         ("friction_turn", "f8", 12),  # inverse inertia times that
-        ("twist_turn", "f8", 6),
-        ("twist_mass", "f8"),  # [kg m^2]
     ],
     align=True,
 )
@@ -235,8 +261,6 @@ ROW_POINT = np.dtype(
         ("turn", "f8", 6),  # inverse inertia times that
         ("separation", "f8"),  # as the step began [m]
         ("effective_mass", "f8"),  # [kg]
-        ("lever", "f8"),  # distance from the centre of friction [m]
-        ("impulse", "f8"),  # of this substep [N s]
         ("step_impulse", "f8"),  # of the whole step so far [N s]
         ("bounce", "f8"),  # compression impulse of an impact [N s]
         ("bounce_time", "f8"),  # of the impact, from the start of the substep [s]; negative: no impact
@@ -247,20 +271,58 @@ ROW_POINT = np.dtype(
 # What is the same for all bodies and contacts of a step; a table of one row.
 CONSTANTS = np.dtype(
     [
-        ("substep", "f8"),  # [s]
+        ("time", "f8"),  # of the step [s]
         ("gravity", "f8", 3),  # [m/s^2]
         ("margin", "f8"),  # gap up to which resting contacts are kept [m]
         ("fattening", "f8"),  # how much larger fat boxes are [m]
         ("recycle_distance", "f8"),  # a manifold is kept while its bodies moved less against each other [m]
         ("recycle_angle", "f8"),  # and each turned less [rad]
-        ("push_speed", "f8"),  # overlap is never removed faster [m/s]
         ("bounce_speed", "f8"),  # slower approaches do not bounce [m/s]
-        ("soft", "f8", 3),  # push_rate, mass_scale, impulse_scale between bodies that can both move
-        ("firm", "f8", 3),  # the same against what cannot be moved
-        ("substeps", "i4"),
+        ("overlap", "f8"),  # contacts that would give way more are solved by a stronger row of STRENGTH [m]
+        ("friction_rule", "u1"),  # how a pair's coefficient follows from two: GEOMETRIC_MEAN to MULTIPLY
+        ("restitution_rule", "u1"),
         ("can_bounce", "u1"),  # some collider has restitution
     ],
     align=True,
+)
+
+# How strongly contacts are solved: a row for each number of substeps that islands may be given, weakest first.
+STRENGTH = np.dtype(
+    [
+        ("substep", "f8"),  # [s]
+        ("softness", "f8"),  # how much a contact gives way: overlap [m] = softness * force [N] / effective mass [kg]
+        ("push_speed", "f4"),  # overlap is never removed faster [m/s]
+        ("soft", "f4", 3),  # between bodies that can both move: push rate [1/s], share of the effective mass, leak
+        ("firm", "f4", 3),  # the same against what cannot be moved
+        ("substeps", "i4"),
+        ("relax_every", "i4"),  # after so many substeps contacts are solved once more, without the push
+    ],
+    align=True,
+)
+
+# An island, in the row of its first body.
+ISLAND = np.dtype(
+    [
+        ("body_count", "i4"),
+        ("wanted", "u1"),  # the strength that its contacts ask for
+        ("present", "u1"),  # the largest that its bodies had in the last step
+    ],
+    align=True,
+)
+
+# Batches [first, last) that belong together: a colour's.
+SPAN = np.dtype([("first", "i4"), ("last", "i4")])
+
+# Islands of one strength: their bodies in `held` and their colours in a table of SPANs.
+GROUP = np.dtype(
+    [
+        ("first_body", "i4"),
+        ("last_body", "i4"),
+        ("first_span", "i4"),
+        ("last_span", "i4"),
+        ("first_row", "i4"),  # of the table of ROWs: what may bounce
+        ("last_row", "i4"),
+    ]
 )
 
 
