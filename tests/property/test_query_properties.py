@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -63,6 +63,7 @@ def grazes(hits, directions, row):
 
 
 @given(SEEDS)
+@example(144)  # a box a few millimetres before a thin cylinder, whose distance was once found to be 0
 @settings(max_examples=25, deadline=None)
 def test_turning_and_moving_the_world_turns_and_moves_the_answers(seed):
     scene = Scene(seed)
