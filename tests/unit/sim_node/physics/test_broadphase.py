@@ -8,6 +8,7 @@ from elys.sim_node.physics.contacts import ContactStore
 from elys.sim_node.physics.geometry import GeometryStore
 from elys.sim_node.physics.kernels.tables import BODY, COLLIDER, DYNAMIC, STATIC
 
+
 NO_GEOMETRY = GeometryStore().arrays
 
 
