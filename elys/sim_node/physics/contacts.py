@@ -141,7 +141,6 @@ class ContactStore:
             moved,
             moved_count,
             geometry,
-            self.manifolds,
             self.pairs,
             self.manifolds,
             self._table,

@@ -56,6 +56,7 @@ def _kernels() -> tuple[Kernel, ...]:
         np.zeros((2, 6)),
         np.zeros(2, tables.CONVEX),
         np.zeros(1, tables.SIMPLEX),
+        np.zeros(1, tables.CLUSTER),
     )
     starts = np.zeros(1, tables.START)
     islands = np.zeros(1, tables.ISLAND)
@@ -124,8 +125,10 @@ def _kernels() -> tuple[Kernel, ...]:
         (update_manifolds, (bodies, colliders, pairs, indices, 0, manifolds, found, geometry, constants, indices, indices)),
         (
             solve_contacts,
-            (groups, spans, indices, 0, *lanes, floats, solver, floats, drives, floats)
-            + (manifolds, floats, rows, row_points, strengths, constants),
+            (
+                *(groups, spans, indices, 0, *lanes, floats, solver, floats, drives, floats),
+                *(manifolds, floats, rows, row_points, strengths, constants),
+            ),
         ),
     ]
     return tuple((f"physics.{function.__name__}", function, (signature_of(*a),)) for function, a in listed)

@@ -8,6 +8,7 @@ from elys.sim_node.compilation import inner
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
+from elys.sim_node.compilation import inner
 from elys.sim_node.physics.kernels.gjk import FAR, core_distance, core_overlap, first_direction
 from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CONVEX, CYLINDER, FACE, HULL, SIMPLEX, SPHERE, TRIANGLE
 
