@@ -15,7 +15,9 @@ from numpy.typing import ArrayLike
 
 from elys.common.errors import PhysicsError
 from elys.sim_node.physics.hull import FlatPointsError, convex_hull
+from elys.sim_node.physics.kernels.parts import MOST
 from elys.sim_node.physics.kernels.tables import (
+    CLUSTER,
     CONVEX,
     FACE,
     GEOMETRY,
@@ -57,6 +59,7 @@ class GeometryStore:
             np.zeros((0, 6)),
             np.zeros(2, CONVEX),
             np.zeros(1, SIMPLEX),
+            np.zeros(MOST, CLUSTER),
         )
         self._known: dict[bytes, int] = {}
 
@@ -137,7 +140,7 @@ class GeometryStore:
             solids, digests = saved["geometry_solids"], saved["geometry_digests"]
         except KeyError as error:
             raise PhysicsError(f"This is not a snapshot of this version: its table {error} is missing") from error
-        self.arrays = Geometry(headers, faces, points, nodes, self.arrays.convex, self.arrays.simplex)
+        self.arrays = self.arrays._replace(headers=headers, faces=faces, points=points, nodes=nodes)
         self._known = {bytes(digest).ljust(16, b"\0"): handle for handle, digest in enumerate(digests)}
         self.solids = [
             Solid(
@@ -193,6 +196,7 @@ class GeometryStore:
             np.concatenate([old.nodes, nodes]),
             old.convex,
             old.simplex,
+            old.clusters,
         )
         self.solids.append(solid)
         self._known[digest] = len(self.solids) - 1

@@ -124,7 +124,8 @@ def _flat_faces(corners: Array, triangles: Array, normals: Array, tolerance: flo
     other = {(int(t[k]), int(t[(k + 1) % 3])): f for f, t in enumerate(triangles) for k in range(3)}
     area = np.linalg.norm(_area_vectors(corners, triangles), axis=1)
     face_of = np.full(len(triangles), -1)
-    faces, face_normals = [], []
+    faces: list[Array] = []
+    face_normals: list[Array] = []
     for seed in np.argsort(-area, kind="stable"):  # large ones first: their normals are the best known
         if face_of[seed] >= 0:
             continue

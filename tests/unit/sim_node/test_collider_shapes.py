@@ -49,7 +49,9 @@ def test_a_hull_takes_the_mesh_asset_and_follows_when_another_is_drawn(simulatio
     reference = simulation.assets.put(encode_mesh(primitive("box")), kind="mesh")
     simulation.world.spawn([Transform(), Collider(shape="plane")], name="Ground")
     parts = [RigidBody(), Collider(shape="hull")]
-    body = simulation.world.spawn([Transform(position=(0.0, 0.51, 0.0)), *parts, MeshRenderer(mesh=reference)], name="Body")
+    body = simulation.world.spawn(
+        [Transform(position=(0.0, 0.51, 0.0)), *parts, MeshRenderer(mesh=reference)], name="Body"
+    )
     assert rest(simulation) == pytest.approx(0.5, abs=0.002)
     simulation.world.set(body, Transform(position=(0.0, 0.26, 0.0), scale=(1.0, 0.5, 1.0)))
     assert rest(simulation) == pytest.approx(0.25, abs=0.002)

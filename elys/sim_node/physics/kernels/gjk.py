@@ -186,7 +186,15 @@ def core_distance(a, b, points, limit, simplex):
 
     With a distance between, `simplex` gets the unit vector from a to b and the closest points of both.
     """
-    vx, vy, vz = a.center[0] - b.center[0], a.center[1] - b.center[1], a.center[2] - b.center[2]
+    p = a.center
+    q = b.center
+    return distance_from(a, b, points, q[0] - p[0], q[1] - p[1], q[2] - p[2], limit, simplex)
+
+
+@inner
+def distance_from(a, b, points, dx, dy, dz, limit, simplex):
+    """The same, looking first along a direction from a to b that is thought to be near."""
+    vx, vy, vz = -dx, -dy, -dz
     if vx == 0.0 and vy == 0.0 and vz == 0.0:
         vx = 1.0
     squared = FAR
@@ -291,7 +299,7 @@ def core_overlap(a, b, gap, nx, ny, nz, opening, points, simplex):
     for _ in range(4):
         way = opening - gap
         center[0], center[1], center[2] = x + way * nx, y + way * ny, z + way * nz
-        distance = core_distance(a, b, points, FAR, simplex)
+        distance = distance_from(a, b, points, nx, ny, nz, FAR, simplex)
         center[0], center[1], center[2] = x, y, z
         if distance <= 0.0:
             write_support_points(a, b, points, nx, ny, nz, simplex)

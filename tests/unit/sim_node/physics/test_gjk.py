@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from elys.sim_node.compilation import inner
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
