@@ -257,9 +257,12 @@ def test_a_profile_names_every_stage():
         "place_bodies",
         "update_pairs",
         "update_manifolds",
+        "build_islands",
+        "colour_contacts",
         "prepare_contacts",
         "solve_contacts",
         "finish_step",
+        "put_to_sleep",
     ]
 
 
