@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from tests.reference import naive_boxes
 
 BOX, SPHERE, CAPSULE, CYLINDER = 0, 1, 2, 3
-SEARCHES = 70
+SEARCHES = 50
 
 
 class Shapes(NamedTuple):
@@ -72,7 +72,7 @@ def cast_sphere(shapes: Shapes, origin, direction, radius, farthest):
 
 def cast_capsule(shapes: Shapes, origin, direction, radius, half_length, rotation: Rotation, farthest):
     """The same for a capsule along y: the least gap of the balls along its middle line."""
-    axis = rotation.apply([0.0, half_length, 0.0])
+    axis = rotation.apply([0.0, 1.0, 0.0]) * np.asarray(half_length)[..., None]
 
     def gap(t):
         center = origin + t[:, None] * direction
@@ -85,18 +85,17 @@ def cast_capsule(shapes: Shapes, origin, direction, radius, half_length, rotatio
 def cast_box(shapes: Shapes, origin, direction, half, rotation: Rotation, farthest):
     """The same for a box against boxes, by linear programs, and against balls and capsules, which move the other way."""
     found = np.full(len(shapes.kind), np.inf)
-    for c, kind in enumerate(shapes.kind):
-        if kind == BOX:
-            still = (shapes.center[c], shapes.rotation[c].as_quat(), shapes.half[c])
-            time = naive_boxes.time_of_impact((origin, rotation.as_quat(), half), farthest * direction, still)
-            found[c] = np.inf if time is None else time * farthest
-        else:
-            box = Shapes(
-                np.array([BOX]), np.array([origin]), Rotation.from_quat([rotation.as_quat()]), np.array([half])
-            )
-            way = (box, shapes.center[c], -direction, shapes.half[c, 0])
-            if kind == CAPSULE:
-                found[c] = cast_capsule(*way, shapes.half[c, 1], shapes.rotation[c], farthest)[0]
-            else:
-                found[c] = cast_sphere(*way, farthest)[0]
+    for c in np.flatnonzero(shapes.kind == BOX):
+        still = (shapes.center[c], shapes.rotation[c].as_quat(), shapes.half[c])
+        time = naive_boxes.time_of_impact((origin, rotation.as_quat(), half), farthest * direction, still)
+        found[c] = np.inf if time is None else time * farthest
+    round_ones = np.flatnonzero(np.isin(shapes.kind, (SPHERE, CAPSULE)))
+    if len(round_ones):
+        count = len(round_ones)
+        turn = Rotation.from_quat(np.tile(rotation.as_quat(), (count, 1)))
+        box = Shapes(np.full(count, BOX), np.tile(origin, (count, 1)), turn, np.tile(half, (count, 1)))
+        length = np.where(shapes.kind == CAPSULE, shapes.half[:, 1], 0.0)[round_ones]
+        radius = shapes.half[round_ones, 0]
+        way = (shapes.center[round_ones], -direction, radius, length, shapes.rotation[round_ones], farthest)
+        found[round_ones] = cast_capsule(box, *way)
     return found

@@ -120,6 +120,11 @@ class ColliderTable:
         self.rows["local_position"][rows] = quaternion.rotate(principal_from_entity, away)
         self.rows["local_rotation"][rows] = quaternion.multiply(principal_from_entity, self.shapes["rotation"][rows])
 
+    def extents(self, rows: Array) -> tuple[Array, Array]:
+        """The body row of each collider in rows (M,), and how far it reaches from that body's centre of mass [m]."""
+        chosen = self.rows[rows]
+        return chosen["body"], np.linalg.norm(chosen["local_position"], axis=1) + chosen["reach"]
+
     def forget_boxes(self, rows: Array) -> None:
         """Makes the next step find the pairs of these colliders anew."""
         self.rows["fat_box"][rows, :3] = FAR

@@ -40,7 +40,7 @@ class QueryTree:
         if self._is_current:
             return
         self._is_current = True
-        place_colliders(bodies, colliders)
+        place_colliders(bodies, colliders, np.arange(len(colliders), dtype=np.int32), len(colliders))
         count = len(colliders)
         if count == 0:
             return

@@ -31,6 +31,10 @@ class PhysicsSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     )
     contact_damping: float = 5.0  # damping ratio of that push; half of it against what cannot move
     push_speed: float = 3.0  # overlap is never removed faster [m/s]
+    sleeping: bool = True  # whether islands at rest fall asleep
+    sleep_speed: float = 0.05  # what moves more slowly [m/s]
+    sleep_spin: float = 0.1  # and turns more slowly [rad/s]
+    sleep_time: float = 0.5  # for so long falls asleep [s]
     bounce_speed: float = 0.01  # slower approaches do not bounce [m/s]
     contact_margin: float = 0.02  # gap up to which contacts are kept [m]
     friction_rule: Rule = "geometric_mean"  # how the coefficients of two colliders make that of a pair
@@ -83,11 +87,16 @@ def step_constants(settings: PhysicsSettings, dt: float, *, can_bounce: bool) ->
     row = constants[0]
     row["time"] = dt
     row["gravity"] = settings.gravity
+    strength = math.sqrt(sum(g * g for g in settings.gravity))
+    row["down"] = np.asarray(settings.gravity) / strength if strength > 0.0 else 0.0
     row["margin"] = settings.contact_margin
     row["fattening"] = 0.5 * settings.contact_margin
     row["recycle_distance"] = settings.recycle_distance
     row["recycle_angle"] = settings.recycle_angle
     row["bounce_speed"] = settings.bounce_speed
+    row["sleep_speed"] = settings.sleep_speed
+    row["sleep_spin"] = settings.sleep_spin
+    row["sleep_time"] = settings.sleep_time
     row["overlap"] = settings.contact_overlap
     row["friction_rule"] = RULES.index(settings.friction_rule)
     row["restitution_rule"] = RULES.index(settings.restitution_rule)

@@ -66,6 +66,7 @@ class SolverRoom:
         self.masks = np.zeros(count, np.uint64)
         self.starts_of_bodies = np.zeros(count, START)
         self.fractions = np.ones(count)
+        self.last_asleep = np.zeros(count, np.int32)
         # One row more, for everything that never moves.
         self.solver_bodies = _aligned(count + 1, SOLVER_BODY)
         self.solver = self.solver_bodies.view(np.float32)

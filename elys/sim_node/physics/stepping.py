@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from elys.sim_node.physics.activity import Activity
 from elys.sim_node.physics.bodies import BodyTable
 from elys.sim_node.physics.colliders import ColliderTable
 from elys.sim_node.physics.contacts import ContactStore
@@ -36,13 +37,18 @@ class Step:
         bodies: BodyTable,
         colliders: ColliderTable,
         contacts: ContactStore,
+        activity: Activity,
         room: SolverRoom,
         constants: Table,
         strengths: Table,
+        *,
+        sleeping: bool,
     ) -> None:
         self._bodies = bodies
         self._colliders = colliders
         self._contacts = contacts
+        self._activity = activity
+        self._sleeping = sleeping
         self._room = room
         self._constants = constants
         self._strengths = strengths
@@ -51,9 +57,12 @@ class Step:
 
     def run(self, profile: dict[str, float]) -> Array:
         """Moves everything; returns the rows of bodies whose numbers are not finite any more."""
-        _timed(profile, "place_bodies", self._place_bodies)
-        _timed(profile, "update_pairs", self._update_pairs)
-        _timed(profile, "update_manifolds", self._update_manifolds)
+        while True:
+            _timed(profile, "place_bodies", self._place_bodies)
+            _timed(profile, "update_pairs", self._update_pairs)
+            if not _timed(profile, "update_manifolds", self._update_manifolds):
+                break
+            self._activity.wake_marked()
         _timed(profile, "build_islands", self._build_islands)
         _timed(profile, "colour_contacts", self._colour_contacts)
         _timed(profile, "prepare_contacts", self._prepare_contacts)
@@ -61,23 +70,35 @@ class Step:
         faulty = _timed(profile, "finish_step", self._finish_step)
         if self._fast_count and not len(faulty):
             _timed(profile, "stop_at_impacts", self._stop_at_impacts)
+        if self._sleeping:
+            _timed(profile, "put_to_sleep", self._put_to_sleep)
         return faulty
 
     def _place_bodies(self) -> None:
-        place_colliders(self._bodies.rows, self._colliders.rows)
+        activity = self._activity
+        activity.update()
+        place_colliders(self._bodies.rows, self._colliders.rows, activity.colliders, activity.collider_count)
 
     def _update_pairs(self) -> None:
-        moved = fatten_boxes(self._bodies.rows, self._colliders.rows, self._constants)
-        if moved:
-            self._contacts.update_pairs(self._bodies.rows, self._colliders.rows, self._colliders.geometry.arrays, moved)
+        activity, contacts = self._activity, self._contacts
+        bodies, colliders = self._bodies.rows, self._colliders.rows
+        if contacts.is_outdated:
+            contacts.list_active(bodies, colliders)
+        count = fatten_boxes(
+            bodies, colliders, activity.colliders, activity.collider_count, activity.moved, self._constants
+        )
+        if count:
+            contacts.update_pairs(bodies, colliders, self._colliders.geometry.arrays, activity.moved, count)
 
-    def _update_manifolds(self) -> None:
+    def _update_manifolds(self) -> bool:
+        """Returns whether anything was touched in its sleep: then it wakes first."""
         contacts = self._contacts
-        contacts.touching_count, is_changed, self._fast_count = update_manifolds(
+        contacts.touching_count, is_changed, self._fast_count, is_woken = update_manifolds(
             self._bodies.rows,
             self._colliders.rows,
             contacts.pairs,
-            contacts.pair_count,
+            contacts.active,
+            contacts.active_count,
             contacts.manifolds,
             contacts.found,
             self._colliders.geometry.arrays,
@@ -86,12 +107,16 @@ class Step:
             contacts.fast,
         )
         contacts.is_changed |= is_changed
+        return bool(is_woken)
 
     def _build_islands(self) -> None:
         room, contacts = self._room, self._contacts
         contacts.is_changed |= room.reserve(len(self._bodies.rows), contacts.touching_count, len(self._strengths))
+        activity = self._activity
         contacts.is_changed |= build_islands(
             self._bodies.rows,
+            activity.bodies,
+            activity.body_count,
             self._colliders.rows,
             contacts.pairs,
             contacts.touching,
@@ -102,7 +127,9 @@ class Step:
             self._strengths,
             self._constants,
         )
-        self._held_end = list_held(self._bodies.rows, room.held, room.groups)
+        self._held_end = list_held(
+            self._bodies.rows, activity.bodies, activity.body_count, room.held, room.groups
+        )
 
     def _colour_contacts(self) -> None:
         room, contacts = self._room, self._contacts
@@ -205,6 +232,8 @@ class Step:
         bodies = self._bodies
         count = finish_step(
             bodies.rows,
+            self._activity.bodies,
+            self._activity.body_count,
             bodies.poses,
             self._room.starts_of_bodies,
             self._room.solver_bodies,
@@ -212,6 +241,10 @@ class Step:
             self._constants,
         )
         return bodies.faulty_room[:count].copy() if count else _NONE
+
+    def _put_to_sleep(self) -> None:
+        room = self._room
+        self._activity.put_to_sleep(room.parent, room.islands, room.last_asleep, self._constants)
 
     def _stop_at_impacts(self) -> None:
         room = self._room

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from elys.common.errors import PhysicsError
 from elys.common.math import quaternion
 from elys.sim_node.physics import checks
+from elys.sim_node.physics.activity import Activity
 from elys.sim_node.physics.bodies import BodyTable, new_rows
 from elys.sim_node.physics.colliders import EVERY_LAYER, ColliderTable, new_colliders
 from elys.sim_node.physics.contacts import ContactStore
@@ -41,6 +42,7 @@ class PhysicsWorld(WorldQueries):
         self.settings = settings or PhysicsSettings()
         super().__init__(BodyTable(), ColliderTable())
         self._contacts = ContactStore()
+        self._activity = Activity(self._bodies, self._colliders, self._contacts)
         self._room = SolverRoom()
         self._step: Step | None = None
         self._step_plan: tuple[float, PhysicsSettings, bool] | None = None
@@ -127,9 +129,11 @@ class PhysicsWorld(WorldQueries):
     def remove_bodies(self, entities: ArrayLike) -> None:
         """Removes bodies with their shapes and contacts; PhysicsError for an entity without a body."""
         rows = self._bodies.rows_of(checks.entity_column(entities))
+        self._activity.wake(rows)
+        self._activity.wake_touching(rows)
         self._remove_colliders(self._colliders.rows_on(rows))
         self._colliders.follow_bodies(self._bodies.remove(rows))
-        self._contacts.is_changed = True
+        self._activity.outdate()
         self._query_tree.outdate()
 
     def add_colliders(
@@ -240,7 +244,13 @@ class PhysicsWorld(WorldQueries):
         column = checks.entity_column(entities)
         where = checks.number_column("position", position, column, width=3)
         turn = checks.rotation_column("rotation", rotation, column)
-        self._bodies.place(self._bodies.rows_of(column), where, turn)
+        rows = self._bodies.rows_of(column)
+        self._wake(rows)
+        self._bodies.place(rows, where, turn)
+        fixed = rows[self._bodies.rows["motion"][rows] == STATIC]
+        if len(fixed):
+            self._activity.wake_touching(fixed)
+            self._colliders.forget_boxes(self._colliders.rows_on(fixed))
         self._changed()
 
     def set_velocities(
@@ -249,6 +259,7 @@ class PhysicsWorld(WorldQueries):
         """Sets velocities (N, 3) of centres of mass [m/s] and about them [rad/s]; what is not given stays."""
         column = checks.entity_column(entities)
         rows = self._bodies.rows_of(column)
+        self._wake(rows)
         velocity = self._bodies.rows["velocity"][rows]
         if linear is not None:
             velocity[:, :3] = checks.number_column("linear velocity", linear, column, width=3)
@@ -271,6 +282,7 @@ class PhysicsWorld(WorldQueries):
         """Changes what bodies (N,) are, as in `add_bodies`; what is not given stays."""
         column = checks.entity_column(entities)
         rows = self._bodies.rows_of(column)
+        self._wake(rows)
         table = self._bodies.rows
         changes: dict[str, Array] = {}
         if linear_damping is not None:
@@ -329,9 +341,20 @@ class PhysicsWorld(WorldQueries):
         """The step of this length with the present settings; made anew when one of them changes."""
         plan = (dt, self.settings, self._colliders.can_bounce)
         if self._step is None or self._step_plan != plan:
+            if self._step_plan is not None and self._step_plan[1] != self.settings:
+                self._activity.wake_all()
             constants = step_constants(self.settings, dt, can_bounce=self._colliders.can_bounce)
             strengths = step_strengths(self.settings, dt)
-            self._step = Step(self._bodies, self._colliders, self._contacts, self._room, constants, strengths)
+            self._step = Step(
+                self._bodies,
+                self._colliders,
+                self._contacts,
+                self._activity,
+                self._room,
+                constants,
+                strengths,
+                sleeping=self.settings.sleeping,
+            )
             self._step_plan = plan
         return self._step
 
@@ -393,12 +416,19 @@ class PhysicsWorld(WorldQueries):
         self._bodies.load(snapshot)
         self._colliders.load(snapshot)
         self._contacts.load(snapshot, len(self._colliders.rows))
+        self._activity.outdate()
         self._query_tree.outdate()
 
     # ---------------------------------------------------------------- within
 
+    def _wake(self, rows: Array) -> None:
+        """Wakes bodies that are changed from outside, and lets them stay awake for a while."""
+        self._activity.wake(rows)
+        self._bodies.rows["still_time"][rows] = 0.0
+
     def _one(self, name: str, entity: int, vector: ArrayLike) -> tuple[int, Array]:
         column = checks.entity_column([entity])
+        self._wake(self._bodies.rows_of(column))
         return int(self._bodies.rows_of(column)[0]), checks.number_column(name, vector, column, width=3)[0]
 
     def _spin(self, row: int, angular_impulse: Array) -> None:
@@ -415,6 +445,7 @@ class PhysicsWorld(WorldQueries):
         self._bodies.set_mass_properties(bodies, mass_properties(self._colliders.shapes_on(bodies, rows), len(bodies)))
         on = self._bodies.poses[self._colliders.rows["body"][rows]]
         self._colliders.attach(rows, on["center"], on["axes"])
+        self._bodies.set_extents(bodies, *self._colliders.extents(rows))
         self._changed()
 
     def _remove_colliders(self, rows: Array) -> None:
@@ -425,10 +456,10 @@ class PhysicsWorld(WorldQueries):
         """Ends all pairs of body rows; the next step finds those that may still be."""
         rows = self._colliders.rows_on(bodies)
         pairs = self._contacts.live_pairs
-        self._contacts.drop(np.isin(pairs["a"], rows) | np.isin(pairs["b"], rows))
+        self._contacts.drop(pairs["slot"][np.isin(pairs["a"], rows) | np.isin(pairs["b"], rows)])
         self._colliders.forget_boxes(rows)
 
     def _changed(self) -> None:
-        self._contacts.is_changed = True
+        self._activity.outdate()
         self._bodies.publish()
         self._query_tree.outdate()

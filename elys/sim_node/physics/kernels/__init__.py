@@ -8,21 +8,23 @@ import numpy as np
 
 from elys.sim_node.compilation import signature_of
 from elys.sim_node.physics.kernels import tables
-from elys.sim_node.physics.kernels.broadphase import find_new_pairs, give_slots, index_pairs, merge_pairs
+from elys.sim_node.physics.kernels.broadphase import change_pairs, find_new_pairs, list_active_pairs
 from elys.sim_node.physics.kernels.cast import TOUCH
 from elys.sim_node.physics.kernels.colouring import colour_contacts
 from elys.sim_node.physics.kernels.integrator import finish_step, publish_poses
 from elys.sim_node.physics.kernels.islands import build_islands, list_held
 from elys.sim_node.physics.kernels.narrow_phase import update_manifolds
 from elys.sim_node.physics.kernels.nearby import find_closest, find_overlaps
+from elys.sim_node.physics.kernels.pair_table import fill_table
 from elys.sim_node.physics.kernels.placement import fatten_boxes, place_colliders
 from elys.sim_node.physics.kernels.preparation import prepare_bodies, prepare_contacts, prepare_impacts
 from elys.sim_node.physics.kernels.queries import cast_rays, cast_shapes
 from elys.sim_node.physics.kernels.query_tree import QUERY_NODE, build_query_tree, refit_query_tree
+from elys.sim_node.physics.kernels.sleeping import list_awake, put_to_sleep, wake_marked
 from elys.sim_node.physics.kernels.solver import solve_contacts
 from elys.sim_node.physics.kernels.state_hash import hash_bodies
 from elys.sim_node.physics.kernels.sweep import stop_at_impacts
-from elys.sim_node.physics.kernels.tree import build_tree
+from elys.sim_node.physics.kernels.tree import build_tree, refit_tree
 
 Kernel = tuple[str, Any, tuple[tuple[Any, ...], ...]]
 
@@ -57,6 +59,7 @@ def _kernels() -> tuple[Kernel, ...]:
         np.zeros(1, tables.CLUSTER),
     )
     starts = np.zeros(1, tables.START)
+    islands = np.zeros(1, tables.ISLAND)
     indices = np.zeros(1, np.int32)
     entities = np.zeros(1, np.uint32)
     masks = np.zeros(1, np.uint64)
@@ -94,29 +97,38 @@ def _kernels() -> tuple[Kernel, ...]:
         ),
         (hash_bodies, (entities, words)),
         (publish_poses, (bodies, poses)),
-        (finish_step, (bodies, poses, starts, solver, indices, constants)),
+        (finish_step, (bodies, indices, 0, poses, starts, solver, indices, constants)),
         (
             stop_at_impacts,
             (bodies, colliders, pairs, indices, 0, starts, numbers, poses, bodies, colliders, geometry, constants),
         ),
-        (fatten_boxes, (bodies, colliders, constants)),
-        (place_colliders, (bodies, colliders)),
-        (build_tree, (boxes, leaves, nodes, indices, numbers, True)),
-        (index_pairs, (pairs, 0, indices)),
-        (give_slots, (pairs, 0, manifolds, indices, indices)),
-        (merge_pairs, (colliders, geometry, manifolds, pairs, 0, pairs, 0, pairs, indices, indices, indices)),
-        (find_new_pairs, (bodies, colliders, leaves, nodes, geometry, pairs, indices, pairs, indices)),
-        (build_islands, (*touching, indices, np.zeros(1, tables.ISLAND), strengths, constants)),
-        (list_held, (bodies, indices, groups)),
+        (fatten_boxes, (bodies, colliders, indices, 0, indices, constants)),
+        (place_colliders, (bodies, colliders, indices, 0)),
+        (build_tree, (boxes, leaves, indices, nodes, indices, numbers, True)),
+        (refit_tree, (boxes, indices, 0, leaves, indices, nodes)),
+        (fill_table, (pairs, indices)),
+        (list_active_pairs, (bodies, colliders, pairs, indices, indices)),
+        (
+            change_pairs,
+            (colliders, indices, 0, geometry, pairs, manifolds, indices, indices, 0, pairs, 0, *lanes),
+        ),
+        (find_new_pairs, (bodies, colliders, indices, 0, leaves, nodes, geometry, pairs, indices, pairs, indices)),
+        (list_awake, (bodies, colliders, indices, indices)),
+        (wake_marked, (bodies,)),
+        (put_to_sleep, (bodies, poses, indices, 0, indices, islands, indices, constants)),
+        (build_islands, (bodies, indices, 0, *touching[1:], indices, islands, strengths, constants)),
+        (list_held, (bodies, indices, 0, indices, groups)),
         (colour_contacts, (*touching, masks, indices, indices, indices, indices, groups, spans, *lanes)),
         (prepare_bodies, (bodies, indices, 0, groups, solver, drives, strengths, constants)),
         (prepare_contacts, (groups, spans, *lanes, floats, floats, floats, floats, strengths, constants)),
         (prepare_impacts, (*touching, rows, row_points, groups, solver, drives, constants)),
-        (update_manifolds, (bodies, colliders, pairs, 0, manifolds, found, geometry, constants, indices, indices)),
+        (update_manifolds, (bodies, colliders, pairs, indices, 0, manifolds, found, geometry, constants, indices, indices)),
         (
             solve_contacts,
-            (groups, spans, indices, 0, *lanes, floats, solver, floats, drives, floats)
-            + (manifolds, floats, rows, row_points, strengths, constants),
+            (
+                *(groups, spans, indices, 0, *lanes, floats, solver, floats, drives, floats),
+                *(manifolds, floats, rows, row_points, strengths, constants),
+            ),
         ),
     ]
     return tuple((f"physics.{function.__name__}", function, (signature_of(*a),)) for function, a in listed)

@@ -22,7 +22,9 @@ from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, PLANE, SPHERE
 TOUCH = np.dtype([("point", "f8", 3), ("normal", "f8", 3)], align=True)
 
 ROUNDS = 64  # a grazing touch halves the gap with each; others take a few
-CLOSE = 1e-7  # of the shapes' extent: from there the last step is taken, where the direction of the gap is still sure
+CLOSE = 1e-7  # of the shapes' extent: as near as the direction of the gap is sure, from where the last steps are taken
+KEPT = 1e-3  # of a gap is kept by each step: there is always one from which the last step was seen well
+TOUCHING = 2e-8  # of the shapes' extent: no gap any more
 
 
 @inner
@@ -87,29 +89,32 @@ def cast_convex(probe, shape, points, simplex, extent, ox, oy, oz, dx, dy, dz, l
     """Any convex shape against any other. Places are relative to the still shape's centre; `extent` is the size of both."""
     radius = probe.radius + shape.radius
     close = CLOSE * extent
-    t = 0.0
+    touching = TOUCHING * extent
+    t = left = 0.0
     center = probe.center
-    for _ in range(ROUNDS):
+    for step in range(ROUNDS):
         center[0], center[1], center[2] = ox + t * dx, oy + t * dy, oz + t * dz
         gap = core_distance(probe, shape, points, FAR, simplex) - radius
-        if gap <= 0.0:
-            write_touch(touch, center[0], center[1], center[2], -dx, -dy, -dz)
-            return t
+        if step == 0 and gap <= 0.0:
+            write_touch(touch, ox, oy, oz, -dx, -dy, -dz)
+            return 0.0
+        if step > 0 and gap <= touching:
+            # Of shapes that lie almost flat on each other the distance vanishes too early: the last one seen knows better.
+            t += left
+            break
         n = simplex.direction
         approach = n[0] * dx + n[1] * dy + n[2] * dz
         if approach <= 0.0:
             return MISS
-        last = gap <= 2.0 * close
-        t += (gap if last else gap - close) / approach
+        b = simplex.on_b
+        r = shape.radius
+        write_touch(touch, b[0] - r * n[0], b[1] - r * n[1], b[2] - r * n[2], -n[0], -n[1], -n[2])
+        keep = max(close, KEPT * gap) if gap > 2.0 * close else 0.0
+        t += (gap - keep) / approach
+        left = keep / approach
         if t > limit:
             return MISS
-        if last:
-            break
-    n = simplex.direction
-    b = simplex.on_b
-    r = shape.radius
-    write_touch(touch, b[0] - r * n[0], b[1] - r * n[1], b[2] - r * n[2], -n[0], -n[1], -n[2])
-    return t
+    return t if t <= limit else MISS
 
 
 @inner

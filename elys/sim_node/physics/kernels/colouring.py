@@ -59,7 +59,7 @@ def choose_colours(bodies, colliders, pairs, touching, touching_count, manifolds
                 # Counted beside each other: the colours among what moves, and all.
                 if fixed == 0:
                     colour_counts[2 * group] = max(colour_counts[2 * group], colour + 1)
-            keys[t] = (group * (OVERFLOW + 1) + colour) * POINTS + POINTS - manifolds[pair.slot].point_count
+            keys[t] = (group * (OVERFLOW + 1) + colour) * POINTS + POINTS - manifolds[touching[t]].point_count
 
 
 @inner
@@ -148,13 +148,14 @@ def colour_contacts(
                     if k >= together or place >= end:
                         fill_lane(lane, nobody, -1, -1, 0, body_a, body_b, slots)
                         continue
-                    pair = pairs[touching[order[place]]]
+                    slot = touching[order[place]]
+                    pair = pairs[slot]
                     a = colliders[pair.a].body
                     b = colliders[pair.b].body
                     a = a if bodies[a].held != 0 else -1
                     b = b if bodies[b].held != 0 else -1
-                    fill_lane(lane, nobody, a, b, pair.slot, body_a, body_b, slots)
-                    counts[batch] = max(counts[batch], manifolds[pair.slot].point_count)
+                    fill_lane(lane, nobody, a, b, slot, body_a, body_b, slots)
+                    counts[batch] = max(counts[batch], manifolds[slot].point_count)
                     place += 1
                 batch += 1
             spans[span].last = batch

@@ -96,8 +96,32 @@ def hides_origin(w, i, j, k, opposite):
 
 
 @inner
-def reduce_simplex(simplex):
-    """Keeps the vertices that hold the point closest to the origin, with their weights; False when it holds the origin."""
+def closest_face(simplex, only_hiding):
+    """Weights at the point closest to the origin on those faces of a tetrahedron that hide it, or on all; its squared norm.
+
+    FAR when no face hides the origin. The fourth face is the simplex of before, and the last vertex lies beyond it.
+    """
+    w = simplex.vertex
+    weight = simplex.weight
+    best = FAR
+    for side in range(3):
+        i, j, opposite = side, (side + 1) % 3, (side + 2) % 3
+        if only_hiding and not hides_origin(w, 3 * i, 3 * j, 9, 3 * opposite):
+            continue
+        s, t, u = weights_on_triangle(w, 3 * i, 3 * j, 9)
+        squared = squared_norm_at(w, 3 * i, 3 * j, 9, s, t, u)
+        if squared < best:
+            best = squared
+            weight[i], weight[j], weight[opposite], weight[3] = s, t, 0.0, u
+    return best
+
+
+@inner
+def reduce_simplex(simplex, apart):
+    """Keeps the vertices that hold the point closest to the origin, with their weights; False when it holds the origin.
+
+    `apart` says that this is known to be impossible.
+    """
     w = simplex.vertex
     weight = simplex.weight
     count = simplex.count
@@ -111,16 +135,10 @@ def reduce_simplex(simplex):
     elif count == 3:
         weight[0], weight[1], weight[2] = weights_on_triangle(w, 0, 3, 6)
     else:
-        best = FAR
-        for side in range(3):  # the fourth face is the simplex of before, and the last vertex lies beyond it
-            i, j, opposite = side, (side + 1) % 3, (side + 2) % 3
-            if not hides_origin(w, 3 * i, 3 * j, 9, 3 * opposite):
-                continue
-            s, t, u = weights_on_triangle(w, 3 * i, 3 * j, 9)
-            squared = squared_norm_at(w, 3 * i, 3 * j, 9, s, t, u)
-            if squared < best:
-                best = squared
-                weight[i], weight[j], weight[opposite], weight[3] = s, t, 0.0, u
+        best = closest_face(simplex, True)
+        if best == FAR and apart:
+            # Rounding makes a flat tetrahedron seem to hold what is known to be outside.
+            best = closest_face(simplex, False)
         if best == FAR:
             return False
     from_a = simplex.from_a
@@ -201,7 +219,9 @@ def distance_from(a, b, points, dx, dy, dz, limit, simplex):
         p = simplex.from_a
         p[3 * n], p[3 * n + 1], p[3 * n + 2] = px, py, pz
         simplex.count = n + 1
-        if not reduce_simplex(simplex):
+        # The plane through the new vertex, at right angles to the direction, has both cores on its sides.
+        apart = along > 0.0 and along * along > TOUCHING * TOUCHING * extent * length
+        if not reduce_simplex(simplex, apart):
             return 0.0
         nx, ny, nz, px, py, pz = closest_now(simplex)
         shorter = nx * nx + ny * ny + nz * nz

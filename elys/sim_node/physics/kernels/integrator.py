@@ -16,8 +16,9 @@ from elys.sim_node.physics.kernels.batch import BODY_FLOATS, DRIVE_FLOATS
 from elys.sim_node.physics.kernels.placement import write_world_inertia
 from elys.sim_node.physics.kernels.rotation import multiplied, normalized, rotated, spun, turn_by
 from elys.sim_node.physics.kernels.simd import load, splat, store
-from elys.sim_node.physics.kernels.tables import DYNAMIC, SOLVER_DRIVE, STATIC
+from elys.sim_node.physics.kernels.tables import DYNAMIC, SOLVER_DRIVE
 
+SPINNING = 1e-6  # squared turn in a step [rad^2] above which a body's moments make a difference
 LARGEST = 1e38  # above it a number does not fit the 32 bits in which velocities are published, as if it were not finite
 
 FREE_AT = SOLVER_DRIVE.fields["free_velocity"][1] // 4
@@ -172,27 +173,43 @@ def principal_spin(body, x, y, z):
 
 
 @inner
-def move_held(body, solved):
-    """Takes over what the solver found. As a body turns its angular momentum stays, not its angular velocity."""
-    v = body.velocity
+def turn_held(body, solved, h):
+    """Turns a body that contacts held, by what the solver found, and gives it the angular velocity it then has.
+
+    Part of the solver's velocity turned the body; with that it has flown freely, as Euler's equations say. The rest came
+    with the last impulses: its angular momentum stays as the body turns.
+    """
     d = solved.displacement
-    for k in range(3):
-        v[k] = solved.velocity[k]
-        body.position[k] += d[k]
-    wx, wy, wz = float(solved.velocity[3]), float(solved.velocity[4]), float(solved.velocity[5])
+    v = body.velocity
+    q = body.rotation
     inverse = body.inverse_inertia
+    ix, iy, iz = inverse[0], inverse[1], inverse[2]
     vx, vy, vz = float(d[3]), float(d[4]), float(d[5])
-    is_round = inverse[0] == inverse[1] and inverse[1] == inverse[2]
-    if is_round or inverse[0] * inverse[1] * inverse[2] == 0.0:
+    wx, wy, wz = float(solved.velocity[3]), float(solved.velocity[4]), float(solved.velocity[5])
+    if ix * iy * iz == 0.0 or (ix == iy and iy == iz):
         turn_body(body, vx, vy, vz)
+        v[3], v[4], v[5] = wx, wy, wz
+        return
+    rate = 1.0 / h
+    ox, oy, oz = vx * rate, vy * rate, vz * rate
+    px, py, pz = principal_spin(body, wx - ox, wy - oy, wz - oz)
+    lx, ly, lz = rotated(q[0], q[1], q[2], q[3], px / ix, py / iy, pz / iz)
+    if vx * vx + vy * vy + vz * vz > SPINNING:
+        q[0], q[1], q[2], q[3], ox, oy, oz = spun(q[0], q[1], q[2], q[3], ox, oy, oz, ix, iy, iz, h)
     else:
-        px, py, pz = principal_spin(body, wx, wy, wz)
-        q = body.rotation
-        px, py, pz = rotated(q[0], q[1], q[2], q[3], px / inverse[0], py / inverse[1], pz / inverse[2])
         turn_body(body, vx, vy, vz)
-        px, py, pz = principal_spin(body, px, py, pz)
-        wx, wy, wz = rotated(q[0], q[1], q[2], q[3], px * inverse[0], py * inverse[1], pz * inverse[2])
-    v[3], v[4], v[5] = wx, wy, wz
+    px, py, pz = principal_spin(body, lx, ly, lz)
+    px, py, pz = rotated(q[0], q[1], q[2], q[3], px * ix, py * iy, pz * iz)
+    v[3], v[4], v[5] = ox + px, oy + py, oz + pz
+
+
+@inner
+def move_held(body, solved, h):
+    """Takes over what the solver found in a step of length h."""
+    for k in range(3):
+        body.velocity[k] = solved.velocity[k]
+        body.position[k] += solved.displacement[k]
+    turn_held(body, solved, h)
 
 
 @inner
@@ -245,30 +262,24 @@ def publish_pose(body, pose):
 
 
 @kernel
-def finish_step(bodies, poses, starts, solver_bodies, faulty, all_constants):
-    """Moves every body to where it is after the step and publishes the poses; returns how many are not finite any more.
+def finish_step(bodies, awake, awake_count, poses, starts, solver_bodies, faulty, all_constants):
+    """Moves every awake body to where it is after the step and publishes the poses.
+
+    Returns how many are not finite any more.
 
     Those are listed in `faulty` (N,) and keep their last published pose. `starts` (N,) gets where each was before.
     """
     constants = all_constants[0]
     faults = 0
-    for i in range(bodies.shape[0]):
+    for index in range(awake_count):
+        i = awake[index]
         body = bodies[i]
-        if body.motion == STATIC:
-            # What is not finite times no inverse mass is not 0: one bad body must not spoil all that touch the ground.
-            for k in range(6):
-                body.velocity[k] = 0.0
-            for k in range(3):
-                starts[i].position[k] = body.position[k]
-            for k in range(4):
-                starts[i].rotation[k] = body.rotation[k]
-            continue
         for k in range(3):
             starts[i].position[k] = body.position[k]
         for k in range(4):
             starts[i].rotation[k] = body.rotation[k]
         if body.held != 0 and body.motion == DYNAMIC:
-            move_held(body, solver_bodies[i])
+            move_held(body, solver_bodies[i], constants.time)
         else:
             move_free(body, constants)
         if not is_finite(body):

@@ -8,13 +8,14 @@ alone. An island of very many bodies is allowed ten times as much: a heap need n
 
 from __future__ import annotations
 
-import math
+import numpy as np
 
 from elys.sim_node.compilation import inner, kernel
-from elys.sim_node.physics.kernels.tables import DYNAMIC, POINTS, STATIC
+from elys.sim_node.physics.kernels.tables import DYNAMIC, KINEMATIC, POINTS, STATIC
 
-COLUMN = 64  # bodies up to which each contact of an island may give way by the allowed overlap
+LAYERS = 9.0  # up to which each contact of an island may give way by the allowed overlap: higher up it adds up
 SMALL = 512  # bodies up to which an island is solved exactly at all
+SIDE = 1.1547  # of a cube, whose corners are 1 from its middle
 COARSE = 10.0  # how much more contacts of a larger one may give way
 EASED = 0.9  # of the allowed overlap, below which a weaker solution would do
 PATIENCE = 60  # steps for which it must have been so: a change shakes what stands
@@ -39,6 +40,14 @@ def join(parent, a, b):
         parent[b] = a
     else:
         parent[a] = b
+
+
+@inner
+def is_moving(body):
+    moves = False
+    for k in range(6):
+        moves = moves or body.velocity[k] != 0.0
+    return moves
 
 
 @inner
@@ -76,20 +85,25 @@ def wanted_strength(first, second, manifold, allowed, present, strengths, consta
 
 
 @inner
-def allowance(body_count):
+def allowance(island):
     """How much each contact of an island may give way: in a high one the overlaps add up, so less; in a huge one more."""
-    if body_count <= COLUMN:
-        return 1.0
-    return math.sqrt(COLUMN / body_count) if body_count <= SMALL else COARSE
+    if island.body_count > SMALL:
+        return COARSE
+    layers = 1.0 + (island.high - island.low) * island.body_count / (SIDE * island.extent)
+    return min(LAYERS / layers, 1.0)
 
 
 @inner
-def find_islands(bodies, colliders, pairs, touching, touching_count, parent, islands):
-    """Marks the bodies that contacts hold and joins them into islands."""
-    for i in range(bodies.shape[0]):
+def find_islands(bodies, awake, awake_count, colliders, pairs, touching, touching_count, parent, islands, g):
+    """Marks the bodies that contacts hold and joins them into islands; what something moves by itself touches stays awake."""
+    for index in range(awake_count):
+        i = awake[index]
         bodies[i].held = 0
         parent[i] = i
         island = islands[i]
+        island.low = np.inf
+        island.high = -np.inf
+        island.extent = 0.0
         island.body_count = 0
         island.wanted = 0
         island.present = 0
@@ -105,9 +119,19 @@ def find_islands(bodies, colliders, pairs, touching, touching_count, parent, isl
             second.held = 1
         if first.motion == DYNAMIC and second.motion == DYNAMIC:
             join(parent, a, b)
-    for i in range(bodies.shape[0]):
-        if bodies[i].held != 0:
+        elif first.motion == KINEMATIC and is_moving(first):
+            second.still_time = 0.0
+        elif second.motion == KINEMATIC and is_moving(second):
+            first.still_time = 0.0
+    for index in range(awake_count):
+        i = awake[index]
+        if bodies[i].held != 0 and bodies[i].motion == DYNAMIC:
             island = islands[root_of(parent, i)]
+            p = bodies[i].position
+            height = p[0] * g[0] + p[1] * g[1] + p[2] * g[2]
+            island.low = min(island.low, height)
+            island.high = max(island.high, height)
+            island.extent += bodies[i].extent
             island.body_count += 1
             island.present = max(island.present, bodies[i].strength)
 
@@ -122,25 +146,39 @@ def ask_contacts(bodies, colliders, pairs, touching, touching_count, manifolds, 
         first = bodies[a]
         second = bodies[b]
         island = islands[root_of(parent, a if first.motion == DYNAMIC else b)]
-        allowed = constants.overlap * allowance(island.body_count)
-        wanted = wanted_strength(first, second, manifolds[pair.slot], allowed, island.present, strengths, constants)
+        allowed = constants.overlap * allowance(island)
+        wanted = wanted_strength(first, second, manifolds[touching[t]], allowed, island.present, strengths, constants)
         island.wanted = max(island.wanted, wanted)
 
 
 @kernel
 def build_islands(
-    bodies, colliders, pairs, touching, touching_count, manifolds, parent, islands, strengths, all_constants
+    bodies,
+    awake,
+    awake_count,
+    colliders,
+    pairs,
+    touching,
+    touching_count,
+    manifolds,
+    parent,
+    islands,
+    strengths,
+    all_constants,
 ):
-    """Marks the bodies that contacts hold, and gives each the strength of its island; whether any strength has changed.
+    """Marks the awake bodies that contacts hold, and gives each the strength of its island; whether any strength has changed.
 
     Parameters: parent (N,) int32 and islands (N,) are room; afterwards root_of(parent, i) is the row of body i's island.
     """
-    find_islands(bodies, colliders, pairs, touching, touching_count, parent, islands)
+    constants = all_constants[0]
+    down = constants.down
+    find_islands(bodies, awake, awake_count, colliders, pairs, touching, touching_count, parent, islands, down)
     ask_contacts(
-        bodies, colliders, pairs, touching, touching_count, manifolds, parent, islands, strengths, all_constants[0]
+        bodies, colliders, pairs, touching, touching_count, manifolds, parent, islands, strengths, constants
     )
     is_changed = False
-    for i in range(bodies.shape[0]):
+    for index in range(awake_count):
+        i = awake[index]
         body = bodies[i]
         before = body.strength
         if body.held != 0 and body.motion == DYNAMIC:
@@ -162,14 +200,15 @@ def build_islands(
 
 
 @kernel
-def list_held(bodies, held, groups):
+def list_held(bodies, awake, awake_count, held, groups):
     """Lists the rows of held bodies by strength, those that no force moves last; fills the groups' ranges of `held` (N,).
 
     Returns where the list of the latter ends; it begins where the last group ends.
     """
     for g in range(groups.shape[0]):
         groups[g].last_body = 0
-    for i in range(bodies.shape[0]):
+    for index in range(awake_count):
+        i = awake[index]
         if bodies[i].held != 0 and bodies[i].motion == DYNAMIC:
             groups[bodies[i].strength].last_body += 1
     at = 0
@@ -178,7 +217,8 @@ def list_held(bodies, held, groups):
         at += groups[g].last_body
         groups[g].last_body = groups[g].first_body
     end = at
-    for i in range(bodies.shape[0]):
+    for index in range(awake_count):
+        i = awake[index]
         if bodies[i].held == 0:
             continue
         if bodies[i].motion == DYNAMIC:

@@ -11,8 +11,9 @@ from elys.sim_node.physics.kernels.convex import convex_convex, plane_convex, tr
 from elys.sim_node.physics.kernels.manifold import follow_motion, forget_contact, write_manifold
 from elys.sim_node.physics.kernels.midphase import has_parts
 from elys.sim_node.physics.kernels.parts import choose_hosts, gather, hosted_by, run_end, take_cluster
+from elys.sim_node.physics.kernels.sleeping import AWAKE, WAKING, disturbs
 from elys.sim_node.physics.kernels.sphere import box_sphere, sphere_sphere
-from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CYLINDER, MESH, PLANE, SPHERE
+from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CYLINDER, DYNAMIC, MESH, PLANE, SPHERE
 
 HARDLY = 1e-3  # turn after which the contact of something round is looked for anew [rad]
 
@@ -152,25 +153,27 @@ def turned_by(turn):
 
 
 @inner
-def update_parts(first, second, colliders, pairs, begin, end, manifolds, found, geometry, margin, constants):
+def update_parts(first, second, colliders, pairs, active, begin, end, manifolds, found, geometry, margin, constants):
     """Brings the manifolds of a collider with the parts of a mesh up to date; whether any has got or lost points."""
-    a = colliders[pairs[begin].a]
-    b = colliders[pairs[begin].b]
+    row_a = pairs[active[begin]].a
+    row_b = pairs[active[begin]].b
+    a = colliders[row_a]
+    b = colliders[row_b]
     is_stale = False
     for q in range(begin, end):
-        is_stale = must_refresh(first, second, a, b, manifolds[pairs[q].slot], margin, constants) or is_stale
+        is_stale = must_refresh(first, second, a, b, manifolds[active[q]], margin, constants) or is_stale
     if not is_stale:
         return False
     clusters = geometry.clusters
     cluster_count = 0
     for q in range(begin, end):
-        count = collide(colliders, pairs[q].a, pairs[q].b, pairs[q].part, margin, found, geometry)
+        count = collide(colliders, row_a, row_b, pairs[active[q]].part, margin, found, geometry)
         if count > 0:
             cluster_count = gather(clusters, cluster_count, found, count, q, margin)
-    choose_hosts(clusters, cluster_count, pairs, begin, end, manifolds)
+    choose_hosts(clusters, cluster_count, active, begin, end, manifolds)
     is_changed = False
     for q in range(begin, end):
-        manifold = manifolds[pairs[q].slot]
+        manifold = manifolds[active[q]]
         before = manifold.point_count
         at = hosted_by(clusters, cluster_count, q)
         count = take_cluster(clusters[at], found) if at >= 0 else 0
@@ -179,14 +182,32 @@ def update_parts(first, second, colliders, pairs, begin, end, manifolds, found, 
     return is_changed
 
 
+@inner
+def is_held(body):
+    """Whether contacts have an effect on a body now."""
+    return body.motion == DYNAMIC and body.asleep == AWAKE
+
+
+@inner
+def wake_touched(first, second):
+    """Marks the one of two touching bodies that the other wakes; whether there is one."""
+    if disturbs(first, second):
+        second.asleep = WAKING
+        return True
+    if disturbs(second, first):
+        first.asleep = WAKING
+        return True
+    return False
+
+
 @kernel
 def update_manifolds(
-    bodies, colliders, pairs, pair_count, manifolds, all_found, geometry, all_constants, touching, fast
+    bodies, colliders, pairs, active, active_count, manifolds, all_found, geometry, all_constants, touching, fast
 ):
-    """Brings the manifold of every pair up to date; returns how many have contact, their pairs listed in `touching`.
+    """Brings the manifold of every active pair up to date; returns how many have contact, their slots listed in `touching`.
 
     Second comes whether any manifold has got or lost points, third how many pairs are so fast that they may miss each other
-    within the step: those are listed in `fast`.
+    within the step: those are listed in `fast`. Last comes whether anything asleep was touched and marked to be woken.
     """
     constants = all_constants[0]
     found = all_found[0]
@@ -194,41 +215,40 @@ def update_manifolds(
     is_changed = False
     parts_end = 0
     fast_count = 0
-    for p in range(pair_count):
-        pair = pairs[p]
+    is_woken = False
+    for p in range(active_count):
+        slot = active[p]
+        pair = pairs[slot]
         a = colliders[pair.a]
         b = colliders[pair.b]
         first = bodies[a.body]
         second = bodies[b.body]
-        manifold = manifolds[pair.slot]
+        manifold = manifolds[slot]
         margin, is_fast = pair_margin(first, second, a, b, constants)
         if is_fast:
-            fast[fast_count] = p
+            fast[fast_count] = slot
             fast_count += 1
         if has_parts(a) or has_parts(b):
             if p >= parts_end:
-                parts_end = run_end(pairs, p, pair_count)
+                parts_end = run_end(pairs, active, p, active_count)
                 part_changed = update_parts(
-                    first, second, colliders, pairs, p, parts_end, manifolds, found, geometry, margin, constants
+                    first, second, colliders, pairs, active, p, parts_end, manifolds, found, geometry, margin, constants
                 )
                 is_changed = is_changed or part_changed
+        elif boxes_apart(a.box, b.box, margin):
             if manifold.point_count > 0:
-                touching[touching_count] = p
-                touching_count += 1
-            continue
-        before = manifold.point_count
-        if boxes_apart(a.box, b.box, margin):
-            if before > 0:
                 is_changed = True
                 forget_contact(manifold)
             manifold.margin = -1.0
-            continue
-        if must_refresh(first, second, a, b, manifold, margin, constants):
+        elif must_refresh(first, second, a, b, manifold, margin, constants):
+            before = manifold.point_count
             set_hint(found, manifold)
             count = collide(colliders, pair.a, pair.b, pair.part, margin, found, geometry)
             write_manifold(first, second, a, b, manifold, found, count, margin, constants)
             is_changed = is_changed or count != before
         if manifold.point_count > 0:
-            touching[touching_count] = p
-            touching_count += 1
-    return touching_count, is_changed, fast_count
+            is_woken = wake_touched(first, second) or is_woken
+            if is_held(first) or is_held(second):
+                touching[touching_count] = slot
+                touching_count += 1
+    return touching_count, is_changed, fast_count, is_woken

@@ -20,10 +20,11 @@ DEEPER = 0.02  # how much deeper a point must be to be kept for its depth alone,
 
 
 @inner
-def run_end(pairs, begin, pair_count):
+def run_end(pairs, active, begin, active_count):
     """Where the pairs of the same two colliders end."""
+    pair = pairs[active[begin]]
     end = begin + 1
-    while end < pair_count and pairs[end].a == pairs[begin].a and pairs[end].b == pairs[begin].b:
+    while end < active_count and pairs[active[end]].a == pair.a and pairs[active[end]].b == pair.b:
         end += 1
     return end
 
@@ -143,10 +144,10 @@ def hosted_by(clusters, cluster_count, pair):
 
 
 @inner
-def choose_hosts(clusters, cluster_count, pairs, begin, end, manifolds):
+def choose_hosts(clusters, cluster_count, active, begin, end, manifolds):
     """Gives every cluster a pair of its own: the one that kept this contact before, if there is one."""
     for q in range(begin, end):
-        manifold = manifolds[pairs[q].slot]
+        manifold = manifolds[active[q]]
         if manifold.point_count == 0:
             continue
         best = 1.0 - SAME_CONTACT

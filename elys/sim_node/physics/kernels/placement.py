@@ -71,10 +71,10 @@ def place_collider(body, collider):
 
 
 @kernel
-def place_colliders(bodies, colliders):
-    """Writes centre, axes and tight box of every collider from its body's pose."""
-    for c in range(colliders.shape[0]):
-        collider = colliders[c]
+def place_colliders(bodies, colliders, listed, count):
+    """Writes centre, axes and tight box of the first `count` listed colliders from their bodies' poses."""
+    for index in range(count):
+        collider = colliders[listed[index]]
         place_collider(bodies[collider.body], collider)
         center = collider.center
         box = collider.box
@@ -100,17 +100,19 @@ def turning_travel(body, collider, h):
 
 
 @kernel
-def fatten_boxes(bodies, colliders, all_constants):
-    """Gives a new fat box to every collider that may leave its old one in this step; returns how many.
+def fatten_boxes(bodies, colliders, listed, count, moved, all_constants):
+    """Gives a new fat box to every listed collider that may leave its old one in this step.
+
+    Writes those into `moved` and marks them; returns how many they are.
 
     Together two boxes hold the gap that `pair_margin` looks across, all around and not only ahead: what is found must not
     depend on how the world is turned. What is added beyond that lets a box last: a little, and some more steps ahead.
     """
     constants = all_constants[0]
     h = constants.time
-    moved = 0
-    for c in range(colliders.shape[0]):
-        collider = colliders[c]
+    moved_count = 0
+    for index in range(count):
+        collider = colliders[listed[index]]
         body = bodies[collider.body]
         around = constants.margin
         ahead = 0.0
@@ -131,7 +133,6 @@ def fatten_boxes(bodies, colliders, all_constants):
             most = around + 3.0 * constants.fattening + 2.0 * abs(body.velocity[k]) * ahead
             fits = fits and 0.0 <= low <= most and 0.0 <= high <= most
         if fits:
-            collider.moved = 0
             continue
         around += constants.fattening
         for k in range(3):
@@ -139,5 +140,6 @@ def fatten_boxes(bodies, colliders, all_constants):
             fat[k] = box[k] - around + min(way, 0.0)
             fat[3 + k] = box[3 + k] + around + max(way, 0.0)
         collider.moved = 1
-        moved += 1
-    return moved
+        moved[moved_count] = listed[index]
+        moved_count += 1
+    return moved_count

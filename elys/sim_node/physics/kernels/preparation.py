@@ -186,8 +186,9 @@ def prepare_impacts(
         groups[g].first_row = count
         if constants.can_bounce != 0:
             for t in range(touching_count):
-                pair = pairs[touching[t]]
-                manifold = manifolds[pair.slot]
+                slot = touching[t]
+                pair = pairs[slot]
+                manifold = manifolds[slot]
                 if manifold.restitution == 0.0:
                     continue
                 a = colliders[pair.a].body
@@ -197,7 +198,7 @@ def prepare_impacts(
                 a = a if bodies[a].held != 0 else bodies.shape[0]
                 b = b if bodies[b].held != 0 else bodies.shape[0]
                 prepare_row(
-                    rows[count], row_points, count * POINTS, pair.slot, manifold, a, b, solver_bodies, drives, constants
+                    rows[count], row_points, count * POINTS, slot, manifold, a, b, solver_bodies, drives, constants
                 )
                 count += 1
         groups[g].last_row = count

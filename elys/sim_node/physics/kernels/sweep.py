@@ -144,8 +144,14 @@ def stop_at_impacts(
     near = 0.1 * all_constants[0].margin
     for f in range(fast_count):
         pair = pairs[fast[f]]
-        fractions[colliders[pair.a].body] = 1.0
-        fractions[colliders[pair.b].body] = 1.0
+        for side in range(2):
+            i = colliders[pair.a if side == 0 else pair.b].body
+            fractions[i] = 1.0
+            if bodies[i].motion == STATIC or bodies[i].asleep != 0:
+                for k in range(3):
+                    starts[i].position[k] = bodies[i].position[k]
+                for k in range(4):
+                    starts[i].rotation[k] = bodies[i].rotation[k]
     for _ in range(ROUNDS):
         quiet = True
         for f in range(fast_count):

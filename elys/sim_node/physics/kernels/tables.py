@@ -35,8 +35,12 @@ BODY = np.dtype(
         ("gravity_scale", "f8"),
         ("linear_damping", "f8"),  # [1/s]
         ("angular_damping", "f8"),  # [1/s]
+        ("extent", "f8"),  # distance of its farthest point from the centre of mass [m]
+        ("still_time", "f8"),  # for how long it has hardly moved [s]
+        ("next_asleep", "i4"),  # row of the next body of its sleeping island, in a ring
         ("entity", "u4"),
         ("motion", "u1"),  # DYNAMIC, KINEMATIC or STATIC
+        ("asleep", "u1"),  # AWAKE, ASLEEP or WAKING
         ("strength", "u1"),  # which row of STRENGTH its contacts asked for in the last step
         ("calm", "u1"),  # for how many steps its island has been solved more strongly than it asked for
         ("held", "u1"),  # a contact may act on it in this step
@@ -114,13 +118,12 @@ COLLIDER = np.dtype(
 # Morton codes and the order they give, twice: a radix sort needs room.
 TREE_LEAF = np.dtype([("code", "i8"), ("other_code", "i8"), ("order", "i4"), ("other_order", "i4")], align=True)
 
-# Colliders whose fat boxes overlap, sorted by (a, b, part) with a < b.
+# Colliders whose fat boxes overlap, a < b; the manifold stands in the same row, its slot. Where a is -1 there is no pair.
 PAIR = np.dtype(
     [
         ("a", "i4"),
         ("b", "i4"),
         ("part", "i4"),  # which triangle of a mesh or height field, else 0
-        ("slot", "i4"),  # the pair's manifold
     ],
     align=True,
 )
@@ -274,11 +277,15 @@ CONSTANTS = np.dtype(
     [
         ("time", "f8"),  # of the step [s]
         ("gravity", "f8", 3),  # [m/s^2]
+        ("down", "f8", 3),  # its direction; zero without gravity
         ("margin", "f8"),  # gap up to which resting contacts are kept [m]
         ("fattening", "f8"),  # how much larger fat boxes are [m]
         ("recycle_distance", "f8"),  # a manifold is kept while its bodies moved less against each other [m]
         ("recycle_angle", "f8"),  # and each turned less [rad]
         ("bounce_speed", "f8"),  # slower approaches do not bounce [m/s]
+        ("sleep_speed", "f8"),  # what is slower [m/s]
+        ("sleep_spin", "f8"),  # and turns more slowly [rad/s]
+        ("sleep_time", "f8"),  # for so long falls asleep [s]
         ("overlap", "f8"),  # contacts that would give way more are solved by a stronger row of STRENGTH [m]
         ("friction_rule", "u1"),  # how a pair's coefficient follows from two: GEOMETRIC_MEAN to MULTIPLY
         ("restitution_rule", "u1"),
@@ -304,6 +311,10 @@ STRENGTH = np.dtype(
 # An island, in the row of its first body.
 ISLAND = np.dtype(
     [
+        ("still_time", "f8"),  # the shortest of its bodies' [s]
+        ("low", "f8"),  # its lowest and highest centre of mass along gravity [m]
+        ("high", "f8"),
+        ("extent", "f8"),  # sum of its bodies' [m]
         ("body_count", "i4"),
         ("wanted", "u1"),  # the strength that its contacts ask for
         ("present", "u1"),  # the largest that its bodies had in the last step

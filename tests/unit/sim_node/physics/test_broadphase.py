@@ -37,19 +37,26 @@ def found(store):
     return list(zip(store.live_pairs["a"].tolist(), store.live_pairs["b"].tolist(), strict=True))
 
 
+def update(store, bodies, colliders, geometry=NO_GEOMETRY):
+    if store.is_outdated:
+        store.list_active(bodies, colliders)
+    moved = np.flatnonzero(colliders["moved"]).astype(np.int32)
+    store.update_pairs(bodies, colliders, geometry, moved, len(moved))
+
+
 def test_pairs_equal_brute_force_and_are_sorted_while_boxes_move():
     rng = np.random.default_rng(0)
     bodies, colliders = make_tables(rng, 300)
     store = ContactStore()
     store.set_collider_count(len(colliders))
-    store.update_pairs(bodies, colliders, NO_GEOMETRY, len(colliders))
+    update(store, bodies, colliders)
     assert found(store) == brute_force(bodies, colliders)
     for moved_share in (0.02, 0.3, 1.0, 0.1, 0.0):
         moved = rng.random(300) < moved_share
         step = rng.normal(0, 2, (300, 3)) * moved[:, None]
         colliders["fat_box"] += np.concatenate([step, step], axis=1)
         colliders["moved"] = moved
-        store.update_pairs(bodies, colliders, NO_GEOMETRY, int(moved.sum()))
+        update(store, bodies, colliders)
         assert found(store) == brute_force(bodies, colliders)
         slots = store.live_pairs["slot"]
         assert len(np.unique(slots)) == len(slots) and (slots >= 0).all()
@@ -60,14 +67,14 @@ def test_a_pair_keeps_its_manifold_while_others_come_and_go():
     bodies, colliders = make_tables(rng, 100)
     store = ContactStore()
     store.set_collider_count(100)
-    store.update_pairs(bodies, colliders, NO_GEOMETRY, 100)
+    update(store, bodies, colliders)
     store.manifolds["twist_impulse"][store.live_pairs["slot"]] = np.arange(store.pair_count) + 1.0
     named = dict(zip(found(store), np.arange(store.pair_count) + 1.0, strict=True))
     moved = np.arange(100) % 10 == 0
     step = rng.normal(0, 3, (100, 3)) * moved[:, None]
     colliders["fat_box"] += np.concatenate([step, step], axis=1)
     colliders["moved"] = moved
-    store.update_pairs(bodies, colliders, NO_GEOMETRY, 10)
+    update(store, bodies, colliders)
     for pair, slot in zip(found(store), store.live_pairs["slot"], strict=True):
         assert store.manifolds["twist_impulse"][slot] == named.get(pair, 0.0)
 
@@ -79,7 +86,7 @@ def test_colliders_of_one_body_do_not_pair():
     colliders["body"] = np.arange(50) // 2
     store = ContactStore()
     store.set_collider_count(50)
-    store.update_pairs(bodies, colliders, NO_GEOMETRY, 50)
+    update(store, bodies, colliders)
     expected = [(a, b) for a, b in brute_force(bodies, colliders) if a // 2 != b // 2]
     assert found(store) == expected
 
@@ -89,7 +96,7 @@ def test_removed_colliders_end_their_pairs_and_the_others_follow():
     bodies, colliders = make_tables(rng, 80)
     store = ContactStore()
     store.set_collider_count(80)
-    store.update_pairs(bodies, colliders, NO_GEOMETRY, 80)
+    update(store, bodies, colliders)
     keep = rng.random(80) < 0.7
     store.follow_colliders(np.where(keep, np.cumsum(keep) - 1, -1))
     assert found(store) == brute_force(bodies[keep], colliders[keep])
@@ -118,7 +125,7 @@ def test_a_collider_pairs_with_the_triangles_near_it_and_only_with_them():
         step[0] = 0.0
         colliders["fat_box"] += np.concatenate([step, step], axis=1)
         colliders["moved"] = moved
-        contacts.update_pairs(bodies, colliders, store.arrays, int(moved.sum()))
+        update(contacts, bodies, colliders, store.arrays)
         expected = []
         for b in np.flatnonzero(bodies["motion"] == DYNAMIC):
             box = colliders["fat_box"][b]
@@ -139,7 +146,7 @@ def test_layers_that_do_not_meet_make_no_pairs():
     colliders["mask"] = rng.integers(0, 8, 60)
     store = ContactStore()
     store.set_collider_count(60)
-    store.update_pairs(bodies, colliders, NO_GEOMETRY, 60)
+    update(store, bodies, colliders)
     layer, mask = colliders["layer"].astype(int), colliders["mask"].astype(int)
     expected = [(a, b) for a, b in brute_force(bodies, colliders) if layer[a] & mask[b] and layer[b] & mask[a]]
     assert found(store) == expected

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numba import njit
+from elys.sim_node.compilation import inner
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
+from elys.sim_node.compilation import inner
 from elys.sim_node.physics.kernels.gjk import FAR, core_distance, core_overlap, first_direction
 from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CONVEX, CYLINDER, FACE, HULL, SIMPLEX, SPHERE, TRIANGLE
 
@@ -17,13 +18,13 @@ UP = np.array([0.0, 1.0, 0.0])
 TURN = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
 
 
-@njit
+@inner
 def distances(sides, points, limit, simplices, out):
     for i in range(out.shape[0]):
         out[i] = core_distance(sides[2 * i], sides[2 * i + 1], points, limit, simplices[i])
 
 
-@njit
+@inner
 def overlaps(sides, faces, points, opening, simplices, out):
     for i in range(out.shape[0]):
         a, b = sides[2 * i], sides[2 * i + 1]

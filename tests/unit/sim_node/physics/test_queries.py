@@ -7,26 +7,28 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from elys.common.errors import PhysicsError
-from elys.sim_node.physics import BOX, SPHERE, PhysicsWorld
+from elys.sim_node.physics import PhysicsWorld
+from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CYLINDER, SPHERE
 from tests.reference import naive_queries as naive
 
-KINDS = (BOX, SPHERE)
+KINDS = (BOX, SPHERE, CAPSULE, CYLINDER)
 FARTHEST = 40.0
 
 
-def scene(seed=4, count=40, *, spread=7.0, smallest=0.5, largest=4.0):
+def scene(seed=4, count=40, *, spread=7.0, smallest=0.5, largest=4.0, kinds=KINDS):
     """A world with random shapes, and the same for the plain search; entity k + 1 is shape k."""
     rng = np.random.default_rng(seed)
     position = rng.uniform(-spread, spread, (count, 3))
     rotation = Rotation.random(count, random_state=rng)
-    kind = np.resize(KINDS, count)
+    kind = np.resize(kinds, count)
     size = np.exp(rng.uniform(np.log(smallest), np.log(largest), (count, 3)))
     radius = 0.5 * size[:, 0]
     world = PhysicsWorld()
     entities = np.arange(1, count + 1)
     world.add_bodies(entities, position=position, rotation=rotation.as_quat())
-    world.add_colliders(entities, shape=kind, size=size, radius=radius)
-    half = np.where((kind == SPHERE)[:, None], radius[:, None], 0.5 * size)
+    world.add_colliders(entities, shape=kind, size=size, radius=radius, half_length=0.5 * size[:, 1])
+    half = np.where((kind != BOX)[:, None], radius[:, None], 0.5 * size)
+    half[:, 1] = np.where(kind == SPHERE, radius, 0.5 * size[:, 1])
     return world, naive.Shapes(kind, position, rotation, half)
 
 
@@ -139,7 +141,7 @@ def test_moving_capsules_touch_what_a_plain_search_finds():
 
 
 def test_moving_boxes_touch_what_a_plain_search_finds():
-    world, shapes = scene(seed=10, count=16)
+    world, shapes = scene(seed=10, count=15, kinds=(BOX, SPHERE, CAPSULE))
     rng = np.random.default_rng(11)
     origins, directions = aimed(rng, 8)
     size, turn = rng.uniform(0.2, 3.0, (8, 3)), turned(rng, 8)
@@ -167,7 +169,7 @@ def test_overlaps_are_what_a_plain_search_finds():
         assert found.entity[found.query == r].tolist() == (np.flatnonzero(distance <= radius[r]) + 1).tolist()
         assert inside.entity[inside.query == r].tolist() == (np.flatnonzero(distance == 0) + 1).tolist()
     assert len(found.query) > 40
-    world, shapes = scene(seed=12, count=24, spread=3.0)
+    world, shapes = scene(seed=12, count=15, spread=3.0, kinds=(BOX, SPHERE, CAPSULE))
     places = rng.uniform(-3, 3, (6, 3))
     turn = turned(rng, 6)
     size = rng.uniform(0.5, 4.0, (6, 3))
@@ -275,8 +277,8 @@ def test_the_tree_follows_what_moves_comes_and_goes():
         world.set_poses(np.arange(1, 41), position=position, rotation=shapes.rotation.as_quat())
         fresh = PhysicsWorld()
         fresh.add_bodies(np.arange(1, 41), position=position, rotation=shapes.rotation.as_quat())
-        size = np.where((shapes.kind == BOX)[:, None], 2 * shapes.half, 1.0)
-        fresh.add_colliders(np.arange(1, 41), shape=shapes.kind, size=size, radius=shapes.half[:, 0])
+        sizes = {"size": 2 * shapes.half, "radius": shapes.half[:, 0], "half_length": shapes.half[:, 1]}
+        fresh.add_colliders(np.arange(1, 41), shape=shapes.kind, **sizes)
         for one, other in zip(world.raycast(origins, directions), fresh.raycast(origins, directions), strict=True):
             np.testing.assert_array_equal(one, other)
     world.remove_bodies(np.arange(2, 41))
