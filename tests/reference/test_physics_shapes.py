@@ -8,7 +8,18 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from elys.sim_node.physics import BOX, CAPSULE, CYLINDER, HEIGHT_FIELD, HULL, MESH, PLANE, SPHERE, PhysicsSettings, PhysicsWorld
+from elys.sim_node.physics import (
+    BOX,
+    CAPSULE,
+    CYLINDER,
+    HEIGHT_FIELD,
+    HULL,
+    MESH,
+    PLANE,
+    SPHERE,
+    PhysicsSettings,
+    PhysicsWorld,
+)
 
 DT = 1.0 / 60.0
 GRAVITY = 9.81
