@@ -1,4 +1,7 @@
-"""The kernels of physics, and how they are compiled ahead: `KERNELS` lists name, function and explicit signatures."""
+"""The kernels of physics, and how they are compiled ahead: name, function and explicit signatures.
+
+`KERNELS` are compiled before the first step, `LATER_KERNELS` when they are first called; a wheel carries all of them.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ from elys.sim_node.physics.kernels.cast import TOUCH
 from elys.sim_node.physics.kernels.colouring import colour_contacts
 from elys.sim_node.physics.kernels.integrator import finish_step, publish_poses
 from elys.sim_node.physics.kernels.islands import build_islands, list_held
-from elys.sim_node.physics.kernels.narrow_phase import update_manifolds
+from elys.sim_node.physics.kernels.narrow_phase import update_manifolds, update_simple_manifolds
 from elys.sim_node.physics.kernels.nearby import find_closest, find_overlaps
 from elys.sim_node.physics.kernels.pair_table import fill_table
 from elys.sim_node.physics.kernels.placement import fatten_boxes, place_colliders
@@ -28,6 +31,11 @@ from elys.sim_node.physics.kernels.tree import build_tree
 from elys.sim_node.physics.kernels.wide_tree import build_wide_tree, refit_wide_tree
 
 Kernel = tuple[str, Any, tuple[tuple[Any, ...], ...]]
+
+
+# What only some worlds need, and what only questions need: compiled when it is first called.
+LATER = (update_manifolds, stop_at_impacts, cast_rays, cast_shapes, find_overlaps, find_closest, build_query_tree)
+LATER += (refit_query_tree,)
 
 
 def _kernels() -> tuple[Kernel, ...]:
@@ -130,6 +138,10 @@ def _kernels() -> tuple[Kernel, ...]:
         (prepare_bodies, (bodies, indices, 0, groups, solver, drives, strengths, constants)),
         (prepare_contacts, (groups, spans, *lanes, floats, floats, floats, floats, strengths, constants)),
         (prepare_impacts, (*touching, rows, row_points, groups, solver, drives, constants)),
+        (
+            update_simple_manifolds,
+            (bodies, colliders, pairs, indices, 0, manifolds, found, constants, indices, indices),
+        ),
         (update_manifolds, (bodies, colliders, pairs, indices, 0, manifolds, found, geometry, constants, indices, indices)),
         (
             solve_contacts,
@@ -142,4 +154,6 @@ def _kernels() -> tuple[Kernel, ...]:
     return tuple((f"physics.{function.__name__}", function, (signature_of(*a),)) for function, a in listed)
 
 
-KERNELS = _kernels()
+_ALL = _kernels()
+KERNELS = tuple(entry for entry in _ALL if entry[1] not in LATER)
+LATER_KERNELS = tuple(entry for entry in _ALL if entry[1] in LATER)
