@@ -77,7 +77,8 @@ class Step:
     def _place_bodies(self) -> None:
         activity = self._activity
         activity.update()
-        place_colliders(self._bodies.rows, self._colliders.rows, activity.colliders, activity.collider_count)
+        geometry = self._colliders.geometry.arrays
+        place_colliders(self._bodies.rows, self._colliders.rows, activity.colliders, activity.collider_count, geometry)
 
     def _update_pairs(self) -> None:
         activity, contacts = self._activity, self._contacts

@@ -112,7 +112,7 @@ def _kernels() -> tuple[Kernel, ...]:
             (bodies, colliders, pairs, indices, 0, starts, numbers, poses, bodies, colliders, geometry, constants),
         ),
         (fatten_boxes, (bodies, colliders, indices, 0, indices, constants)),
-        (place_colliders, (bodies, colliders, indices, 0)),
+        (place_colliders, (bodies, colliders, indices, 0, geometry)),
         (build_tree, (boxes, leaves, nodes, indices, numbers, True)),
         (build_wide_tree, (boxes, leaves, indices, floats, indices, 0, indices, numbers, True)),
         (refit_wide_tree, (boxes, indices, 0, indices, floats, indices, 0)),
