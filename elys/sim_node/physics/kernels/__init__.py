@@ -34,8 +34,16 @@ Kernel = tuple[str, Any, tuple[tuple[Any, ...], ...]]
 
 
 # What only some worlds need, and what only questions need: compiled when it is first called.
-LATER = (update_manifolds, stop_at_impacts, cast_rays, cast_shapes, find_overlaps, find_closest, build_query_tree)
-LATER += (refit_query_tree,)
+LATER: tuple[Any, ...] = (
+    update_manifolds,
+    stop_at_impacts,
+    cast_rays,
+    cast_shapes,
+    find_overlaps,
+    find_closest,
+    build_query_tree,
+    refit_query_tree,
+)
 
 
 def _kernels() -> tuple[Kernel, ...]:

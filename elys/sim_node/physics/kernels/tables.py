@@ -365,6 +365,12 @@ class Geometry(NamedTuple):
     clusters: Table  # (16,) CLUSTER
 
 
+def float_place(dtype: np.dtype[Any], field: str) -> int:
+    """Where a field of a table stands in a row of the table's flat float32 view."""
+    assert dtype.fields is not None
+    return dtype.fields[field][1] // 4
+
+
 def grown(table: Table, count: int) -> Table:
     """The same rows with room for `count`; what is added is zero."""
     larger = np.zeros((count, *table.shape[1:]), table.dtype)
