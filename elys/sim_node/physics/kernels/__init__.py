@@ -15,6 +15,7 @@ from elys.sim_node.physics.kernels.integrator import finish_step, publish_poses
 from elys.sim_node.physics.kernels.islands import build_islands, list_held
 from elys.sim_node.physics.kernels.narrow_phase import update_manifolds
 from elys.sim_node.physics.kernels.nearby import find_closest, find_overlaps
+from elys.sim_node.physics.kernels.overlaps import find_deep_overlaps
 from elys.sim_node.physics.kernels.pair_table import fill_table
 from elys.sim_node.physics.kernels.placement import fatten_boxes, place_colliders
 from elys.sim_node.physics.kernels.preparation import prepare_bodies, prepare_contacts, prepare_impacts
@@ -59,6 +60,7 @@ def _kernels() -> tuple[Kernel, ...]:
         np.zeros(1, tables.CLUSTER),
     )
     starts = np.zeros(1, tables.START)
+    forces, reports = np.zeros(1, tables.FORCE), np.zeros(1, tables.STEP_REPORT)
     islands = np.zeros(1, tables.ISLAND)
     indices = np.zeros(1, np.int32)
     entities = np.zeros(1, np.uint32)
@@ -97,7 +99,7 @@ def _kernels() -> tuple[Kernel, ...]:
         ),
         (hash_bodies, (entities, words)),
         (publish_poses, (bodies, poses)),
-        (finish_step, (bodies, indices, 0, poses, starts, solver, indices, constants)),
+        (finish_step, (bodies, forces, indices, 0, poses, starts, solver, indices, reports, numbers, constants)),
         (
             stop_at_impacts,
             (bodies, colliders, pairs, indices, 0, starts, numbers, poses, bodies, colliders, geometry, constants),
@@ -113,16 +115,20 @@ def _kernels() -> tuple[Kernel, ...]:
             (colliders, indices, 0, geometry, pairs, manifolds, indices, indices, 0, pairs, 0, *lanes),
         ),
         (find_new_pairs, (bodies, colliders, indices, 0, leaves, nodes, geometry, pairs, indices, pairs, indices)),
+        (find_deep_overlaps, (*touching, indices, numbers)),
         (list_awake, (bodies, colliders, indices, indices)),
         (wake_marked, (bodies,)),
         (put_to_sleep, (bodies, poses, indices, 0, indices, islands, indices, constants)),
         (build_islands, (bodies, indices, 0, *touching[1:], indices, islands, strengths, constants)),
         (list_held, (bodies, indices, 0, indices, groups)),
         (colour_contacts, (*touching, masks, indices, indices, indices, indices, groups, spans, *lanes)),
-        (prepare_bodies, (bodies, indices, 0, groups, solver, drives, strengths, constants)),
+        (prepare_bodies, (bodies, forces, indices, 0, groups, solver, drives, strengths, constants)),
         (prepare_contacts, (groups, spans, *lanes, floats, floats, floats, floats, strengths, constants)),
         (prepare_impacts, (*touching, rows, row_points, groups, solver, drives, constants)),
-        (update_manifolds, (bodies, colliders, pairs, indices, 0, manifolds, found, geometry, constants, indices, indices)),
+        (
+            update_manifolds,
+            (bodies, colliders, pairs, indices, 0, manifolds, found, geometry, constants, indices, indices),
+        ),
         (
             solve_contacts,
             (
