@@ -137,7 +137,7 @@ class BodyTable:
         """Moves the bodies' frames to new centres of mass and axes; the entities stay where they are."""
         position, rotation = self.entity_poses(rows)
         given = self.given_inertia[rows]
-        is_given = (given > 0.0).all(1)[:, None]
+        is_given = np.asarray((given > 0.0).all(1))[:, None]
         self.poses["center"][rows] = properties.center
         self.poses["axes"][rows] = np.where(is_given, quaternion.IDENTITY, properties.axes)
         self.inertia[rows] = np.where(is_given, given, properties.inertia)

@@ -8,13 +8,14 @@ import numpy as np
 
 from elys.sim_node.physics.kernels.broadphase import change_pairs, find_new_pairs, list_active_pairs
 from elys.sim_node.physics.kernels.pair_table import fill_table
+from elys.sim_node.physics.kernels.simd import LANES
 from elys.sim_node.physics.kernels.tables import FOUND, MANIFOLD, PAIR, POINTS, TREE_LEAF, Geometry, grown
-from elys.sim_node.physics.kernels.tree import LEAF, build_tree, refit_tree
+from elys.sim_node.physics.kernels.wide_tree import BLOCK, MOST_LEVELS, build_wide_tree, refit_wide_tree
 from elys.sim_node.physics.states import ContactPoints
 
 Array = np.ndarray[Any, Any]
 
-TREE_DEPTH = 256  # a depth-first walk never has more nodes waiting, one through a mesh below it included
+WAITING = 512  # a depth-first walk never has more nodes waiting, one through a mesh below it included
 FEW = 16  # a tree is made anew when more than one box in so many has moved
 
 # A pair with the slot of its manifold, for those who look from outside.
@@ -22,16 +23,20 @@ LIVE_PAIR = np.dtype([("a", "i4"), ("b", "i4"), ("part", "i4"), ("slot", "i4")])
 
 
 class BoxTree:
-    """A tree over the boxes of colliders, and the room to build it."""
+    """A wide tree over the fat boxes of colliders, and the room to build it."""
 
     def __init__(self, count: int) -> None:
-        leaf_count = 1
-        while leaf_count * LEAF < count:
-            leaf_count *= 2
         self.leaves = np.zeros(count, TREE_LEAF)
-        self.places = np.zeros(count, np.int32)
-        self.nodes = np.zeros((2 * leaf_count, 6))
-        self.stack = np.zeros(TREE_DEPTH, np.int32)
+        self.levels = np.zeros(MOST_LEVELS + 1, np.int32)
+        self.level_count = 0
+        blocks = count
+        while blocks > 1 or self.level_count == 0:
+            blocks = -(-blocks // LANES)
+            self.level_count += 1
+            self.levels[self.level_count] = self.levels[self.level_count - 1] + blocks
+        self.blocks = np.zeros(int(self.levels[self.level_count]) * BLOCK, np.float32)
+        self.stack = np.zeros(WAITING, np.int32)
+        self._places = np.zeros(count, np.int32)
         self._histogram = np.zeros(1025, np.int32)
         self._corners = np.zeros(6)
         self._moved = count  # since the boxes were sorted
@@ -43,12 +48,13 @@ class BoxTree:
         """
         self._moved += moved_count
         sort = self._moved >= len(self.leaves)
+        tree = (self._places, self.blocks, self.levels, self.level_count)
         if not sort and moved_count * FEW < len(self.leaves):
-            refit_tree(boxes, moved, moved_count, self.leaves, self.places, self.nodes)
+            refit_wide_tree(boxes, moved, moved_count, *tree)
             return
         if sort:
             self._moved = 0
-        build_tree(boxes, self.leaves, self.places, self.nodes, self._histogram, self._corners, sort)
+        build_wide_tree(boxes, self.leaves, *tree, self._histogram, self._corners, sort)
 
 
 class ContactStore:
@@ -129,7 +135,7 @@ class ContactStore:
         tree = self.tree
         tree.follow(colliders["fat_box"], moved, moved_count)
         while True:
-            walk = (tree.leaves, tree.nodes, geometry, self.pairs, self._table, self._new, tree.stack)
+            walk = (tree.leaves, tree.blocks, tree.levels, tree.level_count, geometry, self.pairs, self._table, self._new, tree.stack)
             found = find_new_pairs(bodies, colliders, moved, moved_count, *walk)
             if found <= len(self._new):
                 break

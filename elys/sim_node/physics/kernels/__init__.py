@@ -25,7 +25,8 @@ from elys.sim_node.physics.kernels.sleeping import list_awake, put_to_sleep, wak
 from elys.sim_node.physics.kernels.solver import solve_contacts
 from elys.sim_node.physics.kernels.state_hash import hash_bodies
 from elys.sim_node.physics.kernels.sweep import stop_at_impacts
-from elys.sim_node.physics.kernels.tree import build_tree, refit_tree
+from elys.sim_node.physics.kernels.tree import build_tree
+from elys.sim_node.physics.kernels.wide_tree import build_wide_tree, refit_wide_tree
 
 Kernel = tuple[str, Any, tuple[tuple[Any, ...], ...]]
 
@@ -106,16 +107,23 @@ def _kernels() -> tuple[Kernel, ...]:
         ),
         (fatten_boxes, (bodies, colliders, indices, 0, indices, constants)),
         (place_colliders, (bodies, colliders, indices, 0)),
-        (build_tree, (boxes, leaves, indices, nodes, indices, numbers, True)),
-        (refit_tree, (boxes, indices, 0, leaves, indices, nodes)),
+        (build_tree, (boxes, leaves, nodes, indices, numbers, True)),
+        (build_wide_tree, (boxes, leaves, indices, floats, indices, 0, indices, numbers, True)),
+        (refit_wide_tree, (boxes, indices, 0, indices, floats, indices, 0)),
         (fill_table, (pairs, indices)),
         (list_active_pairs, (bodies, colliders, pairs, indices, indices)),
         (
             change_pairs,
             (colliders, indices, 0, geometry, pairs, manifolds, indices, indices, 0, pairs, 0, *lanes),
         ),
-        (find_new_pairs, (bodies, colliders, indices, 0, leaves, nodes, geometry, pairs, indices, pairs, indices)),
         (find_deep_overlaps, (*touching, indices, numbers)),
+        (
+            find_new_pairs,
+            (
+                *(bodies, colliders, indices, 0, leaves, floats, indices, 0),
+                *(geometry, pairs, indices, pairs, indices),
+            ),
+        ),
         (list_awake, (bodies, colliders, indices, indices)),
         (wake_marked, (bodies,)),
         (put_to_sleep, (bodies, poses, indices, 0, indices, islands, indices, constants)),

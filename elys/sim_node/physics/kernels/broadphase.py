@@ -9,8 +9,10 @@ from __future__ import annotations
 from elys.sim_node.compilation import inner, kernel
 from elys.sim_node.physics.kernels.midphase import has_parts, local_interval, meets_part, next_part, still_near
 from elys.sim_node.physics.kernels.pair_table import EMPTY, find_pair, insert_pair, remove_pair
+from elys.sim_node.physics.kernels.simd import LANES, lowest_bit
 from elys.sim_node.physics.kernels.tables import DYNAMIC, KINEMATIC, POINTS
 from elys.sim_node.physics.kernels.tree import LEAF
+from elys.sim_node.physics.kernels.wide_tree import BLOCK, MOST_LEVELS, overlapping_lanes, splat_box
 
 
 @inner
@@ -62,45 +64,56 @@ def add_parts(colliders, mesh_row, other_row, pairs, table, new, found, geometry
                 found = add_new(pairs, table, a, b, part, new, found)
 
 
+@inner
+def meet(bodies, colliders, i, j, geometry, pairs, table, new, found, stack, top):
+    """Notes the pairs of two colliders whose boxes may overlap, the first of which moved; returns how many there are now."""
+    collider = colliders[i]
+    other = colliders[j]
+    if j == i or (j < i and other.moved != 0):  # two that moved are found from the smaller one
+        return found
+    if not boxes_overlap(other.fat_box, collider.fat_box) or not may_collide(bodies, collider, other):
+        return found
+    if has_parts(other):
+        return add_parts(colliders, j, i, pairs, table, new, found, geometry, stack, top)
+    if has_parts(collider):
+        return add_parts(colliders, i, j, pairs, table, new, found, geometry, stack, top)
+    if still_near(collider, other, 0, geometry):
+        return add_new(pairs, table, min(i, j), max(i, j), 0, new, found)
+    return found
+
+
 @kernel
-def find_new_pairs(bodies, colliders, moved, moved_count, leaves, nodes, geometry, pairs, table, new, stack):
+def find_new_pairs(
+    bodies, colliders, moved, moved_count, leaves, blocks, levels, level_count, geometry, pairs, table, new, stack
+):
     """Writes the pairs that moved colliders have gained, in any order; returns how many there are.
 
-    When there are more than `new` can take the rest is only counted: the caller makes room and calls again.
+    When there are more than `new` can take the rest is only counted: the caller makes room and calls again. `leaves`,
+    `blocks` and `levels` are the wide tree over all fat boxes.
     """
-    leaf_count = nodes.shape[0] // 2
-    n = colliders.shape[0]
     found = 0
     for m in range(moved_count):
         i = moved[m]
         collider = colliders[i]
-        box = collider.fat_box
-        stack[0] = 1
+        low_x, low_y, low_z, high_x, high_y, high_z = splat_box(collider.fat_box)
+        # On the stack: a block's place in its level, and the level.
+        stack[0] = level_count - 1
         top = 1
         while top > 0:
             top -= 1
-            node = stack[top]
-            if not boxes_overlap(nodes[node], box):
-                continue
-            if node < leaf_count:
-                stack[top] = 2 * node
-                stack[top + 1] = 2 * node + 1
-                top += 2
-                continue
-            first = (node - leaf_count) * LEAF
-            for place in range(first, min(n, first + LEAF)):
-                j = leaves[place].order
-                other = colliders[j]
-                if j == i or (j < i and other.moved != 0):  # two that moved are found from the smaller one
-                    continue
-                if not boxes_overlap(other.fat_box, box) or not may_collide(bodies, collider, other):
-                    continue
-                if has_parts(other):
-                    found = add_parts(colliders, j, i, pairs, table, new, found, geometry, stack, top)
-                elif has_parts(collider):
-                    found = add_parts(colliders, i, j, pairs, table, new, found, geometry, stack, top)
-                elif still_near(collider, other, 0, geometry):
-                    found = add_new(pairs, table, min(i, j), max(i, j), 0, new, found)
+            level = stack[top] % MOST_LEVELS
+            block = stack[top] // MOST_LEVELS
+            at = (levels[level] + block) * BLOCK
+            bits = overlapping_lanes(blocks, at, low_x, low_y, low_z, high_x, high_y, high_z)
+            while bits != 0:
+                child = block * LANES + lowest_bit(bits)
+                bits &= bits - 1
+                if level > 0:
+                    stack[top] = child * MOST_LEVELS + level - 1
+                    top += 1
+                else:
+                    j = leaves[child].order
+                    found = meet(bodies, colliders, i, j, geometry, pairs, table, new, found, stack, top)
     return found
 
 

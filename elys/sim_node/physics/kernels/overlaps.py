@@ -17,7 +17,7 @@ def thickness(collider):
     if collider.kind == CYLINDER:
         return 2.0 * min(half[0], half[1])
     if collider.kind == BOX or collider.kind == HULL:
-        return 2.0 * min(half[0], min(half[1], half[2]))
+        return 2.0 * min(half[0], half[1], half[2])
     return 1e300
 
 

@@ -213,14 +213,23 @@ smaller = intrinsic(_chosen("<"))
 
 
 @intrinsic
-def any_lane(typingctx: Any, mask: Any) -> Any:
-    """Whether any lane of the mask is set."""
+def bits_of(typingctx: Any, mask: Any) -> Any:
+    """The lanes of a mask as bits of a number, lane 0 the lowest."""
 
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        bits = builder.bitcast(args[0], ir.IntType(LANES))
-        return builder.icmp_unsigned("!=", bits, ir.Constant(ir.IntType(LANES), 0))
+        return builder.zext(builder.bitcast(args[0], ir.IntType(LANES)), _INT64)
 
-    return types.boolean(mask), emit
+    return types.int64(mask), emit
+
+
+@intrinsic
+def lowest_bit(typingctx: Any, bits: Any) -> Any:
+    """The place of the lowest bit that is set in a number above 0."""
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return builder.cttz(args[0], ir.Constant(ir.IntType(1), 1))
+
+    return types.int64(bits), emit
 
 
 @intrinsic
@@ -273,8 +282,11 @@ if config.DISABLE_JIT:
     def smaller(a, b):
         return np.where(a < b, a, b)
 
-    def any_lane(mask):
-        return bool(mask.any())
+    def bits_of(mask):
+        return int(sum(1 << lane for lane in range(LANES) if mask[lane]))
+
+    def lowest_bit(bits):
+        return (bits & -bits).bit_length() - 1
 
     def gather_rows(table, indices, first, stride, offset):
         rows = [table[i * stride + offset : i * stride + offset + LANES] for i in indices[first : first + LANES]]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from elys.sim_node.compilation import inner
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
