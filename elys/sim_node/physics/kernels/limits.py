@@ -27,7 +27,7 @@ def limit_speed(body, constants):
     is_spinning = limit_vector(body.velocity, 3, constants.max_angular_speed)
     told = body.told & (TOLD_SPEED | TOLD_SPIN)
     now = (TOLD_SPEED if is_fast else 0) | (TOLD_SPIN if is_spinning else 0)
-    body.told = (body.told & ~(TOLD_SPEED | TOLD_SPIN)) | now
+    body.told = (body.told & (255 - TOLD_SPEED - TOLD_SPIN)) | now
     return (now & ~told) != 0
 
 

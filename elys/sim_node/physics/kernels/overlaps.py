@@ -43,5 +43,5 @@ def find_deep_overlaps(bodies, colliders, pairs, touching, touching_count, manif
             depths[found] = depth
             found += 1
     for i in range(bodies.shape[0]):
-        bodies[i].told = bodies[i].told & ~FRESH
+        bodies[i].told = bodies[i].told & (255 - FRESH)
     return found
