@@ -16,6 +16,10 @@ Array = np.ndarray[Any, Any]
 
 EXPLOSION = 100.0  # how many times the kinetic energy a step may give what was there, or could have come from outside
 
+CALM = (
+    0.3  # speed that pushing out an overlap may give, so that a world at rest does not explode by moving at all [m/s]
+)
+
 
 def not_finite(bodies: BodyTable, rows: Array) -> list[Problem]:
     """Bodies in rows whose numbers are not finite any more."""
@@ -53,7 +57,7 @@ def explosion(bodies: BodyTable, settings: PhysicsSettings, dt: float) -> list[P
     if report["most_gained"] < 0:
         return []
     fall = sum(g * g for g in settings.gravity) * dt * dt
-    brought = 0.5 * report["mass"] * (fall + report["driven"] + (settings.push_speed / 10.0) ** 2)
+    brought = 0.5 * report["mass"] * (fall + report["driven"] + CALM**2)
     if not report["kinetic_after"] > EXPLOSION * (report["kinetic_before"] + brought + report["forced"]):
         return []
     entity = int(bodies.rows["entity"][report["most_gained"]])

@@ -60,9 +60,9 @@ class PhysicsSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     recycle_angle: float = 0.01  # and each turned less [rad]
     attractors: tuple[Attractor, ...] = ()  # point gravity, beside the gravity that is the same everywhere
     # Limits that are never silent. Faster than 2000 m/s is no bullet and no shell; what is so fast has nearly always
-    # exploded. Nothing that is seen at 60 Hz spins faster than 4000 rad/s, 640 turns a second.
+    # exploded. Up to 1000 rad/s, 160 turns a second, a step at 60 Hz still turns a body to eight digits.
     max_linear_speed: float = 2000.0  # [m/s]
-    max_angular_speed: float = 4000.0  # [rad/s]
+    max_angular_speed: float = 1000.0  # [rad/s]
     on_problem: OnProblem = (
         "continue"  # or pause: whether a running simulation stops its clock when a step finds a problem
     )

@@ -14,7 +14,7 @@ from __future__ import annotations
 from elys.sim_node.compilation import inner, kernel
 from elys.sim_node.physics.kernels.batch import BODY_FLOATS, DRIVE_FLOATS
 from elys.sim_node.physics.kernels.fields import field_at, fly_through_field
-from elys.sim_node.physics.kernels.limits import limit_speed, measure_drive, measure_energy
+from elys.sim_node.physics.kernels.limits import LARGEST, limit_pair, measure_drive, measure_energy, note_limits
 from elys.sim_node.physics.kernels.locks import (
     TRANSLATIONS,
     TURNS,
@@ -30,7 +30,6 @@ from elys.sim_node.physics.kernels.simd import load, splat, store
 from elys.sim_node.physics.kernels.tables import DYNAMIC, SOLVER_DRIVE
 
 SPINNING = 1e-6  # squared turn in a step [rad^2] above which a body's moments make a difference
-LARGEST = 1e38  # above it a number does not fit the 32 bits in which velocities are published, as if it were not finite
 
 FREE_AT = SOLVER_DRIVE.fields["free_velocity"][1] // 4
 START_AT = SOLVER_DRIVE.fields["start_velocity"][1] // 4
@@ -370,6 +369,8 @@ def finish_step(bodies, forces, awake, awake_count, poses, starts, solver_bodies
     """
     constants = all_constants[0]
     report = reports[0]
+    fastest = constants.max_linear_speed
+    quickest = constants.max_angular_speed
     report.fast_count = 0
     report.most_gained = -1
     report.kinetic_before = report.kinetic_after = report.gain = report.mass = report.driven = report.forced = 0.0
@@ -384,16 +385,20 @@ def finish_step(bodies, forces, awake, awake_count, poses, starts, solver_bodies
         v = body.velocity
         before = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
         dynamic = body.motion == DYNAMIC
+        cut = 0
         if body.held != 0 and dynamic:
+            cut = limit_pair(solver_bodies[i].displacement, constants.time * fastest, constants.time * quickest)
             move_held(body, solver_bodies[i], constants.time)
         else:
+            if dynamic:
+                cut = limit_pair(v, fastest, quickest)
             move_free(body, forces[i], room, constants)
         if not is_finite(body):
             faulty[faults] = i
             faults += 1
             continue
         if dynamic:
-            if limit_speed(body, constants):
+            if note_limits(body, cut | limit_pair(v, fastest, quickest)):
                 report.fast_count += 1
                 faulty[faulty.shape[0] - report.fast_count] = i
             if body.held != 0:  # what flies freely gains nothing but by what pulls it

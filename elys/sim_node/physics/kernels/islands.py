@@ -174,9 +174,7 @@ def build_islands(
     constants = all_constants[0]
     down = constants.down
     find_islands(bodies, awake, awake_count, colliders, pairs, touching, touching_count, parent, islands, down)
-    ask_contacts(
-        bodies, colliders, pairs, touching, touching_count, manifolds, parent, islands, strengths, constants
-    )
+    ask_contacts(bodies, colliders, pairs, touching, touching_count, manifolds, parent, islands, strengths, constants)
     is_changed = False
     for index in range(awake_count):
         i = awake[index]

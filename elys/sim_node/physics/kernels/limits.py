@@ -8,11 +8,14 @@ from elys.sim_node.compilation import inner
 from elys.sim_node.physics.kernels.tables import TOLD_SPEED, TOLD_SPIN
 
 
+LARGEST = 1e38  # above it a number does not fit the 32 bits in which velocities are published, as if it were not finite
+
+
 @inner
 def limit_vector(v, first, most):
-    """Shortens three numbers of a velocity to a length; whether they were longer."""
+    """Shortens three numbers to a length; whether they were longer. What is as good as infinite stays, to be told as such."""
     squared = v[first] * v[first] + v[first + 1] * v[first + 1] + v[first + 2] * v[first + 2]
-    if squared <= most * most:
+    if squared <= most * most or not squared < LARGEST:
         return False
     scale = most / math.sqrt(squared)
     for k in range(first, first + 3):
@@ -21,14 +24,18 @@ def limit_vector(v, first, most):
 
 
 @inner
-def limit_speed(body, constants):
-    """Keeps a body within the world's largest speeds; whether that has to be told."""
-    is_fast = limit_vector(body.velocity, 0, constants.max_linear_speed)
-    is_spinning = limit_vector(body.velocity, 3, constants.max_angular_speed)
-    told = body.told & (TOLD_SPEED | TOLD_SPIN)
-    now = (TOLD_SPEED if is_fast else 0) | (TOLD_SPIN if is_spinning else 0)
+def limit_pair(v, linear, angular):
+    """Shortens a linear and an angular vector to lengths; which of them were longer, as bits."""
+    bits = TOLD_SPEED if limit_vector(v, 0, linear) else 0
+    return bits | (TOLD_SPIN if limit_vector(v, 3, angular) else 0)
+
+
+@inner
+def note_limits(body, now):
+    """Remembers what of a body was cut off, as bits; whether that has to be told."""
+    before = body.told & (TOLD_SPEED | TOLD_SPIN)
     body.told = (body.told & (255 - TOLD_SPEED - TOLD_SPIN)) | now
-    return (now & ~told) != 0
+    return (now & (255 - before)) != 0
 
 
 @inner
