@@ -158,6 +158,11 @@ class SimulationNode:
         self._clock.advance()
         self.steps_done += 1
         self._steps_asked = max(self._steps_asked - 1, 0)
+        if self.simulation.take_stop():
+            self._clock.pause()
+            self._steps_asked = 0
+            self._events.append(Event(kind="paused"))
+            self._publish_status()
 
     # --- commands --------------------------------------------------------------------------------------------------
 

@@ -13,7 +13,7 @@ from elys.sim_node.physics.kernels.tables import (
     SPHERE,
     STATIC,
 )
-from elys.sim_node.physics.settings import PhysicsSettings
+from elys.sim_node.physics.settings import Attractor, PhysicsSettings
 from elys.sim_node.physics.states import BodyStates, ContactPoints, Energy, Hits, Momentum, Overlaps, Problem
 from elys.sim_node.physics.world import PhysicsWorld
 
@@ -29,6 +29,7 @@ __all__ = [
     "PLANE",
     "SPHERE",
     "STATIC",
+    "Attractor",
     "BodyStates",
     "ContactPoints",
     "Energy",

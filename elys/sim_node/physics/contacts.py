@@ -128,9 +128,7 @@ class ContactStore:
         self.is_outdated = False
         self.is_changed = True
 
-    def update_pairs(
-        self, bodies: Array, colliders: Array, geometry: Geometry, moved: Array, moved_count: int
-    ) -> None:
+    def update_pairs(self, bodies: Array, colliders: Array, geometry: Geometry, moved: Array, moved_count: int) -> None:
         """Finds the pairs of colliders with new fat boxes, those listed first in `moved`, and ends those that parted."""
         tree = self.tree
         tree.follow(colliders["fat_box"], moved, moved_count)

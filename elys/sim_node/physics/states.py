@@ -67,4 +67,5 @@ class Problem(NamedTuple):
     """Something that went wrong inside a step, while the world went on."""
 
     entity: int
-    text: str
+    text: str  # who, why, and what to do
+    cause: str = ""  # not_finite, too_fast, explosion or deep_overlap

@@ -16,6 +16,7 @@ from elys.sim_node.physics.kernels.colouring import colour_contacts
 from elys.sim_node.physics.kernels.integrator import finish_step
 from elys.sim_node.physics.kernels.islands import build_islands, list_held
 from elys.sim_node.physics.kernels.narrow_phase import update_manifolds, update_simple_manifolds
+from elys.sim_node.physics.kernels.overlaps import find_deep_overlaps
 from elys.sim_node.physics.kernels.placement import fatten_boxes, place_colliders
 from elys.sim_node.physics.kernels.preparation import prepare_bodies, prepare_contacts, prepare_impacts
 from elys.sim_node.physics.kernels.solver import solve_contacts
@@ -54,6 +55,7 @@ class Step:
         self._strengths = strengths
         self._held_end = 0
         self._fast_count = 0
+        self.deep: tuple[Array, Array] = (_NONE, np.zeros(0))  # slots of pairs, depths [m]
 
     def run(self, profile: dict[str, float]) -> Array:
         """Moves everything; returns the rows of bodies whose numbers are not finite any more."""
@@ -63,6 +65,8 @@ class Step:
             if not _timed(profile, "update_manifolds", self._update_manifolds):
                 break
             self._activity.wake_marked()
+        if self._bodies.has_fresh:
+            _timed(profile, "find_deep_overlaps", self._find_deep_overlaps)
         _timed(profile, "build_islands", self._build_islands)
         _timed(profile, "colour_contacts", self._colour_contacts)
         _timed(profile, "prepare_contacts", self._prepare_contacts)
@@ -105,6 +109,27 @@ class Step:
         contacts.is_changed |= is_changed
         return bool(is_woken)
 
+    def _find_deep_overlaps(self) -> None:
+        contacts = self._contacts
+        slots, depths = np.zeros(contacts.touching_count, np.int32), np.zeros(contacts.touching_count)
+        count = find_deep_overlaps(
+            self._bodies.rows,
+            self._colliders.rows,
+            contacts.pairs,
+            contacts.touching,
+            contacts.touching_count,
+            contacts.manifolds,
+            slots,
+            depths,
+        )
+        self.deep = slots[:count], depths[:count]
+        self._bodies.has_fresh = False
+
+    def take_deep(self) -> tuple[Array, Array]:
+        """Slots (M,) of pairs and depths (M,) [m] of what was found put deep into others, once."""
+        deep, self.deep = self.deep, (_NONE, np.zeros(0))
+        return deep
+
     def _build_islands(self) -> None:
         room, contacts = self._room, self._contacts
         contacts.is_changed |= room.reserve(len(self._bodies.rows), contacts.touching_count, len(self._strengths))
@@ -123,9 +148,7 @@ class Step:
             self._strengths,
             self._constants,
         )
-        self._held_end = list_held(
-            self._bodies.rows, activity.bodies, activity.body_count, room.held, room.groups
-        )
+        self._held_end = list_held(self._bodies.rows, activity.bodies, activity.body_count, room.held, room.groups)
 
     def _colour_contacts(self) -> None:
         room, contacts = self._room, self._contacts
@@ -163,6 +186,7 @@ class Step:
         room, contacts = self._room, self._contacts
         prepare_bodies(
             self._bodies.rows,
+            self._bodies.forces,
             room.held,
             self._held_end,
             room.groups,
@@ -228,12 +252,15 @@ class Step:
         bodies = self._bodies
         count = finish_step(
             bodies.rows,
+            bodies.forces,
             self._activity.bodies,
             self._activity.body_count,
             bodies.poses,
             self._room.starts_of_bodies,
             self._room.solver_bodies,
             bodies.faulty_room,
+            bodies.report,
+            self._room.inertia,
             self._constants,
         )
         return bodies.faulty_room[:count].copy() if count else _NONE

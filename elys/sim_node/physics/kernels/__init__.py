@@ -18,6 +18,7 @@ from elys.sim_node.physics.kernels.integrator import finish_step, publish_poses
 from elys.sim_node.physics.kernels.islands import build_islands, list_held
 from elys.sim_node.physics.kernels.narrow_phase import update_manifolds, update_simple_manifolds
 from elys.sim_node.physics.kernels.nearby import find_closest, find_overlaps
+from elys.sim_node.physics.kernels.overlaps import find_deep_overlaps
 from elys.sim_node.physics.kernels.pair_table import fill_table
 from elys.sim_node.physics.kernels.placement import fatten_boxes, place_colliders
 from elys.sim_node.physics.kernels.preparation import prepare_bodies, prepare_contacts, prepare_impacts
@@ -76,6 +77,7 @@ def _kernels() -> tuple[Kernel, ...]:
         np.zeros(1, tables.CLUSTER),
     )
     starts = np.zeros(1, tables.START)
+    forces, reports = np.zeros(1, tables.FORCE), np.zeros(1, tables.STEP_REPORT)
     islands = np.zeros(1, tables.ISLAND)
     indices = np.zeros(1, np.int32)
     entities = np.zeros(1, np.uint32)
@@ -114,7 +116,7 @@ def _kernels() -> tuple[Kernel, ...]:
         ),
         (hash_bodies, (entities, words)),
         (publish_poses, (bodies, poses)),
-        (finish_step, (bodies, indices, 0, poses, starts, solver, indices, constants)),
+        (finish_step, (bodies, forces, indices, 0, poses, starts, solver, indices, reports, numbers, constants)),
         (
             stop_at_impacts,
             (bodies, colliders, pairs, indices, 0, starts, numbers, poses, bodies, colliders, geometry, constants),
@@ -130,6 +132,7 @@ def _kernels() -> tuple[Kernel, ...]:
             change_pairs,
             (colliders, indices, 0, geometry, pairs, manifolds, indices, indices, 0, pairs, 0, *lanes),
         ),
+        (find_deep_overlaps, (*touching, indices, numbers)),
         (
             find_new_pairs,
             (
@@ -143,7 +146,7 @@ def _kernels() -> tuple[Kernel, ...]:
         (build_islands, (bodies, indices, 0, *touching[1:], indices, islands, strengths, constants)),
         (list_held, (bodies, indices, 0, indices, groups)),
         (colour_contacts, (*touching, masks, indices, indices, indices, indices, groups, spans, *lanes)),
-        (prepare_bodies, (bodies, indices, 0, groups, solver, drives, strengths, constants)),
+        (prepare_bodies, (bodies, forces, indices, 0, groups, solver, drives, strengths, constants)),
         (prepare_contacts, (groups, spans, *lanes, floats, floats, floats, floats, strengths, constants)),
         (prepare_impacts, (*touching, rows, row_points, groups, solver, drives, constants)),
         (

@@ -161,6 +161,7 @@ def clear_manifold(manifold):
     manifold.twist_impulse = 0.0
     for k in range(3):
         manifold.friction_impulse[k] = 0.0
+        manifold.rolling_impulse[k] = 0.0
     for k in range(POINTS):
         manifold.normal_impulse[k] = 0.0
         manifold.step_impulse[k] = 0.0
