@@ -12,6 +12,7 @@ from elys.sim_node.physics.activity import Activity
 from elys.sim_node.physics.bodies import BodyTable
 from elys.sim_node.physics.colliders import ColliderTable
 from elys.sim_node.physics.contacts import ContactStore
+from elys.sim_node.physics.events import EventLog
 from elys.sim_node.physics.kernels.colouring import colour_contacts
 from elys.sim_node.physics.kernels.integrator import finish_step
 from elys.sim_node.physics.kernels.islands import build_islands, list_held
@@ -38,6 +39,7 @@ class Step:
         colliders: ColliderTable,
         contacts: ContactStore,
         activity: Activity,
+        events: EventLog,
         room: SolverRoom,
         constants: Table,
         strengths: Table,
@@ -48,6 +50,7 @@ class Step:
         self._colliders = colliders
         self._contacts = contacts
         self._activity = activity
+        self._events = events
         self._sleeping = sleeping
         self._room = room
         self._constants = constants
@@ -67,9 +70,12 @@ class Step:
         _timed(profile, "colour_contacts", self._colour_contacts)
         _timed(profile, "prepare_contacts", self._prepare_contacts)
         _timed(profile, "solve_contacts", self._solve_contacts)
+        _timed(profile, "track_contacts", self._track_contacts)
         faulty = _timed(profile, "finish_step", self._finish_step)
         if self._fast_count and not len(faulty):
             _timed(profile, "stop_at_impacts", self._stop_at_impacts)
+        if not len(faulty):
+            _timed(profile, "track_triggers", self._track_triggers)
         if self._sleeping:
             _timed(profile, "put_to_sleep", self._put_to_sleep)
         return faulty
@@ -93,7 +99,7 @@ class Step:
     def _update_manifolds(self) -> bool:
         """Returns whether anything was touched in its sleep: then it wakes first."""
         contacts = self._contacts
-        contacts.touching_count, is_changed, self._fast_count, is_woken = update_manifolds(
+        contacts.touching_count, is_changed, self._fast_count, is_woken, *others = update_manifolds(
             self._bodies.rows,
             self._colliders.rows,
             contacts.pairs,
@@ -105,7 +111,10 @@ class Step:
             self._constants,
             contacts.touching,
             contacts.fast,
+            contacts.watched,
+            contacts.triggers,
         )
+        contacts.watched_count, contacts.trigger_count = others
         contacts.is_changed |= is_changed
         return bool(is_woken)
 
@@ -127,9 +136,7 @@ class Step:
             self._strengths,
             self._constants,
         )
-        self._held_end = list_held(
-            self._bodies.rows, activity.bodies, activity.body_count, room.held, room.groups
-        )
+        self._held_end = list_held(self._bodies.rows, activity.bodies, activity.body_count, room.held, room.groups)
 
     def _colour_contacts(self) -> None:
         room, contacts = self._room, self._contacts
@@ -227,6 +234,14 @@ class Step:
             self._strengths,
             self._constants,
         )
+
+    def _track_contacts(self) -> None:
+        room = self._room
+        self._events.track_contacts(self._bodies.rows, self._colliders.rows, room.solver_bodies, self._constants)
+
+    def _track_triggers(self) -> None:
+        colliders = self._colliders
+        self._events.track_triggers(self._bodies.rows, colliders.rows, colliders.geometry.arrays)
 
     def _finish_step(self) -> Array:
         bodies = self._bodies

@@ -11,6 +11,7 @@ from elys.sim_node.physics.kernels import tables
 from elys.sim_node.physics.kernels.broadphase import change_pairs, find_new_pairs, list_active_pairs
 from elys.sim_node.physics.kernels.cast import TOUCH
 from elys.sim_node.physics.kernels.colouring import colour_contacts
+from elys.sim_node.physics.kernels.events import describe_contacts, track_contacts, track_triggers
 from elys.sim_node.physics.kernels.integrator import finish_step, publish_poses
 from elys.sim_node.physics.kernels.islands import build_islands, list_held
 from elys.sim_node.physics.kernels.narrow_phase import update_manifolds
@@ -70,6 +71,7 @@ def _kernels() -> tuple[Kernel, ...]:
     boxes = np.zeros(2, tables.COLLIDER)["box"]
     words = np.zeros((1, 2), np.uint64)
     touching = (bodies, colliders, pairs, indices, 0, manifolds)
+    touches, meetings = np.zeros(1, tables.TOUCH), np.zeros(1, tables.MEETING)
     lanes = (indices, indices, indices, indices)
     flags = np.zeros(1, np.uint8)
     places = np.zeros(1, np.int64)
@@ -102,6 +104,12 @@ def _kernels() -> tuple[Kernel, ...]:
             stop_at_impacts,
             (bodies, colliders, pairs, indices, 0, starts, numbers, poses, bodies, colliders, geometry, constants),
         ),
+        (track_contacts, (*touching, solver, touches, meetings, constants)),
+        (describe_contacts, (*touching, touches)),
+        (
+            track_triggers,
+            (bodies, colliders, pairs, indices, 0, colliders, geometry, meetings, meetings),
+        ),
         (fatten_boxes, (bodies, colliders, indices, 0, indices, constants)),
         (place_colliders, (bodies, colliders, indices, 0)),
         (build_tree, (boxes, leaves, indices, nodes, indices, numbers, True)),
@@ -122,7 +130,7 @@ def _kernels() -> tuple[Kernel, ...]:
         (prepare_bodies, (bodies, indices, 0, groups, solver, drives, strengths, constants)),
         (prepare_contacts, (groups, spans, *lanes, floats, floats, floats, floats, strengths, constants)),
         (prepare_impacts, (*touching, rows, row_points, groups, solver, drives, constants)),
-        (update_manifolds, (bodies, colliders, pairs, indices, 0, manifolds, found, geometry, constants, indices, indices)),
+        (update_manifolds, (bodies, colliders, pairs, indices, 0, manifolds, found, geometry, constants, *lanes)),
         (
             solve_contacts,
             (
