@@ -33,7 +33,11 @@ class EventLog:
         self.forget()
 
     def forget(self) -> None:
-        """As if no step had been: nothing has happened."""
+        """As if nothing had touched before: what does has begun with the next step."""
+        self._contacts.pairs["touched"] = 0
+        self._clear()
+
+    def _clear(self) -> None:
         self._begun = np.zeros(0, TOUCH)
         self._ended = self._entered = self._exited = np.zeros(0, MEETING)
         self._removed_contacts = self._removed_visits = np.zeros(0, MEETING)
@@ -133,7 +137,7 @@ class EventLog:
 
     def load(self, saved: dict[str, Array]) -> None:
         """Takes back what `saved` gave."""
-        self.forget()
+        self._clear()
         self._removed_contacts = checks.saved_table(saved, "removed_contacts", MEETING)
         self._removed_visits = checks.saved_table(saved, "removed_visits", MEETING)
 

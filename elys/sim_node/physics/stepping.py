@@ -39,7 +39,7 @@ class Step:
         colliders: ColliderTable,
         contacts: ContactStore,
         activity: Activity,
-        events: EventLog,
+        events: EventLog | None,
         room: SolverRoom,
         constants: Table,
         strengths: Table,
@@ -70,11 +70,12 @@ class Step:
         _timed(profile, "colour_contacts", self._colour_contacts)
         _timed(profile, "prepare_contacts", self._prepare_contacts)
         _timed(profile, "solve_contacts", self._solve_contacts)
-        _timed(profile, "track_contacts", self._track_contacts)
+        if self._events is not None:
+            _timed(profile, "track_contacts", self._track_contacts)
         faulty = _timed(profile, "finish_step", self._finish_step)
         if self._fast_count and not len(faulty):
             _timed(profile, "stop_at_impacts", self._stop_at_impacts)
-        if not len(faulty):
+        if self._events is not None and not len(faulty):
             _timed(profile, "track_triggers", self._track_triggers)
         if self._sleeping:
             _timed(profile, "put_to_sleep", self._put_to_sleep)
@@ -236,10 +237,12 @@ class Step:
         )
 
     def _track_contacts(self) -> None:
-        room = self._room
-        self._events.track_contacts(self._bodies.rows, self._colliders.rows, room.solver_bodies, self._constants)
+        assert self._events is not None
+        bodies, colliders = self._bodies.rows, self._colliders.rows
+        self._events.track_contacts(bodies, colliders, self._room.solver_bodies, self._constants)
 
     def _track_triggers(self) -> None:
+        assert self._events is not None
         colliders = self._colliders
         self._events.track_triggers(self._bodies.rows, colliders.rows, colliders.geometry.arrays)
 

@@ -22,6 +22,7 @@ from elys.sim_node.physics.activity import Activity
 from elys.sim_node.physics.bodies import BodyTable, new_rows
 from elys.sim_node.physics.colliders import EVERY_LAYER, ColliderTable, new_colliders
 from elys.sim_node.physics.contacts import ContactStore
+from elys.sim_node.physics.debug_geometry import Lines, Tables, debug_lines
 from elys.sim_node.physics.events import EventLog
 from elys.sim_node.physics.kernels.state_hash import hash_bodies
 from elys.sim_node.physics.kernels.tables import BOX, DYNAMIC, SOLID, STATIC
@@ -72,7 +73,7 @@ class PhysicsWorld(WorldQueries):
 
     @property
     def events(self) -> WorldEvents:
-        """What the last step began, what goes on and what ended: contacts, and visits to triggers."""
+        """What the last step began, what goes on and what ended: contacts, and visits to triggers; see docs/physics-events.md."""
         return self._events.events(self._bodies.rows, self._colliders.rows)
 
     @property
@@ -356,6 +357,8 @@ class PhysicsWorld(WorldQueries):
         if self._step is None or self._step_plan != plan:
             if self._step_plan is not None and self._step_plan[1] != self.settings:
                 self._activity.wake_all()
+            if not self.settings.events:
+                self._events.forget()
             constants = step_constants(self.settings, dt, can_bounce=self._colliders.can_bounce)
             strengths = step_strengths(self.settings, dt)
             self._step = Step(
@@ -363,7 +366,7 @@ class PhysicsWorld(WorldQueries):
                 self._colliders,
                 self._contacts,
                 self._activity,
-                self._events,
+                self._events if self.settings.events else None,
                 self._room,
                 constants,
                 strengths,
@@ -405,6 +408,10 @@ class PhysicsWorld(WorldQueries):
         rows = self._bodies.rows
         words = rows.view(np.uint64).reshape(len(rows), rows.itemsize // 8)
         return int(hash_bodies(self._bodies.entities, words))
+
+    def debug_lines(self, kind: str) -> Lines:
+        """How physics sees the world, as lines of one kind: boxes, fat_boxes, contacts, islands, sleeping or axes."""
+        return debug_lines(Tables(self._bodies, self._colliders, self._contacts), kind)
 
     # ---------------------------------------------------------------- the whole state
 
