@@ -16,7 +16,11 @@ FIRST = 4
 seeds = st.integers(0, 2**32 - 1)
 # Something done to a body between two steps: which, what, and before which step.
 edits = st.lists(
-    st.tuples(st.integers(FIRST, FIRST + COUNT - 1), st.sampled_from(["remove", "put", "anew", "trigger", "push"]), st.integers(0, 79)),
+    st.tuples(
+        st.integers(FIRST, FIRST + COUNT - 1),
+        st.sampled_from(["remove", "put", "anew", "trigger", "push"]),
+        st.integers(0, 79),
+    ),
     max_size=8,
 )
 
@@ -31,7 +35,9 @@ def build(seed):
         position=[[0, -1, 0], [0, 1, 0], [-4, 0.8, 0]],
         linear_velocity=[[0, 0, 0], [0, 0, 0], [1.5, 0, 0]],
     )
-    world.add_colliders([GROUND, ZONE, LIFT], size=[[40, 2, 40], [3, 0.8, 3], [1, 0.3, 1]], trigger=[False, True, False])
+    world.add_colliders(
+        [GROUND, ZONE, LIFT], size=[[40, 2, 40], [3, 0.8, 3], [1, 0.3, 1]], trigger=[False, True, False]
+    )
     for entity in range(FIRST, FIRST + COUNT):
         add(world, entity, rng.uniform([-1.5, 0.5, -1.5], [1.5, 4, 1.5]), rng)
     return world
@@ -90,7 +96,7 @@ def test_what_goes_on_is_what_began_and_did_not_end(seed, planned):
 def test_a_restored_world_tells_the_same(seed, at, planned):
     world = build(seed)
     rng = np.random.default_rng(seed + 1)
-    for step in range(at):
+    for _ in range(at):
         world.step(DT)
     for entity, what, _ in planned:
         edit(world, entity, what, rng)
@@ -100,6 +106,10 @@ def test_a_restored_world_tells_the_same(seed, at, planned):
     for _ in range(25):
         world.step(DT)
         other.step(DT)
-        for one, two in zip((*world.events.contacts, *world.events.triggers), (*other.events.contacts, *other.events.triggers), strict=True):
+        for one, two in zip(
+            (*world.events.contacts, *world.events.triggers),
+            (*other.events.contacts, *other.events.triggers),
+            strict=True,
+        ):
             for mine, theirs in zip(one, two, strict=True):
                 np.testing.assert_array_equal(mine, theirs)

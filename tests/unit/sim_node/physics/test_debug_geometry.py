@@ -84,7 +84,9 @@ def test_axes_stand_in_the_centre_of_mass():
     lines = world.debug_lines("axes")
     assert lines.colors.tolist() == [0, 1, 2]
     np.testing.assert_allclose(lines.positions[:, 0], [[4, 4, 5]] * 3)
-    np.testing.assert_allclose(np.linalg.norm(lines.positions[:, 1] - lines.positions[:, 0], axis=1), np.sqrt(3), rtol=1e-6)
+    np.testing.assert_allclose(
+        np.linalg.norm(lines.positions[:, 1] - lines.positions[:, 0], axis=1), np.sqrt(3), rtol=1e-6
+    )
 
 
 @pytest.mark.parametrize("kind", LINES)

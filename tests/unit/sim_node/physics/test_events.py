@@ -58,7 +58,10 @@ def ball_before_zone(*, velocity=(2.0, 0.0, 0.0), motion=DYNAMIC, zone_motion=ST
     """A ball 2 m before a trigger box of 1 m, without weight."""
     world = PhysicsWorld(WEIGHTLESS)
     world.add_bodies(
-        [BALL, ZONE], motion=[motion, zone_motion], position=[[-2, 0, 0], [0, 0, 0]], linear_velocity=[velocity, [0, 0, 0]]
+        [BALL, ZONE],
+        motion=[motion, zone_motion],
+        position=[[-2, 0, 0], [0, 0, 0]],
+        linear_velocity=[velocity, [0, 0, 0]],
     )
     world.add_colliders([BALL], shape=SPHERE, radius=0.25)
     world.add_colliders([ZONE], shape=BOX, size=[[1, 1, 1]], trigger=trigger)
@@ -156,7 +159,12 @@ def test_a_trigger_wakes_nobody():
 
 @pytest.mark.parametrize(
     ("motion", "trigger", "notices"),
-    [(KINEMATIC, NOTICES_MOVING, False), (KINEMATIC, NOTICES_ALL, True), (DYNAMIC, NOTICES_MOVING, False), (DYNAMIC, NOTICES_ALL, True)],
+    [
+        (KINEMATIC, NOTICES_MOVING, False),
+        (KINEMATIC, NOTICES_ALL, True),
+        (DYNAMIC, NOTICES_MOVING, False),
+        (DYNAMIC, NOTICES_ALL, True),
+    ],
 )
 def test_a_trigger_notices_what_is_static_where_that_is_chosen(motion, trigger, notices):
     world = ball_over_ground(height=0.5)
@@ -183,7 +191,9 @@ def test_a_trigger_has_no_mass():
 def test_a_mesh_as_a_trigger_is_one_trigger():
     vertices, triangles = floor(8)
     world = PhysicsWorld(WEIGHTLESS)
-    world.add_bodies([ZONE, BALL], motion=[STATIC, DYNAMIC], position=[[0, 0, 0], [0, 2, 0]], linear_velocity=[[0, 0, 0], [0, -2, 0]])
+    world.add_bodies(
+        [ZONE, BALL], motion=[STATIC, DYNAMIC], position=[[0, 0, 0], [0, 2, 0]], linear_velocity=[[0, 0, 0], [0, -2, 0]]
+    )
     world.add_colliders([ZONE], shape=MESH, geometry=world.add_mesh(vertices, triangles), trigger=True)
     world.add_colliders([BALL], shape=BOX, size=[[2.3, 1, 1.7]])
     assert [row[1:] for row in told(world, steps=50)] == [("entered", ZONE, BALL)]
@@ -294,7 +304,10 @@ def test_a_box_that_slides_over_a_mesh_has_one_contact():
     vertices, triangles = floor(20)
     world = PhysicsWorld()
     world.add_bodies(
-        [GROUND, BALL], motion=[STATIC, DYNAMIC], position=[[0, 0, 0], [-3, 0.5, 0.1]], linear_velocity=[[0, 0, 0], [3, 0, 0.5]]
+        [GROUND, BALL],
+        motion=[STATIC, DYNAMIC],
+        position=[[0, 0, 0], [-3, 0.5, 0.1]],
+        linear_velocity=[[0, 0, 0], [3, 0, 0.5]],
     )
     world.add_colliders([GROUND], shape=MESH, geometry=world.add_mesh(vertices, triangles), friction=0.05)
     world.add_colliders([BALL], size=[[1.1, 1, 0.9]], friction=0.05)
@@ -310,8 +323,12 @@ def test_a_box_that_slides_over_a_mesh_has_one_contact():
 def test_the_colliders_own_entities_are_told_and_their_bodies():
     world = PhysicsWorld()
     world.add_bodies([GROUND, BALL], motion=[STATIC, DYNAMIC], position=[[0, -1, 0], [0, 0.5, 0]])
-    world.add_colliders([GROUND, BALL, BALL], size=[[20, 2, 20], [0.5, 1, 0.5], [0.5, 1, 0.5]], owners=[GROUND, 7, 8],
-                        position=[[0, 0, 0], [-1, 0, 0], [1, 0, 0]])
+    world.add_colliders(
+        [GROUND, BALL, BALL],
+        size=[[20, 2, 20], [0.5, 1, 0.5], [0.5, 1, 0.5]],
+        owners=[GROUND, 7, 8],
+        position=[[0, 0, 0], [-1, 0, 0], [1, 0, 0]],
+    )
     world.step(DT)
     begun = world.event_changes.begun
     assert pairs_of(begun) == [(GROUND, 7), (GROUND, 8)]
@@ -335,3 +352,14 @@ def test_events_are_sorted_by_their_colliders():
             assert pairs_of(meetings) == sorted(pairs_of(meetings))
             count += len(meetings.entity_a)
     assert count > 100
+
+
+def test_events_can_be_switched_off_and_on():
+    world = ball_over_ground(height=0.5)
+    told(world, steps=5)
+    on = world.settings
+    world.settings = PhysicsSettings(events=False)
+    assert told(world, steps=3) == []
+    assert pairs_of(world.events.contacts.persisting) == []
+    world.settings = on
+    assert [row[1:] for row in told(world, steps=3)] == [("begun", GROUND, BALL)]
