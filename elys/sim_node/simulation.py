@@ -27,6 +27,7 @@ from elys.sim_node.ecs.changes import WorldChanges
 from elys.sim_node.ecs.schedule import System, run
 from elys.sim_node.ecs.world import World
 from elys.sim_node.physics.settings import PhysicsSettings
+from elys.sim_node.physics.states import WorldEvents
 from elys.sim_node.physics.world import PhysicsWorld
 from elys.sim_node.scene.loading import load_records
 from elys.sim_node.systems.simulate_physics import MovingBodies, RigidBodies
@@ -136,6 +137,11 @@ class Simulation:
     def moving_bodies(self) -> MovingBodies:
         """Where all bodies that can move are."""
         return self._bodies.moving()
+
+    @property
+    def events(self) -> WorldEvents:
+        """Contacts and visits to triggers that the last tick began or ended, and those that go on."""
+        return self.physics.events
 
     def take_changes(self) -> list[WorldChanges]:
         """What changed in the scene since this was last asked, oldest first."""

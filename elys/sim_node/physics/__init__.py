@@ -9,12 +9,29 @@ from elys.sim_node.physics.kernels.tables import (
     HULL,
     KINEMATIC,
     MESH,
+    NOTICES_ALL,
+    NOTICES_MOVING,
     PLANE,
     SPHERE,
     STATIC,
 )
 from elys.sim_node.physics.settings import Attractor, PhysicsSettings
-from elys.sim_node.physics.states import BodyStates, ContactPoints, Energy, Hits, Momentum, Overlaps, Problem
+from elys.sim_node.physics.states import (
+    BodyStates,
+    ContactEvents,
+    ContactPoints,
+    Energy,
+    EventChanges,
+    Hits,
+    Meetings,
+    Momentum,
+    Overlaps,
+    Problem,
+    Touches,
+    TriggerEvents,
+    Visits,
+    WorldEvents,
+)
 from elys.sim_node.physics.world import PhysicsWorld
 
 __all__ = [
@@ -26,17 +43,26 @@ __all__ = [
     "HULL",
     "KINEMATIC",
     "MESH",
+    "NOTICES_ALL",
+    "NOTICES_MOVING",
     "PLANE",
     "SPHERE",
     "STATIC",
     "Attractor",
     "BodyStates",
+    "ContactEvents",
     "ContactPoints",
     "Energy",
+    "EventChanges",
     "Hits",
+    "Meetings",
     "Momentum",
     "Overlaps",
     "PhysicsSettings",
     "PhysicsWorld",
     "Problem",
+    "Touches",
+    "TriggerEvents",
+    "Visits",
+    "WorldEvents",
 ]

@@ -186,7 +186,7 @@ def new_colliders(
     rows["restitution"] = restitution
     rows["layer"] = checks.bits_column("layer", layer, entities)
     rows["mask"] = checks.bits_column("mask", mask, entities)
-    rows["trigger"] = checks.choice_column("trigger", np.asarray(trigger, np.int64), entities, 2)
+    rows["trigger"] = checks.choice_column("trigger", np.asarray(trigger, np.int64), entities, 3)
     rows["fat_box"][:, :3] = FAR  # no box yet: the next step finds the pairs
     rows["fat_box"][:, 3:] = -FAR
     return rows, shapes

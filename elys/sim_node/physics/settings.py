@@ -48,6 +48,7 @@ class PhysicsSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     )
     contact_damping: float = 5.0  # damping ratio of that push; half of it against what cannot move
     push_speed: float = 3.0  # overlap is never removed faster [m/s]
+    events: bool = True  # whether contacts and visits to triggers are told: about 40 ns for each contact and step
     sleeping: bool = True  # whether islands at rest fall asleep
     sleep_speed: float = 0.05  # what moves more slowly [m/s]
     sleep_spin: float = 0.1  # and turns more slowly [rad/s]

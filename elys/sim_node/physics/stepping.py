@@ -12,6 +12,7 @@ from elys.sim_node.physics.activity import Activity
 from elys.sim_node.physics.bodies import BodyTable
 from elys.sim_node.physics.colliders import ColliderTable
 from elys.sim_node.physics.contacts import ContactStore
+from elys.sim_node.physics.events import EventLog
 from elys.sim_node.physics.kernels.colouring import colour_contacts
 from elys.sim_node.physics.kernels.integrator import finish_step
 from elys.sim_node.physics.kernels.islands import build_islands, list_held
@@ -39,6 +40,7 @@ class Step:
         colliders: ColliderTable,
         contacts: ContactStore,
         activity: Activity,
+        events: EventLog | None,
         room: SolverRoom,
         constants: Table,
         strengths: Table,
@@ -49,6 +51,7 @@ class Step:
         self._colliders = colliders
         self._contacts = contacts
         self._activity = activity
+        self._events = events
         self._sleeping = sleeping
         self._room = room
         self._constants = constants
@@ -71,9 +74,13 @@ class Step:
         _timed(profile, "colour_contacts", self._colour_contacts)
         _timed(profile, "prepare_contacts", self._prepare_contacts)
         _timed(profile, "solve_contacts", self._solve_contacts)
+        if self._events is not None:
+            _timed(profile, "track_contacts", self._track_contacts)
         faulty = _timed(profile, "finish_step", self._finish_step)
         if self._fast_count and not len(faulty):
             _timed(profile, "stop_at_impacts", self._stop_at_impacts)
+        if self._events is not None and not len(faulty):
+            _timed(profile, "track_triggers", self._track_triggers)
         if self._sleeping:
             _timed(profile, "put_to_sleep", self._put_to_sleep)
         return faulty
@@ -99,13 +106,14 @@ class Step:
         """Returns whether anything was touched in its sleep: then it wakes first."""
         contacts = self._contacts
         pairs = (contacts.pairs, contacts.active, contacts.active_count, contacts.manifolds, contacts.found)
-        results = (self._constants, contacts.touching, contacts.fast)
+        results = (self._constants, contacts.touching, contacts.fast, contacts.watched, contacts.triggers)
         bodies, colliders = self._bodies.rows, self._colliders.rows
         if self._colliders.is_simple:
             facts = update_simple_manifolds(bodies, colliders, *pairs, *results)
         else:
             facts = update_manifolds(bodies, colliders, *pairs, self._colliders.geometry.arrays, *results)
-        contacts.touching_count, is_changed, self._fast_count, is_woken = facts
+        contacts.touching_count, is_changed, self._fast_count, is_woken, *others = facts
+        contacts.watched_count, contacts.trigger_count = others
         contacts.is_changed |= is_changed
         return bool(is_woken)
 
@@ -247,6 +255,16 @@ class Step:
             self._strengths,
             self._constants,
         )
+
+    def _track_contacts(self) -> None:
+        assert self._events is not None
+        bodies, colliders = self._bodies.rows, self._colliders.rows
+        self._events.track_contacts(bodies, colliders, self._room.solver_bodies, self._constants)
+
+    def _track_triggers(self) -> None:
+        assert self._events is not None
+        colliders = self._colliders
+        self._events.track_triggers(self._bodies.rows, colliders.rows, colliders.geometry.arrays)
 
     def _finish_step(self) -> Array:
         bodies = self._bodies

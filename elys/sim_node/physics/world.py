@@ -21,14 +21,16 @@ from elys.sim_node.physics.activity import Activity
 from elys.sim_node.physics.bodies import BodyTable, new_rows
 from elys.sim_node.physics.colliders import EVERY_LAYER, ColliderTable, new_colliders
 from elys.sim_node.physics.contacts import ContactStore
+from elys.sim_node.physics.debug_geometry import Lines, Tables, debug_lines
+from elys.sim_node.physics.events import EventLog
 from elys.sim_node.physics.kernels.state_hash import hash_bodies
-from elys.sim_node.physics.kernels.tables import BOX, DYNAMIC, STATIC
+from elys.sim_node.physics.kernels.tables import BOX, DYNAMIC, SOLID, STATIC
 from elys.sim_node.physics.mass_properties import mass_properties
 from elys.sim_node.physics.measures import energy_of, momentum_of
 from elys.sim_node.physics.queries import WorldQueries
 from elys.sim_node.physics.settings import PhysicsSettings, SceneTraits, step_constants, step_strengths
 from elys.sim_node.physics.solving import SolverRoom
-from elys.sim_node.physics.states import BodyStates, ContactPoints, Energy, Momentum, Problem
+from elys.sim_node.physics.states import BodyStates, ContactPoints, Energy, EventChanges, Momentum, Problem, WorldEvents
 from elys.sim_node.physics.stepping import Step
 
 Array = np.ndarray[Any, Any]
@@ -42,6 +44,7 @@ class PhysicsWorld(WorldQueries):
         super().__init__(BodyTable(), ColliderTable())
         self._contacts = ContactStore()
         self._activity = Activity(self._bodies, self._colliders, self._contacts)
+        self._events = EventLog(self._contacts)
         self._room = SolverRoom()
         self._step: Step | None = None
         self._step_plan: tuple[float, PhysicsSettings, SceneTraits] | None = None
@@ -66,6 +69,16 @@ class PhysicsWorld(WorldQueries):
     def contacts(self) -> ContactPoints:
         """Where bodies touched in the last step."""
         return self._contacts.contact_points(self._bodies.rows, self._colliders.rows)
+
+    @property
+    def events(self) -> WorldEvents:
+        """What the last step began, what goes on and what ended: contacts, and visits to triggers; see docs/physics-events.md."""
+        return self._events.events(self._bodies.rows, self._colliders.rows)
+
+    @property
+    def event_changes(self) -> EventChanges:
+        """Of `events` what began and ended, which costs next to nothing to ask for."""
+        return self._events.changes()
 
     @property
     def touching_count(self) -> int:
@@ -181,7 +194,8 @@ class PhysicsWorld(WorldQueries):
         - density (M,) [kg/m^3]: where a body has one with it, its mass is the sum over those shapes. Without, the body's
           mass is shared among its shapes by volume. Centre of mass and inertia follow;
         - layer and mask (M,), 32 bits each: two shapes meet when each one's layer is in the other's mask;
-        - trigger (M,): notices what touches it, and pushes nothing;
+        - trigger (M,): notices what touches it, and pushes nothing. True or NOTICES_MOVING for what is dynamic or kinematic,
+          NOTICES_ALL for what is static too, where the trigger itself is not;
         - owners (M,): the entities that carry the colliders where those are not the bodies' own.
 
         Raises:
@@ -393,6 +407,8 @@ class PhysicsWorld(WorldQueries):
         if self._step is None or self._step_plan != plan:
             if self._step_plan is not None and self._step_plan[1] != self.settings:
                 self._activity.wake_all()
+            if not self.settings.events:
+                self._events.forget()
             constants = step_constants(self.settings, dt, traits)
             strengths = step_strengths(self.settings, dt)
             self._step = Step(
@@ -400,6 +416,7 @@ class PhysicsWorld(WorldQueries):
                 self._colliders,
                 self._contacts,
                 self._activity,
+                self._events if self.settings.events else None,
                 self._room,
                 constants,
                 strengths,
@@ -449,6 +466,10 @@ class PhysicsWorld(WorldQueries):
         words = rows.view(np.uint64).reshape(len(rows), rows.itemsize // 8)
         return int(hash_bodies(self._bodies.entities, words))
 
+    def debug_lines(self, kind: str) -> Lines:
+        """How physics sees the world, as lines of one kind: boxes, fat_boxes, contacts, islands, sleeping or axes."""
+        return debug_lines(Tables(self._bodies, self._colliders, self._contacts), kind)
+
     # ---------------------------------------------------------------- the whole state
 
     def snapshot(self) -> dict[str, Array]:
@@ -464,6 +485,7 @@ class PhysicsWorld(WorldQueries):
             "shapes": self._colliders.shapes.copy(),
             **self._colliders.geometry.saved(),
             **self._contacts.saved(),
+            **self._events.saved(),
         }
 
     def restore(self, snapshot: dict[str, Array]) -> None:
@@ -475,6 +497,7 @@ class PhysicsWorld(WorldQueries):
         self._bodies.load(snapshot)
         self._colliders.load(snapshot)
         self._contacts.load(snapshot, len(self._colliders.rows))
+        self._events.load(snapshot)
         self._activity.outdate()
         self._query_tree.outdate()
 
@@ -498,21 +521,24 @@ class PhysicsWorld(WorldQueries):
         """Centre of mass, axes and inertia of body rows (ascending) from their shapes."""
         bodies = np.sort(bodies)
         rows = self._colliders.rows_on(bodies)
-        mass = self._colliders.dense_mass(bodies, rows)
+        solid = rows[self._colliders.rows["trigger"][rows] == SOLID]
+        mass = self._colliders.dense_mass(bodies, solid)
         self._bodies.mass[bodies[mass > 0.0]] = mass[mass > 0.0]
-        self._bodies.set_mass_properties(bodies, mass_properties(self._colliders.shapes_on(bodies, rows), len(bodies)))
+        self._bodies.set_mass_properties(bodies, mass_properties(self._colliders.shapes_on(bodies, solid), len(bodies)))
         on = self._bodies.poses[self._colliders.rows["body"][rows]]
         self._colliders.attach(rows, on["center"], on["axes"])
-        self._bodies.set_extents(bodies, *self._colliders.extents(rows))
+        self._bodies.set_extents(bodies, *self._colliders.extents(solid))
         self._changed()
 
     def _remove_colliders(self, rows: Array) -> None:
+        self._events.note_removed(self._bodies.rows, self._colliders.rows, rows)
         self._contacts.follow_colliders(self._colliders.remove(rows))
         self._contacts.set_collider_count(len(self._colliders.rows))
 
     def _forget_pairs(self, bodies: Array) -> None:
         """Ends all pairs of body rows; the next step finds those that may still be."""
         rows = self._colliders.rows_on(bodies)
+        self._events.note_removed(self._bodies.rows, self._colliders.rows, rows)
         pairs = self._contacts.live_pairs
         self._contacts.drop(pairs["slot"][np.isin(pairs["a"], rows) | np.isin(pairs["b"], rows)])
         self._colliders.forget_boxes(rows)

@@ -14,6 +14,7 @@ from elys.sim_node.physics.kernels import tables
 from elys.sim_node.physics.kernels.broadphase import change_pairs, find_new_pairs, list_active_pairs
 from elys.sim_node.physics.kernels.cast import TOUCH
 from elys.sim_node.physics.kernels.colouring import colour_contacts
+from elys.sim_node.physics.kernels.events import describe_contacts, track_contacts, track_triggers
 from elys.sim_node.physics.kernels.integrator import finish_step, publish_poses
 from elys.sim_node.physics.kernels.islands import build_islands, list_held
 from elys.sim_node.physics.kernels.narrow_phase import update_manifolds, update_simple_manifolds
@@ -89,6 +90,7 @@ def _kernels() -> tuple[Kernel, ...]:
     boxes = np.zeros(2, tables.COLLIDER)["box"]
     words = np.zeros((1, 2), np.uint64)
     touching = (bodies, colliders, pairs, indices, 0, manifolds)
+    touches, meetings = np.zeros(1, tables.TOUCH), np.zeros(1, tables.MEETING)
     lanes = (indices, indices, indices, indices)
     flags = np.zeros(1, np.uint8)
     places = np.zeros(1, np.int64)
@@ -121,6 +123,12 @@ def _kernels() -> tuple[Kernel, ...]:
             stop_at_impacts,
             (bodies, colliders, pairs, indices, 0, starts, numbers, poses, bodies, colliders, geometry, constants),
         ),
+        (track_contacts, (*touching, solver, touches, meetings, constants)),
+        (describe_contacts, (*touching, touches)),
+        (
+            track_triggers,
+            (bodies, colliders, pairs, indices, 0, colliders, geometry, meetings, meetings),
+        ),
         (fatten_boxes, (bodies, colliders, indices, 0, indices, constants)),
         (place_colliders, (bodies, colliders, indices, 0, geometry)),
         (build_tree, (boxes, leaves, nodes, indices, numbers, True)),
@@ -151,9 +159,9 @@ def _kernels() -> tuple[Kernel, ...]:
         (prepare_impacts, (*touching, rows, row_points, groups, solver, drives, constants)),
         (
             update_simple_manifolds,
-            (bodies, colliders, pairs, indices, 0, manifolds, found, constants, indices, indices),
+            (bodies, colliders, pairs, indices, 0, manifolds, found, constants, *lanes),
         ),
-        (update_manifolds, (bodies, colliders, pairs, indices, 0, manifolds, found, geometry, constants, indices, indices)),
+        (update_manifolds, (bodies, colliders, pairs, indices, 0, manifolds, found, geometry, constants, *lanes)),
         (
             solve_contacts,
             (

@@ -7,7 +7,6 @@ import math
 from elys.sim_node.compilation import inner
 from elys.sim_node.physics.kernels.tables import TOLD_SPEED, TOLD_SPIN
 
-
 LARGEST = 1e38  # above it a number does not fit the 32 bits in which velocities are published, as if it were not finite
 
 

@@ -20,6 +20,7 @@ DYNAMIC, KINEMATIC, STATIC = 0, 1, 2
 BOX, SPHERE, CAPSULE, CYLINDER, HULL, MESH, PLANE, HEIGHT_FIELD = 0, 1, 2, 3, 4, 5, 6, 7
 ROUNDED = (SPHERE, CAPSULE)  # a core with a radius around it
 TRIANGLE = 8  # a part of a mesh or a height field; no collider is of this kind
+SOLID, NOTICES_MOVING, NOTICES_ALL = 0, 1, 2
 GEOMETRIC_MEAN, MINIMUM, MAXIMUM, AVERAGE, MULTIPLY = 0, 1, 2, 3, 4
 CORNERS = 32  # the most corners of a face that contacts are made with; of larger faces some are left out
 MOST_ATTRACTORS = 16
@@ -119,7 +120,7 @@ COLLIDER = np.dtype(
         ("entity", "u4"),  # the entity that carries the collider: the body's, or one below it
         ("kind", "u1"),  # BOX to HEIGHT_FIELD
         ("moved", "u1"),  # the fat box is new
-        ("trigger", "u1"),  # notices what touches it and pushes nothing
+        ("trigger", "u1"),  # SOLID, or notices what touches it and pushes nothing
         ("layer", "u4"),  # bits: two colliders meet when each one's layer is in the other's mask
         ("mask", "u4"),
         ("geometry", "i4"),  # row of the header of a hull, mesh or height field, else -1
@@ -149,6 +150,23 @@ PAIR = np.dtype(
         ("a", "i4"),
         ("b", "i4"),
         ("part", "i4"),  # which triangle of a mesh or height field, else 0
+        ("touched", "u1"),  # it touched, or was in the trigger, as the last step that looked at it ended
+    ],
+    align=True,
+)
+
+# Two colliders that met or parted: their entities and their bodies'. Of a visit a is the trigger.
+MEETING = np.dtype([("a", "u4"), ("b", "u4"), ("body_a", "u4"), ("body_b", "u4")])
+
+# The same with where and how: a contact that has begun, or goes on. Not a prefix of it: numba would take one for the other.
+TOUCH = np.dtype(
+    [
+        ("point", "f8", 3),  # the deepest, in the middle between the surfaces [m]
+        ("normal", "f8", 3),  # from a to b
+        ("depth", "f8"),  # overlap there after the step, negative for a gap [m]
+        ("impulse", "f8"),  # of the step, along the normals of all points [N s]
+        ("speed", "f8"),  # at which they closed as they first touched; 0 for one that goes on [m/s]
+        *MEETING.descr,
     ],
     align=True,
 )
