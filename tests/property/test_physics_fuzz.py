@@ -6,6 +6,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -35,7 +36,7 @@ def scene(seed: int, count: int, *, order: np.ndarray | None = None, extreme: bo
     """`count` moving bodies over static ground of every kind, spawned in an order (count,); sizes and masses are log-uniform."""
     rng = np.random.default_rng(seed)
     settings = PhysicsSettings(
-        gravity=tuple(rng.normal(0.0, 5.0, 3) + (0.0, -9.81, 0.0)),
+        gravity=tuple(rng.normal([0.0, -9.81, 0.0], 5.0)),
         attractors=(Attractor(position=(0.0, 5.0, 0.0), strength=20.0, softening=1.0),) if rng.random() < 0.3 else (),
         sleeping=bool(rng.random() < 0.5),
     )
@@ -51,7 +52,7 @@ def scene(seed: int, count: int, *, order: np.ndarray | None = None, extreme: bo
         geometry[place] = world.add_hull(rng.normal(0.0, 0.3, (12, 3)) * size[place])
     bodies = {
         "motion": rng.choice([0, 1], count, p=[0.95, 0.05]),
-        "position": rng.normal(0.0, spread, (count, 3)) + (0.0, spread, 0.0),
+        "position": rng.normal([0.0, spread, 0.0], spread, (count, 3)),
         "rotation": Rotation.random(count, random_state=rng).as_quat(),
         "linear_velocity": rng.normal(0.0, 10.0, (count, 3)),
         "angular_velocity": rng.normal(0.0, 5.0, (count, 3)),
@@ -164,10 +165,10 @@ def run(seed: int, count: int, steps: int, *, extreme: bool = True) -> PhysicsWo
 def run_elsewhere(expression: str, **environment: str) -> str:
     """What a fresh process prints for an expression of this module."""
     program = f"from tests.property.test_physics_fuzz import run; print({expression})"
-    root = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+    root = Path(__file__).parents[2]
     done = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", program],
-        env={**os.environ, "PYTHONPATH": root, **environment},
+        env={**os.environ, "PYTHONPATH": str(root), **environment},
         cwd=root,
         capture_output=True,
         text=True,

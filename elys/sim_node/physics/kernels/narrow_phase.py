@@ -46,10 +46,10 @@ def thinness(collider):
 @inner
 def boxes_apart(a, b, margin):
     """Whether the smallest boxes of two colliders are farther apart than the margin: most pairs are, and need no more."""
+    apart = False
     for k in range(3):
-        if a[k] - margin > b[3 + k] or b[k] - margin > a[3 + k]:
-            return True
-    return False
+        apart = apart or a[k] - margin > b[3 + k] or b[k] - margin > a[3 + k]
+    return apart
 
 
 @inner

@@ -17,13 +17,13 @@ def told(world, cause):
 
 @pytest.mark.parametrize("mass", [0.0, -1.0, np.nan])
 def test_a_mass_that_cannot_be_is_refused_by_name(mass):
-    with pytest.raises(PhysicsError, match="mass must be .*: entity 4"):
+    with pytest.raises(PhysicsError, match=r"mass must be .*: entity 4"):
         PhysicsWorld().add_bodies([3, 4], mass=[1.0, mass])
 
 
 def test_an_inertia_that_no_body_has_is_refused_by_name():
     world = PhysicsWorld()
-    with pytest.raises(PhysicsError, match="triangle inequality.*: entity 2 has"):
+    with pytest.raises(PhysicsError, match=r"triangle inequality.*: entity 2 has"):
         world.add_bodies([1, 2], inertia=[[1.0, 1.0, 2.0], [1.0, 1.0, 2.1]])
     world.add_bodies([1], inertia=[1.0, 1.0, 2.0], mass=5.0)
     world.add_colliders([1])  # shapes do not change what was asked for
