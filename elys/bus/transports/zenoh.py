@@ -130,7 +130,7 @@ class ZenohTransport:
         with self._closed_said():
             if key not in self._matched:
                 self._matched[key] = self._session.declare_publisher(key)
-            return bool(self._matched[key].matching_status.matching)
+            return bool(self._matched[key].matching_status.matching)  # type: ignore[attr-defined]  # stubs say bool
 
     def subscribe(self, key_expression: str, on_sample: Callable[[str, bytes], None]) -> Closer:
         """Calls `on_sample(key, payload)` on zenoh's receiving thread: it must only hand over."""
