@@ -97,13 +97,13 @@ class ContactStore:
         self.pair_count = len(kept)
         self.touching_count = 0
 
-    def update_pairs(self, bodies: Array, colliders: Array, moved: int) -> None:
-        """Finds the pairs of colliders with new fat boxes, ends those that parted."""
+    def update_pairs(self, bodies: Array, colliders: Array, unpaired: Array, moved: int) -> None:
+        """Finds the pairs of colliders with new fat boxes, except of `unpaired` bodies, and ends those that parted."""
         tree = self.tree
         tree.build(colliders["fat_box"], moved)
         index_pairs(self.pairs, self.pair_count, self._starts)
         while True:
-            args = (tree.leaves, tree.nodes, self.pairs, self._starts, self._new, tree.stack)
+            args = (tree.leaves, tree.nodes, self.pairs, self._starts, unpaired, self._new, tree.stack)
             found = find_new_pairs(bodies, colliders, *args)
             if found <= len(self._new):
                 break

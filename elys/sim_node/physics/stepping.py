@@ -11,7 +11,9 @@ import numpy as np
 from elys.sim_node.physics.bodies import BodyTable
 from elys.sim_node.physics.colliders import ColliderTable
 from elys.sim_node.physics.contacts import ContactStore
+from elys.sim_node.physics.joints import JointTable
 from elys.sim_node.physics.kernels.integrator import finish_step
+from elys.sim_node.physics.kernels.joints import finish_joints, prepare_joints
 from elys.sim_node.physics.kernels.narrow_phase import update_manifolds
 from elys.sim_node.physics.kernels.placement import fatten_boxes, place_colliders, place_inertia
 from elys.sim_node.physics.kernels.preparation import prepare_contacts
@@ -23,18 +25,25 @@ Result = TypeVar("Result")
 
 
 def step_bodies(
-    bodies: BodyTable, colliders: ColliderTable, contacts: ContactStore, constants: Table, profile: dict[str, float]
-) -> Array:
+    bodies: BodyTable,
+    colliders: ColliderTable,
+    contacts: ContactStore,
+    joints: JointTable,
+    constants: Table,
+    profile: dict[str, float],
+) -> tuple[Array, Array]:
     """Moves everything by one step, the seconds of each stage going into `profile`.
 
-    Returns the rows of bodies whose numbers are not finite any more.
+    Returns the rows of bodies whose numbers are not finite any more, and the rows of joints that broke.
     """
     _timed(profile, "place_bodies", lambda: _place_bodies(bodies, colliders))
-    _timed(profile, "update_pairs", lambda: _update_pairs(bodies, colliders, contacts, constants))
+    _timed(profile, "update_pairs", lambda: _update_pairs(bodies, colliders, contacts, joints, constants))
     _timed(profile, "update_manifolds", lambda: _update_manifolds(bodies, colliders, contacts, constants))
     _timed(profile, "prepare_contacts", lambda: _prepare_contacts(bodies, colliders, contacts, constants))
-    _timed(profile, "solve_contacts", lambda: _solve_contacts(bodies, contacts, constants))
-    return _timed(profile, "finish_step", lambda: _finish_step(bodies))
+    _timed(profile, "prepare_joints", lambda: _prepare_joints(bodies, joints))
+    _timed(profile, "solve_contacts", lambda: _solve_contacts(bodies, contacts, joints, constants))
+    broken = _timed(profile, "finish_joints", lambda: _finish_joints(bodies, joints, constants))
+    return _timed(profile, "finish_step", lambda: _finish_step(bodies)), broken
 
 
 def _place_bodies(bodies: BodyTable, colliders: ColliderTable) -> None:
@@ -42,10 +51,12 @@ def _place_bodies(bodies: BodyTable, colliders: ColliderTable) -> None:
     place_colliders(bodies.rows, colliders.rows)
 
 
-def _update_pairs(bodies: BodyTable, colliders: ColliderTable, contacts: ContactStore, constants: Table) -> None:
+def _update_pairs(
+    bodies: BodyTable, colliders: ColliderTable, contacts: ContactStore, joints: JointTable, constants: Table
+) -> None:
     moved = fatten_boxes(bodies.rows, colliders.rows, constants)
     if moved:
-        contacts.update_pairs(bodies.rows, colliders.rows, moved)
+        contacts.update_pairs(bodies.rows, colliders.rows, joints.unpaired, moved)
 
 
 def _update_manifolds(bodies: BodyTable, colliders: ColliderTable, contacts: ContactStore, constants: Table) -> None:
@@ -78,7 +89,17 @@ def _prepare_contacts(bodies: BodyTable, colliders: ColliderTable, contacts: Con
     )
 
 
-def _solve_contacts(bodies: BodyTable, contacts: ContactStore, constants: Table) -> None:
+def _prepare_joints(bodies: BodyTable, joints: JointTable) -> None:
+    prepare_joints(bodies.rows, joints.rows, joints.solver_rows, len(joints.rows))
+
+
+def _finish_joints(bodies: BodyTable, joints: JointTable, constants: Table) -> Array:
+    room = joints.broken_room
+    count = finish_joints(bodies.rows, joints.rows, joints.solver_rows, len(joints.rows), constants, room)
+    return room[:count].copy()
+
+
+def _solve_contacts(bodies: BodyTable, contacts: ContactStore, joints: JointTable, constants: Table) -> None:
     solve_contacts(
         bodies.rows,
         contacts.manifolds,
@@ -86,6 +107,9 @@ def _solve_contacts(bodies: BodyTable, contacts: ContactStore, constants: Table)
         contacts.rows,
         contacts.row_points,
         contacts.touching_count,
+        joints.rows,
+        joints.solver_rows,
+        len(joints.rows),
         constants,
     )
 

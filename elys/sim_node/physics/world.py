@@ -10,7 +10,7 @@ world.bodies.position
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +21,8 @@ from elys.sim_node.physics import checks
 from elys.sim_node.physics.bodies import BodyTable, new_rows
 from elys.sim_node.physics.colliders import ColliderTable, new_colliders
 from elys.sim_node.physics.contacts import BoxTree, ContactStore
+from elys.sim_node.physics.joint_making import JointDescription, JointDrive, changed_joints, new_joints
+from elys.sim_node.physics.joints import BrokenJoint, JointStates, JointTable
 from elys.sim_node.physics.kernels.state_hash import hash_bodies
 from elys.sim_node.physics.kernels.tables import BOX, DYNAMIC, STATIC
 from elys.sim_node.physics.mass_properties import mass_properties
@@ -41,6 +43,8 @@ class PhysicsWorld:
         self._bodies = BodyTable()
         self._colliders = ColliderTable()
         self._contacts = ContactStore()
+        self._joints = JointTable()
+        self._broken_joints: list[BrokenJoint] = []
         self._problems: list[Problem] = []
         self._query_tree: BoxTree | None = None
 
@@ -73,6 +77,16 @@ class PhysicsWorld:
     def body_count(self) -> int:
         """How many bodies there are."""
         return len(self._bodies.rows)
+
+    @property
+    def joints(self) -> JointStates:
+        """All joints, as the last step left them."""
+        return self._joints.states()
+
+    def take_broken_joints(self) -> list[BrokenJoint]:
+        """Which joints broke since the last call, in the order of steps and ids."""
+        broken, self._broken_joints = self._broken_joints, []
+        return broken
 
     def take_problems(self) -> list[Problem]:
         """What went wrong inside steps since the last call."""
@@ -120,13 +134,17 @@ class PhysicsWorld:
         weights = checks.number_column("mass", mass, column, minimum=0.0, above=True)
         place = self._bodies.add(column, rows, weights)
         self._colliders.follow_bodies(place)
+        self._joints.follow_bodies(place)
         self._update_mass(self._bodies.rows_of(column))
 
     def remove_bodies(self, entities: ArrayLike) -> None:
-        """Removes bodies with their shapes and contacts; PhysicsError for an entity without a body."""
+        """Removes bodies with their shapes, contacts and joints; PhysicsError for an entity without a body."""
         rows = self._bodies.rows_of(checks.entity_column(entities))
         self._remove_colliders(self._colliders.rows_on(rows))
-        self._colliders.follow_bodies(self._bodies.remove(rows))
+        self._joints.remove(self._joints.rows_on(rows))
+        place = self._bodies.remove(rows)
+        self._colliders.follow_bodies(place)
+        self._joints.follow_bodies(place)
         self._query_tree = None
 
     def add_colliders(
@@ -172,6 +190,31 @@ class PhysicsWorld:
         rows = self._bodies.rows_of(checks.entity_column(entities))
         self._remove_colliders(self._colliders.rows_on(rows))
         self._update_mass(np.sort(rows))
+
+    # ---------------------------------------------------------------- joints
+
+    def add_joints(self, joints: ArrayLike, **description: Unpack[JointDescription]) -> None:
+        """Joins bodies, or bodies and the world, as they stand: ids (N,) of the caller's choice, and what they are.
+
+        Raises:
+            PhysicsError: a value is out of its range, an entity has no body, or there is a joint with that id.
+        """
+        rows = new_joints(joints, self._bodies, self._joints.rows, description)
+        self._joints.add(rows)
+        self._joints.attach(self._bodies, self._joints.rows_of(rows["id"]))
+        self._forget_pairs(np.unique(rows["body"][rows["body"] >= 0]))
+
+    def remove_joints(self, joints: ArrayLike) -> None:
+        """Removes joints (N,) and the gears on them; PhysicsError for one that does not exist."""
+        rows = self._joints.rows_of(joints)
+        bodies = self._joints.rows["body"][rows]
+        self._joints.remove(rows)
+        self._forget_pairs(np.unique(bodies[bodies >= 0]))
+
+    def set_joints(self, joints: ArrayLike, **changes: Unpack[JointDrive]) -> None:
+        """Changes motors, springs and limits of joints (N,), as in `add_joints`; what is not given stays."""
+        rows = self._joints.rows_of(joints)
+        self._joints.rows[rows] = changed_joints(self._joints.rows[rows], changes)
 
     # ---------------------------------------------------------------- changes from outside
 
@@ -257,10 +300,23 @@ class PhysicsWorld:
             raise PhysicsError(f"A step must take a finite time above 0 s, not {dt!r}")
         constants = step_constants(self.settings, dt, can_bounce=self._colliders.can_bounce)
         profile = {} if profile is None else profile
-        faulty = step_bodies(self._bodies, self._colliders, self._contacts, constants, profile)
+        faulty, broken = step_bodies(self._bodies, self._colliders, self._contacts, self._joints, constants, profile)
         self._query_tree = None
+        if len(broken):
+            self._break_joints(broken)
         if len(faulty):
             self._stop(faulty)
+
+    def _break_joints(self, rows: Array) -> None:
+        """Tells of joints that broke; the bodies they held may collide from now on."""
+        for joint in self._joints.rows[rows]:
+            a, b = joint["entity"].tolist()
+            self._broken_joints.append(
+                BrokenJoint(int(joint["id"]), a, b, float(joint["force"]), float(joint["torque"]))
+            )
+        self._joints.set_broken(rows)
+        bodies = self._joints.rows["body"][rows]
+        self._forget_pairs(np.unique(bodies[bodies >= 0]))
 
     def _stop(self, rows: Array) -> None:
         """Takes bodies that are not finite any more out of motion, where they were last seen."""
@@ -318,6 +374,7 @@ class PhysicsWorld:
             "inertia": self._bodies.inertia.copy(),
             "colliders": self._colliders.rows.copy(),
             "shapes": self._colliders.shapes.copy(),
+            "joints": self._joints.rows.copy(),
             **self._contacts.saved(),
         }
 
@@ -330,6 +387,7 @@ class PhysicsWorld:
         self._bodies.load(snapshot)
         self._colliders.load(snapshot)
         self._contacts.load(snapshot, len(self._colliders.rows))
+        self._joints.load(snapshot)
         self._query_tree = None
 
     # ---------------------------------------------------------------- within
@@ -350,6 +408,7 @@ class PhysicsWorld:
         self._bodies.set_mass_properties(bodies, mass_properties(self._colliders.shapes_on(bodies, rows), len(bodies)))
         on = self._bodies.poses[self._colliders.rows["body"][rows]]
         self._colliders.attach(rows, on["center"], on["axes"])
+        self._joints.attach(self._bodies, self._joints.rows_on(bodies))
         self._changed()
 
     def _remove_colliders(self, rows: Array) -> None:

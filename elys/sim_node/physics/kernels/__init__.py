@@ -10,6 +10,7 @@ from elys.sim_node.compilation import signature_of
 from elys.sim_node.physics.kernels import tables
 from elys.sim_node.physics.kernels.broadphase import find_new_pairs, give_slots, index_pairs, merge_pairs
 from elys.sim_node.physics.kernels.integrator import finish_step, publish_poses
+from elys.sim_node.physics.kernels.joints import finish_joints, prepare_joints
 from elys.sim_node.physics.kernels.narrow_phase import update_manifolds
 from elys.sim_node.physics.kernels.placement import fatten_boxes, place_colliders, place_inertia
 from elys.sim_node.physics.kernels.preparation import prepare_contacts
@@ -22,7 +23,21 @@ Kernel = tuple[str, Any, tuple[tuple[Any, ...], ...]]
 
 
 def _kernels() -> tuple[Kernel, ...]:
-    bodies, poses, colliders, pairs, manifolds, points, rows, row_points, leaves, found, constants = (
+    (
+        bodies,
+        poses,
+        colliders,
+        pairs,
+        manifolds,
+        points,
+        rows,
+        row_points,
+        leaves,
+        found,
+        constants,
+        joints,
+        joint_rows,
+    ) = (
         np.zeros(1, dtype)
         for dtype in (
             tables.BODY,
@@ -36,6 +51,8 @@ def _kernels() -> tuple[Kernel, ...]:
             tables.TREE_LEAF,
             tables.FOUND,
             tables.CONSTANTS,
+            tables.JOINT,
+            tables.JOINT_ROW,
         )
     )
     indices = np.zeros(1, np.int32)
@@ -44,6 +61,7 @@ def _kernels() -> tuple[Kernel, ...]:
     nodes = np.zeros((2, 6))
     vectors = np.zeros((1, 3))
     boxes = np.zeros(2, tables.COLLIDER)["box"]
+    keys = np.zeros(1, np.int64)
     words = np.zeros((1, 2), np.uint64)
     # The quick ones first, so that a progress bar moves early.
     listed: list[tuple[Any, tuple[Any, ...]]] = [
@@ -58,10 +76,12 @@ def _kernels() -> tuple[Kernel, ...]:
         (index_pairs, (pairs, 0, indices)),
         (give_slots, (pairs, 0, manifolds, points, indices, indices)),
         (merge_pairs, (colliders, pairs, 0, pairs, 0, pairs, indices, indices, indices)),
-        (find_new_pairs, (bodies, colliders, leaves, nodes, pairs, indices, pairs, indices)),
+        (find_new_pairs, (bodies, colliders, leaves, nodes, pairs, indices, keys, pairs, indices)),
         (prepare_contacts, (bodies, colliders, pairs, indices, 0, manifolds, points, rows, row_points, constants)),
         (update_manifolds, (bodies, colliders, pairs, 0, manifolds, points, found, constants, indices)),
-        (solve_contacts, (bodies, manifolds, points, rows, row_points, 0, constants)),
+        (prepare_joints, (bodies, joints, joint_rows, 0)),
+        (finish_joints, (bodies, joints, joint_rows, 0, constants, indices)),
+        (solve_contacts, (bodies, manifolds, points, rows, row_points, 0, joints, joint_rows, 0, constants)),
     ]
     return tuple((f"physics.{function.__name__}", function, (signature_of(*a),)) for function, a in listed)
 

@@ -5,6 +5,8 @@ Pairs stay sorted by (a, b), whatever the tree looks like: the order of impulses
 
 from __future__ import annotations
 
+import numpy as np
+
 from elys.sim_node.compilation import inner, kernel
 from elys.sim_node.physics.kernels.tables import DYNAMIC, POINTS
 from elys.sim_node.physics.kernels.tree import LEAF
@@ -42,8 +44,25 @@ def may_collide(bodies, first, second):
     return bodies[first].motion == DYNAMIC or bodies[second].motion == DYNAMIC
 
 
+@inner
+def is_unpaired(unpaired, first, second):
+    """Whether two bodies are held by a joint that lets them not collide: a search in sorted keys."""
+    if unpaired.shape[0] == 0:
+        return False
+    key = (np.int64(min(first, second)) << 32) + max(first, second)
+    low = 0
+    high = unpaired.shape[0]
+    while low < high:
+        middle = (low + high) // 2
+        if unpaired[middle] < key:
+            low = middle + 1
+        else:
+            high = middle
+    return low < unpaired.shape[0] and unpaired[low] == key
+
+
 @kernel
-def find_new_pairs(bodies, colliders, leaves, nodes, pairs, row_start, new, stack):
+def find_new_pairs(bodies, colliders, leaves, nodes, pairs, row_start, unpaired, new, stack):
     """Writes the pairs that moved colliders have gained, in any order; returns how many there are.
 
     When there are more than `new` can take the rest is only counted: the caller makes room and calls again.
@@ -78,7 +97,7 @@ def find_new_pairs(bodies, colliders, leaves, nodes, pairs, row_start, new, stac
                     continue
                 a = min(i, j)
                 b = max(i, j)
-                if is_known(pairs, row_start, a, b):
+                if is_known(pairs, row_start, a, b) or is_unpaired(unpaired, collider.body, other.body):
                     continue
                 if found < new.shape[0]:
                     new[found].a = a

@@ -15,6 +15,7 @@ import math
 from elys.sim_node.compilation import inner, kernel
 from elys.sim_node.physics.kernels.impact import bounce_contacts
 from elys.sim_node.physics.kernels.integrator import begin_step, integrate_positions, integrate_velocities, take_back
+from elys.sim_node.physics.kernels.joints import solve_joints, warm_start_joints
 from elys.sim_node.physics.kernels.tables import POINTS
 
 # A gap that was closed exactly is 0 give or take rounding, and rounding must not choose between hard and soft [m].
@@ -211,8 +212,10 @@ def store_impulses(bodies, manifolds, points, rows, row_points, row_count):
 
 
 @kernel
-def solve_contacts(bodies, manifolds, points, rows, row_points, row_count, all_constants):
-    """All substeps of a step: velocities and displacements of the bodies, impulses of the contacts.
+def solve_contacts(
+    bodies, manifolds, points, rows, row_points, row_count, joints, joint_rows, joint_count, all_constants
+):
+    """All substeps of a step: velocities and displacements of the bodies, impulses of the contacts and joints.
 
     The two solves stand in a loop because a call with True and one with False would be compiled twice.
     """
@@ -224,7 +227,9 @@ def solve_contacts(bodies, manifolds, points, rows, row_points, row_count, all_c
         integrate_velocities(bodies, constants)
         if substep == 0:
             warm_start(bodies, rows, row_points, row_count)
+            warm_start_joints(bodies, joints, joint_rows, joint_count)
         for phase in range(2):
+            solve_joints(bodies, joints, joint_rows, joint_count, constants, phase == 0)
             solve_rows(bodies, rows, row_points, row_count, constants, phase == 0)
             if phase == 0:
                 integrate_positions(bodies, constants)
