@@ -15,7 +15,19 @@ from elys.common.math import quaternion
 from elys.sim_node.physics import checks
 from elys.sim_node.physics.bodies import BodyTable
 from elys.sim_node.physics.joint_checks import joint_column, joint_named
-from elys.sim_node.physics.kernels.tables import GEAR, JOINT, JOINT_ROW, JOINT_ROWS
+from elys.sim_node.physics.joint_plan import JointPlan
+from elys.sim_node.physics.kernels.tables import (
+    BALL,
+    CONE,
+    DISTANCE,
+    FIXED,
+    GEAR,
+    HINGE,
+    JOINT,
+    JOINT_ROW,
+    JOINT_ROWS,
+    SLIDER,
+)
 
 Array = np.ndarray[Any, Any]
 
@@ -53,6 +65,7 @@ class JointTable:
         self.solver_rows = np.zeros(0, JOINT_ROW)
         self.broken_room = np.zeros(0, np.int32)
         self.unpaired = np.zeros(0, np.int64)
+        self.plan = JointPlan(0, np.zeros(0, np.int64), np.zeros((0, 2), np.int32))
 
     def rows_of(self, joints: ArrayLike) -> Array:
         """The rows of joints (M,); PhysicsError for one that does not exist."""
@@ -120,6 +133,22 @@ class JointTable:
                 principal_from_entity, rotation
             )
         self.rows["stiffness"][rows] = -1.0
+
+    def update_plan(self, bodies: BodyTable) -> None:
+        """Plans anew how rigid joints are solved together, when what they hold has changed."""
+        r = self.rows
+        if not len(r):
+            return
+        body = r["body"]
+        free = (body >= 0) & (bodies.rows["inverse_mass"][body] > 0.0)
+        rigid = (r["frequency"] == 0.0) & (r["broken"] == 0) & free.any(1)
+        held = np.isin(r["kind"], (FIXED, BALL, HINGE, SLIDER, CONE))
+        rod = (r["kind"] == DISTANCE) & (r["lower"] == r["upper"])
+        direct = np.flatnonzero(rigid & (held | rod))
+        coupled = np.where(free, body, -1)[direct]
+        if self.plan.key != (len(r), direct.tobytes(), coupled.tobytes()):
+            self.plan = JointPlan(len(r), direct, coupled)
+        r["direct"] = self.plan.direct
 
     def set_broken(self, rows: Array) -> None:
         """Joints that broke hold nothing any more, nor do the gears that couple them."""

@@ -90,6 +90,7 @@ def _prepare_contacts(bodies: BodyTable, colliders: ColliderTable, contacts: Con
 
 
 def _prepare_joints(bodies: BodyTable, joints: JointTable) -> None:
+    joints.update_plan(bodies)
     prepare_joints(bodies.rows, joints.rows, joints.solver_rows, len(joints.rows))
 
 
@@ -110,6 +111,9 @@ def _solve_contacts(bodies: BodyTable, contacts: ContactStore, joints: JointTabl
         joints.rows,
         joints.solver_rows,
         len(joints.rows),
+        joints.plan.columns,
+        joints.plan.blocks,
+        joints.plan.updates,
         constants,
     )
 

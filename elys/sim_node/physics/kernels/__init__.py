@@ -37,6 +37,8 @@ def _kernels() -> tuple[Kernel, ...]:
         constants,
         joints,
         joint_rows,
+        columns,
+        blocks,
     ) = (
         np.zeros(1, dtype)
         for dtype in (
@@ -53,6 +55,8 @@ def _kernels() -> tuple[Kernel, ...]:
             tables.CONSTANTS,
             tables.JOINT,
             tables.JOINT_ROW,
+            tables.JOINT_COLUMN,
+            tables.JOINT_BLOCK,
         )
     )
     indices = np.zeros(1, np.int32)
@@ -81,7 +85,13 @@ def _kernels() -> tuple[Kernel, ...]:
         (update_manifolds, (bodies, colliders, pairs, 0, manifolds, points, found, constants, indices)),
         (prepare_joints, (bodies, joints, joint_rows, 0)),
         (finish_joints, (bodies, joints, joint_rows, 0, constants, indices)),
-        (solve_contacts, (bodies, manifolds, points, rows, row_points, 0, joints, joint_rows, 0, constants)),
+        (
+            solve_contacts,
+            (
+                *(bodies, manifolds, points, rows, row_points, 0),
+                *(joints, joint_rows, 0, columns, blocks, indices, constants),
+            ),
+        ),
     ]
     return tuple((f"physics.{function.__name__}", function, (signature_of(*a),)) for function, a in listed)
 

@@ -68,15 +68,25 @@ def response(joint, row, other):
 
 
 @inner
-def factor_locked(joint, rows, first):
-    """L D L^T of the locked rows' responses: L below the diagonal, the inverse of D on it."""
-    n = joint.locked
+def write_response(joint, rows, first, softness):
+    """How the locked rows respond to impulses of one another, as a lower triangle."""
     f = joint.factor
-    for i in range(n):
-        own = response(joint, rows[first + i], rows[first + i])
+    for i in range(joint.locked):
+        for j in range(i + 1):
+            f[LOCKED * i + j] = response(joint, rows[first + i], rows[first + j])
+        rows[first + i].own = f[LOCKED * i + i]
+        f[LOCKED * i + i] *= 1.0 + softness
+
+
+@inner
+def factor_locked(joint):
+    """L D L^T of the locked rows' responses, in place: L below the diagonal, the inverse of D on it."""
+    f = joint.factor
+    for i in range(joint.locked):
+        own = f[LOCKED * i + i]
         rest = own
         for j in range(i):
-            value = response(joint, rows[first + i], rows[first + j])
+            value = f[LOCKED * i + j]
             for k in range(j):
                 value -= f[LOCKED * i + k] * f[LOCKED * j + k]  # what stands in row i is not divided by D yet
             f[LOCKED * i + j] = value
@@ -124,7 +134,8 @@ def prepare_masses(joint, rows, first):
     turn_inertia(joint)
     for k in range(joint.locked):
         write_turn(joint, rows[first + k])
-    factor_locked(joint, rows, first)
+    write_response(joint, rows, first, 0.0)
+    factor_locked(joint)
     if has_coordinate(joint.kind):
         write_turn(joint, rows[first + AXIS])
         prepare_free(joint, rows, first, rows[first + AXIS])

@@ -22,8 +22,16 @@ SMALL = 1e-12  # lengths [m] and sines below it have no direction
 
 
 @inner
-def locked_count(kind):
+def is_rod(joint):
+    return joint.kind == DISTANCE and joint.lower == joint.upper
+
+
+@inner
+def locked_count(joint):
     """How many rows of a joint are locked."""
+    kind = joint.kind
+    if is_rod(joint):
+        return 1
     if kind == FIXED or kind == MOTOR:
         return 6
     if kind == HINGE or kind == SLIDER:
@@ -96,6 +104,8 @@ def measure(joint, rows, first):
         return
     if kind == DISTANCE:
         joint.coordinate = math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+        if is_rod(joint):
+            rows[first].error = joint.coordinate - joint.lower
         return
     for k in range(3):
         rows[first + k].error = d[k]
@@ -137,11 +147,22 @@ def write_linear(row, joint, x, y, z, reach):
 
 
 @inner
+def write_along(row, joint):
+    """A row along the line from anchor to anchor."""
+    d = joint.offset
+    length = math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+    scale = 1.0 / length if length > SMALL else 0.0
+    write_linear(row, joint, d[0] * scale, d[1] * scale, d[2] * scale, 0.0)
+
+
+@inner
 def write_locked(joint, rows, first):
     """The locked rows for the frames as they are placed."""
     kind = joint.kind
     a = joint.axis_a
     if kind == DISTANCE:
+        if is_rod(joint):
+            write_along(rows[first], joint)
         return
     count = 0
     if kind == SLIDER:
@@ -174,10 +195,7 @@ def write_free(joint, rows, first):
     if kind == SLIDER:
         write_linear(axis, joint, a[0], a[1], a[2], 1.0)
     elif kind == DISTANCE:
-        d = joint.offset
-        length = math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
-        scale = 1.0 / length if length > SMALL else 0.0
-        write_linear(axis, joint, d[0] * scale, d[1] * scale, d[2] * scale, 0.0)
+        write_along(axis, joint)
     elif kind == HINGE or kind == CONE:
         # The rate of a twist about an axis that swings too.
         scale = 1.0 / max(1.0 + a[0] * b[0] + a[1] * b[1] + a[2] * b[2], 1e-3)

@@ -15,9 +15,11 @@ from __future__ import annotations
 import math
 
 from elys.sim_node.compilation import inner, kernel
+from elys.sim_node.physics.kernels.joint_direct import SOFTNESS, factor_joints, substitute
 from elys.sim_node.physics.kernels.joint_mass import prepare_masses, solve_factor
 from elys.sim_node.physics.kernels.joint_rows import (
     has_coordinate,
+    is_rod,
     locked_count,
     measure,
     place_frames,
@@ -28,10 +30,16 @@ from elys.sim_node.physics.kernels.joint_rows import (
 from elys.sim_node.physics.kernels.rotation import cross, multiplied, rotated
 from elys.sim_node.physics.kernels.tables import AXIS, CONE, GEAR, JOINT_ROWS, MOTOR, SWING
 
-SWEEPS = 16  # over all joints in one pass of the solver, at most
-SETTLED = 1e-7  # rates below it are not worth another sweep [m/s], [rad/s]
-CORRECTION = 0.25  # share of an error that a substep takes away
+SWEEPS = 16
+SETTLED = 1e-6  # rates below it are not worth another sweep [m/s], [rad/s]
+CORRECTION = 0.25
 LARGEST_ERROR = 0.2  # what is farther off comes back as if it were not [m], [rad]
+
+
+@inner
+def is_active(joint):
+    """Whether a joint has rows of its own, which a gear has not."""
+    return joint.live != 0 and joint.kind != GEAR
 
 
 @inner
@@ -148,7 +156,6 @@ def begin_substep(joint, rows, first, h):
     for k in range(JOINT_ROWS):
         rows[first + k].lead -= row_rate(joint, rows[first + k])
     prepare_masses(joint, rows, first)
-    push_all(joint, rows, first)
 
 
 @inner
@@ -167,8 +174,6 @@ def clamp_drive(joint, at, most):
 @inner
 def drive_rate(joint, k):
     """The rate that a drive wants in one of its rows, in world axes."""
-    if joint.kind != MOTOR:
-        return 0.0
     wanted = joint.drive_velocity
     a = joint.axis_a
     at = 3 if k >= 3 else 0
@@ -177,39 +182,87 @@ def drive_rate(joint, k):
 
 
 @inner
-def solve_locked(joint, rows, first, h, biased):
-    """The locked rows as one block; returns the largest rate that was left."""
-    n = joint.locked
-    if n == 0:
-        return 0.0
-    work = joint.work
+def locked_rates(joint, rows, first, h, biased):
+    """Writes what the impulses of the locked rows have to change, into `work`; returns the largest of it."""
     most = 0.0
-    soft = joint.frequency > 0.0
+    for k in range(joint.locked):
+        row = rows[first + k]
+        rate = row_rate(joint, row) + row.lead
+        if biased:
+            rate += CORRECTION / h * min(max(row.error, -LARGEST_ERROR), LARGEST_ERROR)
+        joint.work[k] = -rate
+        most = max(most, abs(rate))
+    return most
+
+
+@inner
+def push_work(joint, rows, first):
+    """Applies the impulses in `work` to the locked rows."""
+    for k in range(joint.locked):
+        joint.impulse[k] += joint.work[k]
+        push(joint, rows[first + k], joint.work[k])
+
+
+@inner
+def solve_locked(joint, rows, first, h, biased):
+    """The locked rows of a rigid joint as one block; returns the largest rate that was left."""
+    most = locked_rates(joint, rows, first, h, biased)
+    if most > SETTLED:
+        solve_factor(joint, joint.work)
+        push_work(joint, rows, first)
+    return most
+
+
+@inner
+def solve_soft(joint, rows, first, h):
+    """Locked rows that give way like damped springs, by the trapezoidal rule in units of the block's mass."""
     omega = 2.0 * math.pi * joint.frequency
     stiff = h * omega * omega
-    half = 0.5 * h * stiff * 0.5 + h * joint.damping_ratio * omega
-    for k in range(n):
+    half = 0.25 * h * stiff + h * joint.damping_ratio * omega
+    work = joint.work
+    for k in range(joint.locked):
         row = rows[first + k]
-        rate = row_rate(joint, row) + row.lead - drive_rate(joint, k)
-        if soft:
-            # A damped spring by the trapezoidal rule, in units of the block's mass; what it has given is taken off below.
-            rate = (stiff * row.error + half * (row.start_rate + rate)) / (1.0 + half)
-        elif biased and joint.kind != MOTOR:
-            rate += CORRECTION / h * min(max(row.error, -LARGEST_ERROR), LARGEST_ERROR)
-        work[k] = -rate
-        most = max(most, abs(rate))
+        rate = row_rate(joint, row) + row.lead
+        work[k] = -(stiff * row.error + half * (row.start_rate + rate)) / (1.0 + half)
     solve_factor(joint, work)
-    if soft:
-        most = 0.0
-        for k in range(n):
-            work[k] -= joint.impulse[k] / (1.0 + half)
-    if joint.kind == MOTOR:
-        clamp_drive(joint, 0, joint.drive_limit[0] * h)
-        clamp_drive(joint, 3, joint.drive_limit[1] * h)
-        most = 0.0
-    for k in range(n):
-        joint.impulse[k] += work[k]
-        push(joint, rows[first + k], work[k])
+    for k in range(joint.locked):
+        work[k] -= joint.impulse[k] / (1.0 + half)
+    push_work(joint, rows, first)
+
+
+@inner
+def solve_drive(joint, rows, first, h):
+    """Gives b a velocity against a, as far as force and torque allow."""
+    work = joint.work
+    for k in range(joint.locked):
+        row = rows[first + k]
+        work[k] = drive_rate(joint, k) - row_rate(joint, row) - row.lead
+    solve_factor(joint, work)
+    clamp_drive(joint, 0, joint.drive_limit[0] * h)
+    clamp_drive(joint, 3, joint.drive_limit[1] * h)
+    push_work(joint, rows, first)
+
+
+@inner
+def solve_direct(bodies, joints, rows, columns, blocks, h, biased):
+    """The locked rows of all joints that are solved together; returns the largest rate that was left."""
+    most = 0.0
+    for c in range(columns.shape[0]):
+        j = columns[c].joint
+        joint = joints[j]
+        load_velocity(bodies, joint)
+        locked_rates(joint, rows, JOINT_ROWS * j, h, biased)
+        for k in range(joint.locked):
+            joint.work[k] -= SOFTNESS * rows[JOINT_ROWS * j + k].own * joint.impulse[k]
+            most = max(most, abs(joint.work[k]))
+    if most <= SETTLED:
+        return most
+    substitute(joints, columns, blocks)
+    for c in range(columns.shape[0]):
+        j = columns[c].joint
+        load_velocity(bodies, joints[j])
+        push_work(joints[j], rows, JOINT_ROWS * j)
+        store_velocity(bodies, joints[j])
     return most
 
 
@@ -346,13 +399,19 @@ def solve_gear(bodies, joints, rows, gear, h, biased):
 def solve_joint(bodies, joints, rows, j, h, biased):
     """One joint once; returns the largest rate that was left before."""
     joint = joints[j]
-    if joint.live == 0:
+    if joint.live == 0 or (joint.direct != 0 and joint.idle != 0):
         return 0.0
     if joint.kind == GEAR:
         return solve_gear(bodies, joints, rows, joint, h, biased)
     first = JOINT_ROWS * j
     load_velocity(bodies, joint)
-    most = solve_locked(joint, rows, first, h, biased)
+    most = 0.0
+    if joint.kind == MOTOR:
+        solve_drive(joint, rows, first, h)
+    elif joint.frequency > 0.0:
+        solve_soft(joint, rows, first, h)
+    elif joint.direct == 0:
+        most = solve_locked(joint, rows, first, h, biased)
     if has_coordinate(joint.kind):
         most = max(most, solve_free(joint, rows, first, h, biased))
     store_velocity(bodies, joint)
@@ -377,34 +436,47 @@ def end_substep(bodies, joint, rows, first):
 
 
 @inner
-def solve_joints(bodies, joints, joint_rows, joint_count, constants, biased):
+def begin_joints(bodies, joints, rows, joint_count, columns, blocks, updates, h):
+    """Rows and masses for a substep, and the impulses of the last one along the new rows."""
+    for j in range(joint_count):
+        if is_active(joints[j]):
+            load_motion(bodies, joints[j])
+            begin_substep(joints[j], rows, JOINT_ROWS * j, h)
+    for j in range(joint_count):
+        if is_active(joints[j]):
+            load_velocity(bodies, joints[j])
+            push_all(joints[j], rows, JOINT_ROWS * j)
+            store_velocity(bodies, joints[j])
+    factor_joints(joints, rows, columns, blocks, updates)
+
+
+@inner
+def solve_joints(bodies, joints, rows, joint_count, columns, blocks, updates, constants, biased):
     """All joints, until they agree: forwards and backwards, so that a chain is no better from one end.
 
     With `biased` errors of position are taken out, which the pass after the bodies have moved takes out of the velocities
     again. The bodies must begin a substep with the impulses of the last one, as `integrate_velocities` lets them.
     """
     h = constants.substep
-    for j in range(joint_count):
-        joint = joints[j]
-        if joint.live != 0 and joint.kind != GEAR:
-            load_motion(bodies, joint)
-            if biased:
-                begin_substep(joint, joint_rows, JOINT_ROWS * j, h)
-                store_velocity(bodies, joint)
-            elif has_coordinate(joint.kind):  # limits need to know what is left
-                place_frames(joint, 0.0)
-                measure(joint, joint_rows, JOINT_ROWS * j)
+    if biased:
+        begin_joints(bodies, joints, rows, joint_count, columns, blocks, updates, h)
+    else:
+        for j in range(joint_count):
+            if is_active(joints[j]) and has_coordinate(joints[j].kind):  # limits need to know what is left
+                load_motion(bodies, joints[j])
+                place_frames(joints[j], 0.0)
+                measure(joints[j], rows, JOINT_ROWS * j)
     for sweep in range(SWEEPS):
-        most = 0.0
+        most = solve_direct(bodies, joints, rows, columns, blocks, h, biased)
         for place in range(joint_count):
             j = place if sweep % 2 == 0 else joint_count - 1 - place
-            most = max(most, solve_joint(bodies, joints, joint_rows, j, h, biased))
+            most = max(most, solve_joint(bodies, joints, rows, j, h, biased))
         if most <= SETTLED:
             break
     if not biased:
         for j in range(joint_count):
-            if joints[j].live != 0 and joints[j].kind != GEAR:
-                end_substep(bodies, joints[j], joint_rows, JOINT_ROWS * j)
+            if is_active(joints[j]):
+                end_substep(bodies, joints[j], rows, JOINT_ROWS * j)
 
 
 @inner
@@ -412,7 +484,7 @@ def warm_start_joints(bodies, joints, joint_rows, joint_count):
     """Begins the step with the impulses of the last one."""
     for j in range(joint_count):
         joint = joints[j]
-        if joint.live != 0 and joint.kind != GEAR:
+        if is_active(joint):
             load_velocity(bodies, joint)
             push_all(joint, joint_rows, JOINT_ROWS * j)
             store_velocity(bodies, joint)
@@ -456,6 +528,15 @@ def place_start(bodies, joint):
 
 
 @inner
+def is_idle(joint):
+    """Whether nothing acts on the coordinate of a joint but gears."""
+    if not has_coordinate(joint.kind) or is_rod(joint):
+        return True
+    held = joint.lower > -math.inf or joint.upper < math.inf or joint.kind == CONE
+    return not (held or joint.spring_frequency > 0.0 or joint.motor_limit > 0.0)
+
+
+@inner
 def prepare_spring(joint, row):
     """Stiffness and friction from frequency and damping ratio, for the masses and the pose that the spring begins with."""
     if joint.spring_frequency > 0.0 and joint.stiffness < 0.0:
@@ -475,7 +556,8 @@ def prepare_joints(bodies, joints, joint_rows, joint_count):
             continue
         place_start(bodies, joint)
         joint.live = 1 if joint.inverse_mass[0] + joint.inverse_mass[1] > 0.0 else 0
-        joint.locked = locked_count(joint.kind)
+        joint.locked = locked_count(joint)
+        joint.idle = 1 if is_idle(joint) else 0
         for c in range(12):
             joint.shift[c] = 0.0
             joint.velocity[c] = 0.0
@@ -513,7 +595,7 @@ def finish_joints(bodies, joints, joint_rows, joint_count, all_constants, broken
     count = 0
     for j in range(joint_count):
         joint = joints[j]
-        if joint.live == 0 or joint.kind == GEAR:
+        if not is_active(joint):
             continue
         load_motion(bodies, joint)
         place_frames(joint, 0.0)

@@ -213,7 +213,19 @@ def store_impulses(bodies, manifolds, points, rows, row_points, row_count):
 
 @kernel
 def solve_contacts(
-    bodies, manifolds, points, rows, row_points, row_count, joints, joint_rows, joint_count, all_constants
+    bodies,
+    manifolds,
+    points,
+    rows,
+    row_points,
+    row_count,
+    joints,
+    joint_rows,
+    joint_count,
+    columns,
+    blocks,
+    updates,
+    all_constants,
 ):
     """All substeps of a step: velocities and displacements of the bodies, impulses of the contacts and joints.
 
@@ -229,7 +241,7 @@ def solve_contacts(
             warm_start(bodies, rows, row_points, row_count)
             warm_start_joints(bodies, joints, joint_rows, joint_count)
         for phase in range(2):
-            solve_joints(bodies, joints, joint_rows, joint_count, constants, phase == 0)
+            solve_joints(bodies, joints, joint_rows, joint_count, columns, blocks, updates, constants, phase == 0)
             solve_rows(bodies, rows, row_points, row_count, constants, phase == 0)
             if phase == 0:
                 integrate_positions(bodies, constants)

@@ -218,6 +218,8 @@ JOINT = np.dtype(
         ("local_rotation", "f8", 8),  # principal_from_joint
         # work of a step
         ("live", "u1"),
+        ("idle", "u1"),  # nothing acts on its coordinate
+        ("direct", "u1"),  # its locked rows are solved together with those of other joints
         ("locked", "i4"),  # how many rows are locked
         ("inverse_mass", "f8", 2),
         ("start_inertia", "f8", 12),  # world inverse inertia as the step began
@@ -251,8 +253,19 @@ JOINT_ROW = np.dtype(
         ("error", "f8"),  # [m] or [rad]
         ("lead", "f8"),  # how much faster the row will be at the end of the substep, because it turns
         ("start_rate", "f8"),  # as the substep began
+        ("own", "f8"),  # how much a unit impulse changes the rate, without regard to other rows
         ("effective_mass", "f8"),  # with the locked rows held
         ("answer", "f8", LOCKED),  # impulses of the locked rows that answer a unit of this one
+    ],
+    align=True,
+)
+# Joints whose locked rows are solved directly, in the order of elimination, and what stands below the diagonal of each.
+JOINT_COLUMN = np.dtype([("joint", "i4"), ("first", "i4"), ("count", "i4"), ("update", "i4")], align=True)
+JOINT_BLOCK = np.dtype(
+    [
+        ("joint", "i4"),  # whose rows stand here; it is eliminated later
+        ("response", "f8", LOCKED * LOCKED),  # of its rows to impulses of the column's rows
+        ("gain", "f8", LOCKED * LOCKED),  # that times the inverse of the block on the diagonal
     ],
     align=True,
 )
