@@ -107,6 +107,28 @@ def integrate_positions(bodies, constants):
 
 
 @inner
+def turn_back(body, vx, vy, vz):
+    """Turns a body by a rotation vector and changes its angular velocity so that its angular momentum stays."""
+    q = body.rotation
+    inverse = body.inverse_inertia
+    v = body.velocity
+    ix, iy, iz = inverse[0], inverse[1], inverse[2]
+    if ix == iy and iy == iz:
+        turn_body(q, vx, vy, vz)
+        return
+    x, y, z = rotated(-q[0], -q[1], -q[2], q[3], v[3], v[4], v[5])
+    x, y, z = rotated(q[0], q[1], q[2], q[3], x / ix, y / iy, z / iz)
+    turn_body(q, vx, vy, vz)
+    x, y, z = rotated(-q[0], -q[1], -q[2], q[3], x, y, z)
+    x, y, z = rotated(q[0], q[1], q[2], q[3], x * ix, y * iy, z * iz)
+    free = body.free_velocity
+    free[3] += x - v[3]
+    free[4] += y - v[4]
+    free[5] += z - v[5]
+    v[3], v[4], v[5] = x, y, z
+
+
+@inner
 def take_back(bodies, constants):
     """Halves the displacement that this substep's change of velocity has caused."""
     half = 0.5 * constants.substep
@@ -129,7 +151,7 @@ def take_back(bodies, constants):
             d[3] += x
             d[4] += y
             d[5] += z
-            turn_body(body.rotation, x, y, z)
+            turn_back(body, x, y, z)
 
 
 @inner

@@ -131,7 +131,6 @@ def prepare_free(joint, rows, first, row):
 @inner
 def prepare_masses(joint, rows, first):
     """All that depends on the masses, for the rows as they are written."""
-    turn_inertia(joint)
     for k in range(joint.locked):
         write_turn(joint, rows[first + k])
     write_response(joint, rows, first, 0.0)

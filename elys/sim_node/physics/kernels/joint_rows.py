@@ -133,9 +133,10 @@ def write_angular(row, x, y, z):
 
 @inner
 def write_linear(row, joint, x, y, z, reach):
-    """A row that acts on the velocity between the anchors along a direction.
+    """A row that acts on the velocity between the anchors along a direction, on both bodies at ONE point.
 
-    With `reach` 1 it acts on body a where the anchor of b is, as the direction turns with a; with 0 at the anchor of a.
+    That keeps angular momentum where the anchors are apart, as they are in the middle of a substep. `reach` says where the
+    point is: 1 at the anchor of b, for a direction that turns with a; 0.5 in the middle.
     """
     d = row.direction
     arm = row.arm
@@ -143,7 +144,8 @@ def write_linear(row, joint, x, y, z, reach):
     o = joint.offset
     d[0], d[1], d[2] = x, y, z
     arm[0], arm[1], arm[2] = cross(r[0] + reach * o[0], r[1] + reach * o[1], r[2] + reach * o[2], x, y, z)
-    arm[3], arm[4], arm[5] = cross(r[3], r[4], r[5], x, y, z)
+    back = 1.0 - reach
+    arm[3], arm[4], arm[5] = cross(r[3] - back * o[0], r[4] - back * o[1], r[5] - back * o[2], x, y, z)
 
 
 @inner
@@ -152,7 +154,7 @@ def write_along(row, joint):
     d = joint.offset
     length = math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
     scale = 1.0 / length if length > SMALL else 0.0
-    write_linear(row, joint, d[0] * scale, d[1] * scale, d[2] * scale, 0.0)
+    write_linear(row, joint, d[0] * scale, d[1] * scale, d[2] * scale, 0.5)
 
 
 @inner
@@ -170,8 +172,8 @@ def write_locked(joint, rows, first):
             write_linear(rows[first + k], joint, a[3 + 3 * k], a[4 + 3 * k], a[5 + 3 * k], 1.0)
         count = 2
     else:
-        # A drive pushes bodies that are far from where they shall be: its force acts on both at the same point.
-        reach = 1.0 if kind == MOTOR else 0.0
+        # What a drive moves may be far from where it began: it counts where b is.
+        reach = 1.0 if kind == MOTOR else 0.5
         write_linear(rows[first], joint, 1.0, 0.0, 0.0, reach)
         write_linear(rows[first + 1], joint, 0.0, 1.0, 0.0, reach)
         write_linear(rows[first + 2], joint, 0.0, 0.0, 1.0, reach)

@@ -16,7 +16,7 @@ import math
 
 from elys.sim_node.compilation import inner, kernel
 from elys.sim_node.physics.kernels.joint_direct import SOFTNESS, factor_joints, substitute
-from elys.sim_node.physics.kernels.joint_mass import prepare_masses, solve_factor
+from elys.sim_node.physics.kernels.joint_mass import prepare_masses, solve_factor, turn_inertia
 from elys.sim_node.physics.kernels.joint_rows import (
     has_coordinate,
     is_rod,
@@ -147,6 +147,7 @@ def begin_substep(joint, rows, first, h):
     place_frames(joint, 0.0)
     measure(joint, rows, first)
     joint.spring_start = joint.coordinate
+    turn_inertia(joint)  # impulses act before the bodies turn: with any other inertia they would change the spin
     place_frames(joint, h)
     write_rows(joint, rows, first)
     for k in range(JOINT_ROWS):
@@ -282,15 +283,18 @@ def solve_spring(joint, rows, first, row, h):
 
 
 @inner
-def limit_impulse(old, mass, closing, gap, h, biased):
-    """The accumulated impulse of a limit: `gap` [m] or [rad] is left, `closing` is its rate."""
-    if gap > 0.0:  # may be used up, but not more
-        if not biased and old == 0.0:
-            return 0.0
-        return max(old - mass * (closing + gap / h), 0.0)
+def limit_impulse(old, mass, opening, start, gap, h, biased):
+    """The accumulated impulse of a limit; `gap` [m] or [rad] is left, `opening` is its rate and `start` what that was.
+
+    What the integrator will take back is given beforehand, so that a blow ends on the limit and not behind it.
+    """
     if biased:
-        closing += CORRECTION / h * max(gap, -LARGEST_ERROR)
-    return max(old - mass * closing, 0.0)
+        lead = 0.5 * min(start, 0.0)
+        share = 1.0 if gap > 0.0 else CORRECTION  # a gap may be used up, but not more
+        return max(old - mass * (opening + lead + share / h * max(gap, -LARGEST_ERROR)), 0.0)
+    if old == 0.0 and gap > 0.0:
+        return 0.0
+    return max(old - mass * opening, 0.0)
 
 
 @inner
@@ -309,7 +313,7 @@ def solve_limits(joint, rows, first, row, h, biased):
     gap = joint.coordinate - joint.lower
     if gap < math.inf:
         rate = row_rate(joint, row) + row.lead
-        new = limit_impulse(joint.lower_impulse, mass, rate, gap, h, biased)
+        new = limit_impulse(joint.lower_impulse, mass, rate, row.start_rate, gap, h, biased)
         change = new - joint.lower_impulse
         joint.lower_impulse = new
         push_free(joint, rows, first, row, change)
@@ -317,7 +321,7 @@ def solve_limits(joint, rows, first, row, h, biased):
     gap = joint.upper - joint.coordinate
     if gap < math.inf:
         rate = row_rate(joint, row) + row.lead
-        new = limit_impulse(joint.upper_impulse, mass, -rate, gap, h, biased)
+        new = limit_impulse(joint.upper_impulse, mass, -rate, -row.start_rate, gap, h, biased)
         change = new - joint.upper_impulse
         joint.upper_impulse = new
         push_free(joint, rows, first, row, -change)
@@ -352,7 +356,7 @@ def solve_free(joint, rows, first, h, biased):
             rate = row_rate(joint, row) + row.lead
             old = joint.swing_impulse
             gap = joint.swing_limit - joint.swing
-            new = limit_impulse(old, row.effective_mass, -rate, gap, h, biased)
+            new = limit_impulse(old, row.effective_mass, -rate, -row.start_rate, gap, h, biased)
             joint.swing_impulse = new
             push_free(joint, rows, first, row, old - new)
             most = max(most, abs(new - old) / row.effective_mass)
@@ -573,6 +577,7 @@ def prepare_joints(bodies, joints, joint_rows, joint_count):
         place_frames(joint, 0.0)
         measure(joint, joint_rows, first)
         write_rows(joint, joint_rows, first)
+        turn_inertia(joint)
         prepare_masses(joint, joint_rows, first)
         for k in range(JOINT_ROWS):
             joint_rows[first + k].lead = 0.0

@@ -258,7 +258,9 @@ def test_a_profile_names_every_stage():
         "update_pairs",
         "update_manifolds",
         "prepare_contacts",
+        "prepare_joints",
         "solve_contacts",
+        "finish_joints",
         "finish_step",
     ]
 
