@@ -101,6 +101,11 @@ def changed_joints(rows: Array, changes: JointDrive) -> Array:
             rows[name] = numbers.number(name, changes[name], infinite=name != "spring_rest")  # type: ignore[literal-required]
     _refuse_crossed(rows, numbers)
     _write_drive(rows, numbers, changes)
+    # What does not act any more must not go on pushing.
+    rows["motor_impulse"][rows["motor_limit"] == 0.0] = 0.0
+    rows["spring_impulse"][rows["spring_frequency"] == 0.0] = 0.0
+    rows["lower_impulse"][np.isneginf(rows["lower"])] = 0.0
+    rows["upper_impulse"][np.isposinf(rows["upper"]) | (rows["lower"] == rows["upper"])] = 0.0
     if "spring_frequency" in changes or "spring_damping" in changes:
         rows["stiffness"] = -1.0
     return rows

@@ -32,6 +32,9 @@ from elys.sim_node.physics.kernels.tables import (
 Array = np.ndarray[Any, Any]
 
 
+NO_PLAN = JointPlan(0, np.zeros(0, np.int64), np.zeros((0, 2), np.int32))
+
+
 class JointStates(NamedTuple):
     """All joints in the order of their ids, as the last step left them: copies."""
 
@@ -65,7 +68,7 @@ class JointTable:
         self.solver_rows = np.zeros(0, JOINT_ROW)
         self.broken_room = np.zeros(0, np.int32)
         self.unpaired = np.zeros(0, np.int64)
-        self.plan = JointPlan(0, np.zeros(0, np.int64), np.zeros((0, 2), np.int32))
+        self.plan = NO_PLAN
 
     def rows_of(self, joints: ArrayLike) -> Array:
         """The rows of joints (M,); PhysicsError for one that does not exist."""
@@ -137,7 +140,9 @@ class JointTable:
     def update_plan(self, bodies: BodyTable) -> None:
         """Plans anew how rigid joints are solved together, when what they hold has changed."""
         r = self.rows
-        if not len(r):
+        if not len(r):  # no look at what there is: it costs nothing to have no joints
+            if len(self.plan.columns):
+                self.plan = NO_PLAN
             return
         body = r["body"]
         free = (body >= 0) & (bodies.rows["inverse_mass"][body] > 0.0)

@@ -13,7 +13,8 @@ from elys.sim_node.physics.colliders import ColliderTable
 from elys.sim_node.physics.contacts import ContactStore
 from elys.sim_node.physics.joints import JointTable
 from elys.sim_node.physics.kernels.integrator import finish_step
-from elys.sim_node.physics.kernels.joints import finish_joints, prepare_joints
+from elys.sim_node.physics.kernels.joint_preparation import prepare_joints
+from elys.sim_node.physics.kernels.joints import finish_joints
 from elys.sim_node.physics.kernels.narrow_phase import update_manifolds
 from elys.sim_node.physics.kernels.placement import fatten_boxes, place_colliders, place_inertia
 from elys.sim_node.physics.kernels.preparation import prepare_contacts

@@ -10,7 +10,8 @@ from elys.sim_node.compilation import signature_of
 from elys.sim_node.physics.kernels import tables
 from elys.sim_node.physics.kernels.broadphase import find_new_pairs, give_slots, index_pairs, merge_pairs
 from elys.sim_node.physics.kernels.integrator import finish_step, publish_poses
-from elys.sim_node.physics.kernels.joints import finish_joints, prepare_joints
+from elys.sim_node.physics.kernels.joint_preparation import prepare_joints
+from elys.sim_node.physics.kernels.joints import finish_joints
 from elys.sim_node.physics.kernels.narrow_phase import update_manifolds
 from elys.sim_node.physics.kernels.placement import fatten_boxes, place_colliders, place_inertia
 from elys.sim_node.physics.kernels.preparation import prepare_contacts

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from elys.sim_node.compilation import inner
-from elys.sim_node.physics.kernels.joint_rows import has_coordinate
 from elys.sim_node.physics.kernels.placement import write_axes
-from elys.sim_node.physics.kernels.tables import AXIS, CONE, LOCKED, SWING
+from elys.sim_node.physics.kernels.tables import AXIS, LOCKED
 
 # A row that keeps less than this share of its own mobility when the rows before it are held is no further condition.
 SINGULAR = 1e-9
@@ -135,9 +134,6 @@ def prepare_masses(joint, rows, first):
         write_turn(joint, rows[first + k])
     write_response(joint, rows, first, 0.0)
     factor_locked(joint)
-    if has_coordinate(joint.kind):
-        write_turn(joint, rows[first + AXIS])
-        prepare_free(joint, rows, first, rows[first + AXIS])
-    if joint.kind == CONE:
-        write_turn(joint, rows[first + SWING])
-        prepare_free(joint, rows, first, rows[first + SWING])
+    for k in range(AXIS, AXIS + joint.free):
+        write_turn(joint, rows[first + k])
+        prepare_free(joint, rows, first, rows[first + k])

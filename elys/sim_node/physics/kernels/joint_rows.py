@@ -210,6 +210,14 @@ def write_free(joint, rows, first):
 
 
 @inner
+def write_rows(joint, rows, first):
+    """All rows that anything acts on."""
+    write_locked(joint, rows, first)
+    if joint.free > 0:
+        write_free(joint, rows, first)
+
+
+@inner
 def has_coordinate(kind):
     return kind == HINGE or kind == SLIDER or kind == DISTANCE or kind == CONE
 

@@ -168,6 +168,8 @@ ROW_POINT = np.dtype(
 # way of a slider, a length) and one for the angle by which a cone has swung.
 FIXED, BALL, HINGE, SLIDER, DISTANCE, CONE, GEAR, MOTOR = range(8)
 LOCKED, AXIS, SWING, JOINT_ROWS = 6, 6, 7, 8  # row r of joint j is row 8 j + r of the joint rows
+CORRECTION = 0.25  # share of a joint's error that a substep takes away
+LARGEST_ERROR = 0.2  # what is farther off comes back as if it were not [m], [rad]
 JOINT = np.dtype(
     [
         # what was asked for
@@ -218,7 +220,8 @@ JOINT = np.dtype(
         ("local_rotation", "f8", 8),  # principal_from_joint
         # work of a step
         ("live", "u1"),
-        ("idle", "u1"),  # nothing acts on its coordinate
+        ("geared_by", "u1"),  # a gear acts on its coordinate
+        ("free", "u1"),  # how many of the free rows anything acts on
         ("direct", "u1"),  # its locked rows are solved together with those of other joints
         ("locked", "i4"),  # how many rows are locked
         ("inverse_mass", "f8", 2),
