@@ -88,7 +88,7 @@ class JointNumbers:
         self.refuse(length < 1e-9, column, f"{name} must have a length")
         return np.asarray(column / length[:, None])
 
-    def refuse(self, bad: Array, values: Array, rule: str) -> None:
+    def refuse(self, bad: Any, values: Array, rule: str) -> None:
         """Raises PhysicsError for the first joint that is `bad`."""
         if bad.any():
             first = int(np.flatnonzero(bad)[0])

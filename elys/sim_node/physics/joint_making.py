@@ -98,7 +98,7 @@ def changed_joints(rows: Array, changes: JointDrive) -> Array:
     numbers = JointNumbers(rows["id"])
     for name in ("lower", "upper", "spring_rest"):
         if name in changes:
-            rows[name] = numbers.number(name, changes[name], infinite=name != "spring_rest")  # type: ignore[literal-required]
+            rows[name] = numbers.number(name, changes[name], infinite=name != "spring_rest")
     _refuse_crossed(rows, numbers)
     _write_drive(rows, numbers, changes)
     # What does not act any more must not go on pushing.
@@ -133,7 +133,7 @@ def _write_numbers(rows: Array, numbers: JointNumbers, description: JointDescrip
 
 def _write_drive(rows: Array, numbers: JointNumbers, given: JointDrive) -> None:
     """What is given of springs, motors and the cone."""
-    values: Mapping[str, Any] = given  # type: ignore[assignment]
+    values: Mapping[str, Any] = given
     for name in ("spring_frequency", "spring_damping"):
         if name in values:
             rows[name] = numbers.number(name, values[name], minimum=0.0)

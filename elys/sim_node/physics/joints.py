@@ -68,6 +68,7 @@ class JointTable:
         self.solver_rows = np.zeros(0, JOINT_ROW)
         self.broken_room = np.zeros(0, np.int32)
         self.unpaired = np.zeros(0, np.int64)
+        self.loads = np.zeros((0, 6))
         self.plan = NO_PLAN
 
     def rows_of(self, joints: ArrayLike) -> Array:
@@ -151,6 +152,8 @@ class JointTable:
         rod = (r["kind"] == DISTANCE) & (r["lower"] == r["upper"])
         direct = np.flatnonzero(rigid & (held | rod))
         coupled = np.where(free, body, -1)[direct]
+        if len(self.loads) != len(bodies.rows):
+            self.loads = np.zeros((len(bodies.rows), 6))
         if self.plan.key != (len(r), direct.tobytes(), coupled.tobytes()):
             self.plan = JointPlan(len(r), direct, coupled)
         r["direct"] = self.plan.direct

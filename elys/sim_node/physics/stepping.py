@@ -41,7 +41,7 @@ def step_bodies(
     _timed(profile, "update_pairs", lambda: _update_pairs(bodies, colliders, contacts, joints, constants))
     _timed(profile, "update_manifolds", lambda: _update_manifolds(bodies, colliders, contacts, constants))
     _timed(profile, "prepare_contacts", lambda: _prepare_contacts(bodies, colliders, contacts, constants))
-    _timed(profile, "prepare_joints", lambda: _prepare_joints(bodies, joints))
+    _timed(profile, "prepare_joints", lambda: _prepare_joints(bodies, joints, constants))
     _timed(profile, "solve_contacts", lambda: _solve_contacts(bodies, contacts, joints, constants))
     broken = _timed(profile, "finish_joints", lambda: _finish_joints(bodies, joints, constants))
     return _timed(profile, "finish_step", lambda: _finish_step(bodies)), broken
@@ -90,9 +90,9 @@ def _prepare_contacts(bodies: BodyTable, colliders: ColliderTable, contacts: Con
     )
 
 
-def _prepare_joints(bodies: BodyTable, joints: JointTable) -> None:
+def _prepare_joints(bodies: BodyTable, joints: JointTable, constants: Table) -> None:
     joints.update_plan(bodies)
-    prepare_joints(bodies.rows, joints.rows, joints.solver_rows, len(joints.rows))
+    prepare_joints(bodies.rows, joints.rows, joints.solver_rows, len(joints.rows), joints.loads, constants)
 
 
 def _finish_joints(bodies: BodyTable, joints: JointTable, constants: Table) -> Array:
@@ -115,6 +115,7 @@ def _solve_contacts(bodies: BodyTable, contacts: ContactStore, joints: JointTabl
         joints.plan.columns,
         joints.plan.blocks,
         joints.plan.updates,
+        joints.loads,
         constants,
     )
 

@@ -84,13 +84,13 @@ def _kernels() -> tuple[Kernel, ...]:
         (find_new_pairs, (bodies, colliders, leaves, nodes, pairs, indices, keys, pairs, indices)),
         (prepare_contacts, (bodies, colliders, pairs, indices, 0, manifolds, points, rows, row_points, constants)),
         (update_manifolds, (bodies, colliders, pairs, 0, manifolds, points, found, constants, indices)),
-        (prepare_joints, (bodies, joints, joint_rows, 0)),
+        (prepare_joints, (bodies, joints, joint_rows, 0, nodes, constants)),
         (finish_joints, (bodies, joints, joint_rows, 0, constants, indices)),
         (
             solve_contacts,
             (
                 *(bodies, manifolds, points, rows, row_points, 0),
-                *(joints, joint_rows, 0, columns, blocks, indices, constants),
+                *(joints, joint_rows, 0, columns, blocks, indices, nodes, constants),
             ),
         ),
     ]

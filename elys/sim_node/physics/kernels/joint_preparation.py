@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from elys.sim_node.compilation import inner, kernel
+from elys.sim_node.physics.kernels.joint_loads import spread_loads
 from elys.sim_node.physics.kernels.joint_mass import prepare_masses, turn_inertia
 from elys.sim_node.physics.kernels.joint_rows import (
     has_coordinate,
@@ -37,9 +38,11 @@ def place_start(bodies, joint):
         if row < 0:
             for c in range(3):
                 arm[r + c] = anchor[r + c]
+                joint.arm[r + c] = anchor[r + c]
                 offset[c] += sign * anchor[r + c]
             for c in range(4):
                 frame[q + c] = turn[q + c]
+                joint.frame[q + c] = turn[q + c]
             joint.inverse_mass[side] = 0.0
             for c in range(6):
                 joint.start_inertia[6 * side + c] = 0.0
@@ -89,8 +92,6 @@ def find_gears(joints, joint_count):
 
 @inner
 def prepare_joint(bodies, joint, rows, first):
-    place_start(bodies, joint)
-    joint.live = 1 if joint.inverse_mass[0] + joint.inverse_mass[1] > 0.0 else 0
     joint.locked = locked_count(joint)
     joint.free = free_count(joint)
     for c in range(12):
@@ -107,8 +108,12 @@ def prepare_joint(bodies, joint, rows, first):
         joint.step_impulse[c] = 0.0
     place_frames(joint, 0.0)
     measure(joint, rows, first)
-    write_rows(joint, rows, first)
     turn_inertia(joint)
+
+
+@inner
+def prepare_rows(joint, rows, first):
+    write_rows(joint, rows, first)
     prepare_masses(joint, rows, first)
     for k in range(joint.locked):
         rows[first + k].start_rate = row_rate(joint, rows[first + k])
@@ -119,15 +124,24 @@ def prepare_joint(bodies, joint, rows, first):
 
 
 @kernel
-def prepare_joints(bodies, joints, joint_rows, joint_count):
-    """Frames, rows and masses of all joints as the step begins; the world inertias of the bodies must be up to date."""
+def prepare_joints(bodies, joints, joint_rows, joint_count, loads, all_constants):
+    """Frames, rows and masses of all joints as the step begins; the world inertias of the bodies must be up to date.
+
+    `loads` (N, 6) is room to work in, with a row for each body.
+    """
     find_gears(joints, joint_count)
     for j in range(joint_count):
         joint = joints[j]
-        if joint.kind == GEAR or joint.broken != 0:
-            joint.live = 0
-        else:
+        joint.live = 0
+        if joint.kind != GEAR and joint.broken == 0:
+            place_start(bodies, joint)
+            joint.live = 1 if joint.inverse_mass[0] + joint.inverse_mass[1] > 0.0 else 0
             prepare_joint(bodies, joint, joint_rows, JOINT_ROWS * j)
+    spread_loads(joints, joint_count, loads, all_constants[0].substep)
+    for j in range(joint_count):
+        joint = joints[j]
+        if joint.kind != GEAR and joint.broken == 0:
+            prepare_rows(joint, joint_rows, JOINT_ROWS * j)
     for j in range(joint_count):
         joint = joints[j]
         if joint.kind == GEAR and joint.broken == 0:

@@ -49,7 +49,10 @@ def place_frames(joint, time):
     turn = joint.turn
     start = joint.start_arm
     old = joint.start_frame
+    framed = joint.kind != BALL and joint.kind != DISTANCE
     for side in range(2):
+        if joint.body[side] < 0:  # the world stays where it was prepared
+            continue
         r = 3 * side
         q = 4 * side
         s = 6 * side + 3
@@ -59,11 +62,14 @@ def place_frames(joint, time):
         dx, dy, dz, dw = turn_by(x, y, z)
         turn[q], turn[q + 1], turn[q + 2], turn[q + 3] = dx, dy, dz, dw
         arm[r], arm[r + 1], arm[r + 2] = rotated(dx, dy, dz, dw, start[r], start[r + 1], start[r + 2])
-        x, y, z, w = multiplied(dx, dy, dz, dw, old[q], old[q + 1], old[q + 2], old[q + 3])
-        frame[q], frame[q + 1], frame[q + 2], frame[q + 3] = x, y, z, w
+        if framed:
+            x, y, z, w = multiplied(dx, dy, dz, dw, old[q], old[q + 1], old[q + 2], old[q + 3])
+            frame[q], frame[q + 1], frame[q + 2], frame[q + 3] = x, y, z, w
     for c in range(3):
         moved = shift[6 + c] - shift[c] + time * (velocity[6 + c] - velocity[c])
         joint.offset[c] = joint.start_offset[c] + moved + (arm[3 + c] - start[3 + c]) - (arm[c] - start[c])
+    if not framed:
+        return
     write_axes(joint.axis_a, frame[0], frame[1], frame[2], frame[3])
     joint.axis_b[0], joint.axis_b[1], joint.axis_b[2] = rotated(frame[4], frame[5], frame[6], frame[7], 1.0, 0.0, 0.0)
 

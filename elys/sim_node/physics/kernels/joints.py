@@ -18,6 +18,7 @@ from elys.sim_node.compilation import inner, kernel
 from elys.sim_node.physics.kernels.joint_axes import solve_free, solve_gear
 from elys.sim_node.physics.kernels.joint_direct import factor_joints
 from elys.sim_node.physics.kernels.joint_impulses import load_motion, load_velocity, push_all, store_velocity
+from elys.sim_node.physics.kernels.joint_loads import spread_loads
 from elys.sim_node.physics.kernels.joint_locks import solve_direct, solve_drive, solve_locked, solve_soft
 from elys.sim_node.physics.kernels.joint_mass import prepare_masses, turn_inertia
 from elys.sim_node.physics.kernels.joint_rows import (
@@ -42,12 +43,18 @@ def is_active(joint):
 
 
 @inner
-def begin_substep(joint, rows, first, h):
-    """Writes the rows as they will stand in the middle of the substep, and how they differ from those at its end."""
+def begin_substep(bodies, joint, rows, first):
+    """Where everything stands as the substep begins."""
+    load_motion(bodies, joint)
     place_frames(joint, 0.0)
     measure(joint, rows, first)
     joint.spring_start = joint.coordinate
     turn_inertia(joint)  # impulses act before the bodies turn: with any other inertia they would change the spin
+
+
+@inner
+def begin_rows(joint, rows, first, h):
+    """Writes the rows as they will stand in the middle of the substep, and how they differ from those at its end."""
     place_frames(joint, h)
     write_rows(joint, rows, first)
     for k in range(joint.locked):
@@ -106,6 +113,16 @@ def end_substep(bodies, joint, rows, first):
 
 
 @inner
+def need_sweeps(joints, joint_count):
+    """Whether some joint is not solved with the others at once."""
+    alone = 0
+    for j in range(joint_count):
+        if joints[j].live != 0 and (joints[j].direct == 0 or joints[j].free > 0):
+            alone += 1
+    return alone > 0
+
+
+@inner
 def fastest(joints, joint_count):
     """The largest velocity among jointed bodies, of which single precision keeps a ten-millionth."""
     most = 0.0
@@ -116,12 +133,15 @@ def fastest(joints, joint_count):
 
 
 @inner
-def begin_joints(bodies, joints, rows, joint_count, columns, blocks, updates, h):
+def begin_joints(bodies, joints, rows, joint_count, columns, blocks, updates, loads, h):
     """Rows and masses for a substep, and the impulses of the last one along the new rows."""
     for j in range(joint_count):
         if is_active(joints[j]):
-            load_motion(bodies, joints[j])
-            begin_substep(joints[j], rows, JOINT_ROWS * j, h)
+            begin_substep(bodies, joints[j], rows, JOINT_ROWS * j)
+    spread_loads(joints, joint_count, loads, h)
+    for j in range(joint_count):
+        if is_active(joints[j]):
+            begin_rows(joints[j], rows, JOINT_ROWS * j, h)
     for j in range(joint_count):
         if is_active(joints[j]):
             load_velocity(bodies, joints[j])
@@ -131,7 +151,7 @@ def begin_joints(bodies, joints, rows, joint_count, columns, blocks, updates, h)
 
 
 @inner
-def solve_joints(bodies, joints, rows, joint_count, columns, blocks, updates, constants, biased):
+def solve_joints(bodies, joints, rows, joint_count, columns, blocks, updates, loads, constants, biased):
     """All joints, until they agree: forwards and backwards, so that a chain is no better from one end.
 
     With `biased` errors of position are taken out, which the pass after the bodies have moved takes out of the velocities
@@ -139,7 +159,7 @@ def solve_joints(bodies, joints, rows, joint_count, columns, blocks, updates, co
     """
     h = constants.substep
     if biased:
-        begin_joints(bodies, joints, rows, joint_count, columns, blocks, updates, h)
+        begin_joints(bodies, joints, rows, joint_count, columns, blocks, updates, loads, h)
     else:
         for j in range(joint_count):
             if is_active(joints[j]) and joints[j].free > 0:  # limits need to know what is left
@@ -147,7 +167,7 @@ def solve_joints(bodies, joints, rows, joint_count, columns, blocks, updates, co
                 place_frames(joints[j], 0.0)
                 measure(joints[j], rows, JOINT_ROWS * j)
     settled = SETTLED * (1.0 + 0.5 * fastest(joints, joint_count))
-    for sweep in range(SWEEPS):
+    for sweep in range(SWEEPS if need_sweeps(joints, joint_count) else 1):
         most = solve_direct(bodies, joints, rows, columns, blocks, h, biased, settled)
         for place in range(joint_count):
             j = place if sweep % 2 == 0 else joint_count - 1 - place

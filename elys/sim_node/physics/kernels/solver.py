@@ -225,6 +225,7 @@ def solve_contacts(
     columns,
     blocks,
     updates,
+    loads,
     all_constants,
 ):
     """All substeps of a step: velocities and displacements of the bodies, impulses of the contacts and joints.
@@ -241,7 +242,9 @@ def solve_contacts(
             warm_start(bodies, rows, row_points, row_count)
             warm_start_joints(bodies, joints, joint_rows, joint_count)
         for phase in range(2):
-            solve_joints(bodies, joints, joint_rows, joint_count, columns, blocks, updates, constants, phase == 0)
+            solve_joints(
+                bodies, joints, joint_rows, joint_count, columns, blocks, updates, loads, constants, phase == 0
+            )
             solve_rows(bodies, rows, row_points, row_count, constants, phase == 0)
             if phase == 0:
                 integrate_positions(bodies, constants)
