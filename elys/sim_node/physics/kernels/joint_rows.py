@@ -32,11 +32,11 @@ def locked_count(joint):
     kind = joint.kind
     if is_rod(joint):
         return 1
-    if kind == FIXED or kind == MOTOR:
+    if kind in (FIXED, MOTOR):
         return 6
-    if kind == HINGE or kind == SLIDER:
+    if kind in (HINGE, SLIDER):
         return 5
-    return 3 if kind == BALL or kind == CONE else 0
+    return 3 if kind in (BALL, CONE) else 0
 
 
 @inner
@@ -49,7 +49,7 @@ def place_frames(joint, time):
     turn = joint.turn
     start = joint.start_arm
     old = joint.start_frame
-    framed = joint.kind != BALL and joint.kind != DISTANCE
+    framed = joint.kind not in (BALL, DISTANCE)
     for side in range(2):
         if joint.body[side] < 0:  # the world stays where it was prepared
             continue
@@ -89,7 +89,7 @@ def measure_turn(joint, rows, at):
 def measure_twist(joint):
     """The angle of frame b about the first axis of frame a, nearest to the last known: so it counts turns."""
     q = joint.frame
-    x, y, z, w = multiplied(-q[0], -q[1], -q[2], q[3], q[4], q[5], q[6], q[7])
+    x, _, _, w = multiplied(-q[0], -q[1], -q[2], q[3], q[4], q[5], q[6], q[7])
     angle = 2.0 * arc_tangent(x, w)
     turns = math.floor((joint.coordinate - angle) / (2.0 * math.pi) + 0.5)
     joint.coordinate = angle + turns * (2.0 * math.pi)
@@ -115,9 +115,9 @@ def measure(joint, rows, first):
         return
     for k in range(3):
         rows[first + k].error = d[k]
-    if kind == FIXED or kind == MOTOR:
+    if kind in (FIXED, MOTOR):
         measure_turn(joint, rows, first + 3)
-    if kind == HINGE or kind == CONE:
+    if kind in (HINGE, CONE):
         measure_twist(joint)
         x, y, z = cross(a[0], a[1], a[2], b[0], b[1], b[2])
         if kind == HINGE:
@@ -187,7 +187,7 @@ def write_locked(joint, rows, first):
     if kind == HINGE:
         for k in range(2):
             write_angular(rows[first + 3 + k], a[3 + 3 * k], a[4 + 3 * k], a[5 + 3 * k])
-    elif kind != BALL and kind != CONE:
+    elif kind not in (BALL, CONE):
         write_angular(rows[first + count], 1.0, 0.0, 0.0)
         write_angular(rows[first + count + 1], 0.0, 1.0, 0.0)
         write_angular(rows[first + count + 2], 0.0, 0.0, 1.0)
@@ -204,7 +204,7 @@ def write_free(joint, rows, first):
         write_linear(axis, joint, a[0], a[1], a[2], 1.0)
     elif kind == DISTANCE:
         write_along(axis, joint)
-    elif kind == HINGE or kind == CONE:
+    elif kind in (HINGE, CONE):
         # The rate of a twist about an axis that swings too.
         scale = 1.0 / max(1.0 + a[0] * b[0] + a[1] * b[1] + a[2] * b[2], 1e-3)
         write_angular(axis, (a[0] + b[0]) * scale, (a[1] + b[1]) * scale, (a[2] + b[2]) * scale)
@@ -225,7 +225,7 @@ def write_rows(joint, rows, first):
 
 @inner
 def has_coordinate(kind):
-    return kind == HINGE or kind == SLIDER or kind == DISTANCE or kind == CONE
+    return kind in (HINGE, SLIDER, DISTANCE, CONE)
 
 
 @inner
