@@ -69,6 +69,8 @@ def push(joint, row, impulse):
 @inner
 def push_free(joint, rows, first, row, impulse):
     """Applies an impulse of a free row, and the locked rows' answer to it."""
+    if impulse == 0.0:
+        return
     push(joint, row, impulse)
     for k in range(joint.locked):
         change = -row.answer[k] * impulse

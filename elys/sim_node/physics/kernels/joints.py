@@ -32,7 +32,7 @@ from elys.sim_node.physics.kernels.joint_rows import (
 from elys.sim_node.physics.kernels.rotation import cross
 from elys.sim_node.physics.kernels.tables import AXIS, GEAR, JOINT_ROWS, MOTOR
 
-SWEEPS = 16
+SWEEPS = 4  # over all joints in one pass of the solver, at most
 SETTLED = 1e-6  # rates below it are not worth another sweep, at rest [m/s], [rad/s]
 
 
@@ -168,10 +168,12 @@ def solve_joints(bodies, joints, rows, joint_count, columns, blocks, updates, lo
                 measure(joints[j], rows, JOINT_ROWS * j)
     settled = SETTLED * (1.0 + 0.5 * fastest(joints, joint_count))
     for sweep in range(SWEEPS if need_sweeps(joints, joint_count) else 1):
-        most = solve_direct(bodies, joints, rows, columns, blocks, h, biased, settled)
+        most = 0.0
         for place in range(joint_count):
             j = place if sweep % 2 == 0 else joint_count - 1 - place
             most = max(most, solve_joint(bodies, joints, rows, j, h, biased))
+        # Last, so that what is locked is exact and what limits or drives it gives way.
+        most = max(most, solve_direct(bodies, joints, rows, columns, blocks, h, biased, settled))
         if most <= settled:
             break
     if not biased:
