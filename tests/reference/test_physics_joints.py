@@ -348,3 +348,22 @@ def test_joints_between_bodies_keep_momentum(joint):
     after = world.momentum()
     np.testing.assert_allclose(after.linear, before.linear, atol=1e-12)
     np.testing.assert_allclose(after.angular, before.angular, atol=5e-3 * np.linalg.norm(before.angular))
+
+
+def test_a_thousandfold_weight_swings_on_a_light_chain():
+    """Links so light under such a force turn faster than a substep can follow: nothing may fly apart, nothing stretch."""
+    links, ratio = 20, 1000.0
+    world = PhysicsWorld()
+    entities = np.arange(1, links + 2)
+    heights = [-0.25 - 0.5 * k for k in range(links)] + [-0.5 * links - 0.5]
+    size = [[THIN, 0.5, THIN]] * links + [[1.0, 1.0, 1.0]]
+    add_boxes(world, entities, [[0.0, y, 0.0] for y in heights], size=size, mass=[1.0] * links + [ratio])
+    anchors = [[0, 0, 0]] + [[0, -0.25, 0]] * links
+    world.add_joints(entities, kind="ball", entity_a=entities - 1, entity_b=entities, anchor_a=anchors)
+    world.apply_impulse(links + 1, [2.0 * ratio, 0.0, 0.0])
+    world.step(DT)
+    before = sum(world.energy())
+    run(world, 5.0)
+    assert np.linalg.norm(world.bodies.position[-1]) < 0.5 * links + 0.5 + 1e-3
+    swing = 0.5 * (ratio + links) * 2.0**2
+    assert sum(world.energy()) == pytest.approx(before, abs=0.05 * swing)

@@ -12,7 +12,7 @@ import math
 from elys.sim_node.compilation import inner
 from elys.sim_node.physics.kernels.tables import GEAR
 
-MOST_SWING = (
+MOST_TURN = (
     1.5  # square of angle by which a body may swing in a substep, summed over its axes, until it is made heavier
 )
 
@@ -40,9 +40,9 @@ def stiffen(inertia, at, load):
     xx, yy, zz = inertia[at], inertia[at + 1], inertia[at + 2]
     xy, xz, yz = inertia[at + 3], inertia[at + 4], inertia[at + 5]
     swing = xx * load[0] + yy * load[1] + zz * load[2] + 2.0 * (xy * load[3] + xz * load[4] + yz * load[5])
-    if swing <= MOST_SWING:
+    if swing <= MOST_TURN:
         return
-    s = 1.0 - MOST_SWING / swing
+    s = 1.0 - MOST_TURN / swing
     a, b, c, d, e, f = s * load[0], s * load[1], s * load[2], s * load[3], s * load[4], s * load[5]
     m00 = 1.0 + a * xx + d * xy + e * xz
     m01 = a * xy + d * yy + e * yz

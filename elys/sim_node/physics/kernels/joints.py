@@ -113,13 +113,13 @@ def end_substep(bodies, joint, rows, first):
 
 
 @inner
-def need_sweeps(joints, joint_count):
-    """Whether some joint is not solved with the others at once."""
-    alone = 0
+def sweep_count(joints, joint_count):
+    """How often joints are gone over at most: once where all of them are solved together."""
+    count = 1
     for j in range(joint_count):
         if joints[j].live != 0 and (joints[j].direct == 0 or joints[j].free > 0):
-            alone += 1
-    return alone > 0
+            count = SWEEPS
+    return count
 
 
 @inner
@@ -167,7 +167,7 @@ def solve_joints(bodies, joints, rows, joint_count, columns, blocks, updates, lo
                 place_frames(joints[j], 0.0)
                 measure(joints[j], rows, JOINT_ROWS * j)
     settled = SETTLED * (1.0 + 0.5 * fastest(joints, joint_count))
-    for sweep in range(SWEEPS if need_sweeps(joints, joint_count) else 1):
+    for sweep in range(sweep_count(joints, joint_count)):
         most = 0.0
         for place in range(joint_count):
             j = place if sweep % 2 == 0 else joint_count - 1 - place
