@@ -184,6 +184,18 @@ class JointTable:
             r["broken"] != 0,
         )
 
+    @property
+    def living(self) -> Array:
+        """(L,) uint32 ids of the joints that hold."""
+        return np.ascontiguousarray(self.rows["id"][self.rows["broken"] == 0])
+
+    def memory(self) -> Array:
+        """(L, 13) uint64: what joints that hold carry from step to step, as bits."""
+        names = ("spring_impulse", "motor_impulse", "lower_impulse", "upper_impulse", "gear_impulse", "swing_impulse")
+        rows = self.rows[self.rows["broken"] == 0]
+        columns = [rows["impulse"], *(rows[name][:, None] for name in (*names, "coordinate"))]
+        return np.ascontiguousarray(np.concatenate(columns, axis=1)).view(np.uint64)
+
     def load(self, snapshot: dict[str, Array]) -> None:
         """Takes the joints of a snapshot."""
         self._take(checks.saved_table(snapshot, "joints", JOINT))

@@ -358,10 +358,13 @@ class PhysicsWorld:
         return momentum_of(self._bodies)
 
     def state_hash(self) -> int:
-        """64 bits over ids, poses and velocities of all bodies: equal states, and practically only they, are equal in it."""
+        """64 bits over ids, poses and velocities of all bodies and what joints remember: equal states are equal in it."""
         rows = self._bodies.rows
         words = rows.view(np.uint64).reshape(len(rows), rows.itemsize // 8)
-        return int(hash_bodies(self._bodies.entities, words))
+        total = int(hash_bodies(self._bodies.entities, words))
+        if not len(self._joints.rows):
+            return total
+        return total ^ int(hash_bodies(self._joints.living, self._joints.memory()))
 
     # ---------------------------------------------------------------- the whole state
 

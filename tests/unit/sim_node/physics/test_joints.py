@@ -226,6 +226,17 @@ def test_from_a_snapshot_joints_go_on_with_the_same_bits(at):
     np.testing.assert_array_equal(other.joints.force, world.joints.force)
 
 
+def test_the_hash_tells_what_joints_remember():
+    one, two = pair_of_boxes(kind="ball"), pair_of_boxes(kind="hinge")
+    assert one.state_hash() == two.state_hash()  # the same bodies, and nothing has pushed yet
+    snapshot = one.snapshot()
+    snapshot["joints"]["impulse"][0, 1] = 1e-9
+    two.restore(snapshot)
+    assert one.state_hash() != two.state_hash()
+    one.remove_joints([5])
+    assert one.state_hash() == pair_of_boxes().state_hash()
+
+
 def test_a_heap_of_jointed_boxes_comes_to_rest():
     world = ragdoll()
     world.set_joints([17], motor_limit=0.0)
