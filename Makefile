@@ -4,7 +4,7 @@ PY := .venv/bin/python
 READY := .venv/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test check format bench soak golden pictures clean
+.PHONY: help setup demo test check format wheel bench soak golden pictures pin clean
 
 help:  ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -31,14 +31,21 @@ format: $(READY)  ## put the code into its form
 	@$(PY) -m ruff check --fix elys tests
 	@$(PY) -m ruff format elys tests
 
-bench: $(READY)  ## measure: tick times, latency, starts (README's table)
+wheel: $(READY)  ## build dist/*.whl with compiled kernels for this platform
+	@HATCH_BUILD_HOOK_ENABLE_CUSTOM=true ELYS_KERNEL_CACHE=build/kernels $(PY) -m hatchling build -t wheel
+
+bench: $(READY)  ## measure: rigid bodies beside their peers, tick times, latency, starts (README's table)
+	-@$(PY) -m pip install --quiet --disable-pip-version-check -e '.[peers]'
 	@$(PY) -m tests.benchmarks
 
-soak: $(READY)  ## long campaigns: kills and fuzz
+soak: $(READY)  ## long campaigns: kills, fuzz and emulated processors
 	@$(PY) -m pytest tests/process tests/property --soak
 
 golden: $(READY)  ## draw the golden pictures anew (look at them before committing)
 	@$(PY) -m pytest tests/golden --draw-golden
+
+pin: $(READY)  ## pin the state hashes anew, after the physics was changed on purpose
+	@$(PY) -m tests.pinned_hashes --pin
 
 pictures: $(READY)  ## draw the pictures of the docs anew
 	@$(PY) -m tests.pictures

@@ -19,6 +19,7 @@ What a script or a notebook needs is here; each name is imported when it is firs
     components       Transform, RigidBody, Light, ...         SceneMirror      a scene as a session or a recording tells it
     Simulation       a scene that runs, tick by tick          join_session     attach to a running session (asyncio)
     OfflineRenderer  pictures and films without a window      ElysError        the root of all that goes wrong on purpose
+    Aabb             boxes along the axes, as arrays          Obb              turned boxes: overlap, rays, sweeps
 """
 
 from __future__ import annotations
@@ -30,8 +31,10 @@ __version__ = "0.1.0"
 
 # By name where each is defined. No import statements: every package below reads `elys.__version__`, and would draw all others in.
 _HOMES = {
+    "Aabb": "elys.common.math.aabb",
     "AssetStore": "elys.common.assets.store",
     "ElysError": "elys.common.errors",
+    "Obb": "elys.common.math.obb",
     "OfflineRenderer": "elys.render_node.offline",
     "PhysicsWorld": "elys.sim_node.physics.world",
     "Recording": "elys.bus.recording",

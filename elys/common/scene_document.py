@@ -32,7 +32,7 @@ class SceneSettings(msgspec.Struct, frozen=True, kw_only=True):
     tick_rate: Annotated[
         int, Meta(ge=1, le=10_000, description="Ticks in a second of simulation.", extra={"unit": "Hz"})
     ] = 60
-    substeps: Annotated[int, Meta(ge=1, le=64, description="Steps of the contact solver in a tick.")] = 4
+    substeps: Annotated[int, Meta(ge=1, le=64, description="Steps of the contact solver in a tick.")] = 8
     background: Annotated[
         tuple[Radiance, Radiance, Radiance], Meta(description="Colour behind everything, linear.")
     ] = (0.3, 0.42, 0.6)

@@ -7,35 +7,28 @@ imports no compiler, and then calls `warm_kernels` with a function that shows th
 
 from __future__ import annotations
 
-import contextlib
-import ctypes
-import importlib
-import os
-import platform
 import shutil
-import signal
-import subprocess
-import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from elys.common.errors import ElysError
-from elys.sim_node.kernel_directory import cache_directory, cache_root, kernel_packages
+from elys.sim_node.cpu_level import cpu_level
+from elys.sim_node.kernel_directory import SHIPPED_ROOT, cache_directory, cache_root, kernel_packages, shipped_directory
+from elys.sim_node.kernel_list import Kernel, all_kernels, make_callable
+from elys.sim_node.kernel_workers import compile_in_processes, process_count
 
 Progress = Callable[[str, int, int], None]  # name of the kernel that is ready, how many are, how many there are
 
-KEPT_STATES = 4  # folders of earlier sources that are kept for each package
-_STAMP = "complete"
-
-# What takes longest to compile, dealt out so that two processes finish together; all others belong to the first.
-_SECOND_PROCESS = ("physics.update_manifolds", "physics.prepare_contacts", "physics.cast_rays")
+KEPT_STATES = 6  # folders of earlier sources and of other levels that are kept for each package
+_STAMP = "complete"  # a file that says so of its folder
 
 
 class KernelCacheReport(NamedTuple):
     """What the cache holds for the present sources."""
 
+    level: str  # of processors, see `cpu_level`
     path: Path  # the folder over all states
     present: int
     total: int
@@ -43,28 +36,21 @@ class KernelCacheReport(NamedTuple):
     size: int  # [bytes]
 
 
-class Kernel(NamedTuple):
-    """A kernel and the signatures it is compiled for."""
-
-    name: str
-    function: Any
-    signatures: tuple[tuple[Any, ...], ...]
-
-
 def kernels_are_warm() -> bool:
-    """Whether all kernels of these sources have been compiled on this kind of machine. Costs a few milliseconds."""
-    return all(_stamp(package).exists() for package in kernel_packages())
+    """Whether machine code of all kernels is there, shipped or compiled earlier. Costs a few milliseconds."""
+    return all(_is_complete(package) for package in kernel_packages())
 
 
-def warm_kernels(progress: Progress | None = None) -> None:
-    """Compiles every kernel of the simulation, or loads it from the cache.
+def warm_kernels(progress: Progress | None = None, *, processes: int | None = None) -> None:
+    """Compiles every kernel of the simulation, or loads it from a cache.
 
-    On a first start two processes share the work. `progress` is told of each kernel as it becomes ready.
+    On a first start several processes share the work, one for each processor unless said otherwise. `progress` is told of each
+    kernel as it becomes ready.
 
     Raises:
-        ElysError: the cache's folder cannot be written, or the second process failed.
+        ElysError: the cache's folder cannot be written, or ELYS_CPU_LEVEL names no level that this processor has.
     """
-    kernels = _all_kernels()
+    kernels = all_kernels()
     done = 0
     lock = threading.Lock()
 
@@ -77,24 +63,37 @@ def warm_kernels(progress: Progress | None = None) -> None:
 
     if kernels_are_warm():
         for kernel in kernels:
-            _compile(kernel)
+            make_callable(kernel)
             ready(kernel.name)
         return
     _make_folders()
-    _compile_in_two_processes(kernels, ready)
+    compile_in_processes(kernels, ready, processes=processes or process_count())
     for package in kernel_packages():
-        _stamp(package).touch()
+        (cache_directory(package) / _STAMP).touch()
     _forget_old_states()
 
 
+def ship_kernels(folder: str) -> None:
+    """Puts the compiled kernels of this level into a folder that a wheel carries as `elys/_kernels`.
+
+    Meant for a build that runs one process for each level; so this one compiles alone.
+    """
+    warm_kernels(processes=1)
+    for package in kernel_packages():
+        source = cache_directory(package)
+        shutil.copytree(source, Path(folder) / source.name, ignore=shutil.ignore_patterns("*.tmp.*"))
+
+
 def kernel_cache_report() -> KernelCacheReport:
-    """What `elys doctor` shows: where the cache is, which kernels are in it and how large it is."""
-    folders = tuple(cache_directory(package) for package in kernel_packages())
-    files = [file for folder in folders if folder.exists() for file in folder.iterdir()]
-    kernels = _all_kernels()
+    """What `elys doctor` shows: where the kernels are, which of them are there and how large they are."""
+    places = [(shipped_directory(package), cache_directory(package)) for package in kernel_packages()]
+    files = [file for pair in places for folder in pair if folder.exists() for file in folder.iterdir()]
+    kernels = all_kernels()
     missing = tuple(kernel.name for kernel in kernels if not any(_holds(file, kernel) for file in files))
     size = sum(file.stat().st_size for file in files)
-    return KernelCacheReport(cache_root(), len(kernels) - len(missing), len(kernels), missing, size)
+    is_shipped = all(_is_stamped(shipped) for shipped, _ in places)
+    path = SHIPPED_ROOT if is_shipped else cache_root()
+    return KernelCacheReport(cpu_level(), path, len(kernels) - len(missing), len(kernels), missing, size)
 
 
 def _holds(file: Path, kernel: Kernel) -> bool:
@@ -102,57 +101,6 @@ def _holds(file: Path, kernel: Kernel) -> bool:
     function = getattr(kernel.function, "py_func", kernel.function)
     module = function.__module__.rpartition(".")[2]
     return file.suffix == ".nbc" and file.name.startswith(f"{module}.{function.__qualname__}-")
-
-
-def _all_kernels() -> tuple[Kernel, ...]:
-    modules = [importlib.import_module(f"elys.sim_node.{package}.kernels") for package in kernel_packages()]
-    return tuple(Kernel(*entry) for module in modules for entry in module.KERNELS)
-
-
-def _compile(kernel: Kernel) -> None:
-    """Makes a kernel callable: compiled, or loaded where it is in the cache."""
-    if not hasattr(kernel.function, "stats"):  # the compiler is switched off
-        return
-    for signature in kernel.signatures:
-        kernel.function.compile(signature)
-
-
-def _compile_in_two_processes(kernels: tuple[Kernel, ...], ready: Callable[[str], None]) -> None:
-    """The first share here, the second in another process, which leaves it in the cache to be loaded."""
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    command = [sys.executable, "-m", "elys.sim_node.kernel_cache"]
-    with subprocess.Popen(
-        command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True
-    ) as second:
-        listener = threading.Thread(target=_listen, args=(second, ready), daemon=True)
-        try:
-            listener.start()
-            for kernel in _share(kernels, second=False):
-                _compile(kernel)
-                ready(kernel.name)
-            listener.join()
-        except BaseException:
-            second.kill()
-            raise
-        assert second.stderr is not None
-        complaint = second.stderr.read().strip()
-    if second.returncode != 0:
-        last = complaint.splitlines()[-1] if complaint else f"exit status {second.returncode}"
-        raise ElysError(f"The second process that compiles kernels failed: {last}")
-    for kernel in _share(kernels, second=True):
-        _compile(kernel)
-
-
-def _listen(second: subprocess.Popen[str], ready: Callable[[str], None]) -> None:
-    """Hears which kernels the second process has ready while the first one works."""
-    assert second.stdout is not None
-    with contextlib.suppress(ValueError):  # the pipe is closed while it is read: the compilation was interrupted
-        for line in second.stdout:
-            ready(line.strip())
-
-
-def _share(kernels: tuple[Kernel, ...], *, second: bool) -> Iterator[Kernel]:
-    return (kernel for kernel in kernels if (kernel.name in _SECOND_PROCESS) == second)
 
 
 def _make_folders() -> None:
@@ -167,19 +115,12 @@ def _make_folders() -> None:
             ) from error
 
 
-def _stamp(package: str) -> Path:
-    """The file that says that a package's kernels are complete for this kind of processor."""
-    return cache_directory(package) / f"{_STAMP}-{_processor()}"
+def _is_complete(package: str) -> bool:
+    return _is_stamped(shipped_directory(package)) or _is_stamped(cache_directory(package))
 
 
-def _processor() -> str:
-    """What decides whether machine code fits: cheap, and different wherever numba would compile anew."""
-    chosen = os.environ.get("NUMBA_CPU_NAME")
-    if chosen:
-        return chosen
-    import llvmlite.binding as llvm
-
-    return f"{platform.machine()}-{llvm.get_host_cpu_name()}"
+def _is_stamped(folder: Path) -> bool:
+    return (folder / _STAMP).exists()
 
 
 def _forget_old_states() -> None:
@@ -189,16 +130,3 @@ def _forget_old_states() -> None:
         states.sort(key=lambda folder: folder.stat().st_mtime, reverse=True)
         for folder in states[KEPT_STATES:]:
             shutil.rmtree(folder, ignore_errors=True)
-
-
-def _compile_second_share() -> None:
-    if sys.platform == "linux":
-        # PR_SET_PDEATHSIG, prctl(2): nobody waits for this process once the first one was killed.
-        ctypes.CDLL(None).prctl(1, signal.SIGKILL)
-    for kernel in _share(_all_kernels(), second=True):
-        _compile(kernel)
-        print(kernel.name, flush=True)
-
-
-if __name__ == "__main__":
-    _compile_second_share()

@@ -1,9 +1,11 @@
-"""Where compiled kernels live: one folder for each state of their sources, without importing numba.
+"""Where compiled kernels live: one folder for each state of their sources and level of processors, without importing numba.
 
 Numba notices when the file of a cached function changes, but not when a function which that one calls does. So the folder
 is named by a hash over ALL kernel sources of a package, Python and numba: a change anywhere in them is a new folder, and
 nothing stale can ever be loaded. A kernel may therefore only use what is written in a file counted here: `kernels.py` or
-`kernels/*.py` of its own package in the simulation's node, and `compilation.py`.
+`kernels/*.py` of its own package in the simulation's node, and `compilation*.py`.
+
+A wheel may ship such folders inside the package. They are only read; what they lack goes into the user's cache.
 """
 
 from __future__ import annotations
@@ -18,8 +20,11 @@ from pathlib import Path
 
 import platformdirs
 
+from elys.sim_node.cpu_level import cpu_level
+
 CACHE_VARIABLE = "ELYS_KERNEL_CACHE"  # moves the cache elsewhere: a test, a read-only home
 _NODE = Path(__file__).parent
+SHIPPED_ROOT = _NODE.parent / "_kernels"  # in a wheel that carries compiled kernels
 
 
 @functools.cache
@@ -33,7 +38,7 @@ def kernel_packages() -> tuple[str, ...]:
 def source_files(package: str) -> tuple[Path, ...]:
     """Every file that the kernels of a package may be built from, in a fixed order."""
     folder = _NODE / package
-    return tuple(sorted([*folder.glob("kernels.py"), *folder.glob("kernels/*.py"), _NODE / "compilation.py"]))
+    return tuple(sorted([*folder.glob("kernels.py"), *folder.glob("kernels/*.py"), *_NODE.glob("compilation*.py")]))
 
 
 @functools.cache
@@ -49,7 +54,16 @@ def source_hash(package: str) -> str:
 
 def cache_directory(package: str) -> Path:
     """The folder of a package's compiled kernels; it may not exist yet. Never inside the installed package."""
-    return cache_root() / f"{package}-{source_hash(package)}"
+    return cache_root() / _state(package)
+
+
+def shipped_directory(package: str) -> Path:
+    """The folder of the compiled kernels that came with the package; most installations have none."""
+    return SHIPPED_ROOT / _state(package)
+
+
+def _state(package: str) -> str:
+    return f"{package}-{source_hash(package)}-{cpu_level()}"
 
 
 @functools.cache

@@ -56,7 +56,7 @@ class Simulation:
         self.tick = 0
         self.systems: tuple[System, ...] = (self.follow_changes, self.simulate_physics, self.propagate_transforms)
         self.stage_times: dict[str, float] = {}
-        self._bodies = RigidBodies(self.world, self.physics)
+        self._bodies = RigidBodies(self.world, self.physics, self.assets)
         self._changes: list[WorldChanges] = []
         self._events: list[Event] = []
 

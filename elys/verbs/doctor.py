@@ -96,7 +96,9 @@ def check_kernels() -> Finding:
     from elys.sim_node.kernel_cache import kernel_cache_report
 
     report = kernel_cache_report()
-    detail = f"{report.present} of {report.total} compiled, {size_text(report.size)} in {report.path}"
+    detail = (
+        f"{report.present} of {report.total} compiled for {report.level}, {size_text(report.size)} in {report.path}"
+    )
     if report.missing:
         return Finding(
             check="kernels",

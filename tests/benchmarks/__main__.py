@@ -2,20 +2,20 @@
 
 python -m tests.benchmarks                 all, and the table of the README is written anew
 python -m tests.benchmarks ticks starts    only these
+python -m tests.benchmarks rigid --help    rigid bodies have choices of their own
 """
 
 from __future__ import annotations
 
 import json
-import platform
 import re
 import sys
 import time
 from collections.abc import Callable
-from importlib import metadata
 from pathlib import Path
 
-from tests.benchmarks import latency, scene_tree, starts, ticks
+from tests.benchmarks import latency, queries, rigid_bodies, scene_tree, starts, ticks
+from tests.benchmarks.machine import machine
 
 ROOT = Path(__file__).parents[2]
 SUITES: dict[str, Callable[[], list[tuple[str, str]]]] = {
@@ -23,10 +23,15 @@ SUITES: dict[str, Callable[[], list[tuple[str, str]]]] = {
     "latency": latency.measure,
     "starts": starts.measure,
     "tree": scene_tree.measure,
+    "rigid": rigid_bodies.measure,
+    "queries": queries.measure,
 }
 
 
 def main() -> None:
+    if sys.argv[1:2] == ["rigid"]:
+        rigid_bodies.main(sys.argv[2:])
+        return
     chosen = sys.argv[1:] or list(SUITES)
     unknown = [name for name in chosen if name not in SUITES]
     if unknown:
@@ -41,18 +46,6 @@ def main() -> None:
     (ROOT / "bench.json").write_text(json.dumps(facts, indent=2) + "\n")
     if set(chosen) == set(SUITES):
         write_into_readme(f"{machine()}\n\n{table}")
-
-
-def machine() -> str:
-    """What was measured on, with the versions that matter."""
-    cpu = platform.machine()
-    for line in Path("/proc/cpuinfo").read_text().splitlines():
-        if line.startswith("model name"):
-            cpu = line.split(":", 1)[1].strip()
-            break
-    cores = len([line for line in Path("/proc/cpuinfo").read_text().splitlines() if line.startswith("processor")])
-    versions = ", ".join(f"{name} {metadata.version(name)}" for name in ("numba", "numpy", "eclipse-zenoh"))
-    return f"{cpu}, {cores} cores, software OpenGL; Python {platform.python_version()}, {versions}."
 
 
 def write_into_readme(text: str) -> None:

@@ -65,7 +65,8 @@ def test_momentum_is_kept(scene):
     for _ in range(600):
         world.step(DT / 16)
     after = world.momentum()
-    np.testing.assert_allclose(after.linear, linear, atol=1e-9 * (np.linalg.norm(linear) + 1.0))
+    # The solver counts in float32: each of thousands of substeps may round an impulse by 6e-8 of the velocity.
+    np.testing.assert_allclose(after.linear, linear, atol=2e-5 * (np.linalg.norm(linear) + 1.0))
     np.testing.assert_allclose(after.angular, angular, atol=0.02 * (np.linalg.norm(angular) + 5.0))
 
 
@@ -73,8 +74,8 @@ def test_momentum_is_kept(scene):
 @given(scenes)
 def test_energy_is_not_gained(scene):
     # Perfectly elastic corners that strike several at once are bounced one after the other, which can give a little more than
-    # there was: at most 11 % in 150 such scenes, next to nothing in most. With any loss at all nothing is gained.
-    allowed = 1.2 if scene["restitution"] == 1.0 and scene["friction"] == 0.0 else 1.0 + 1e-6
+    # there was: at most 11 % in 150 such scenes, next to nothing in most. With any loss at all nothing is gained but what float32 rounds.
+    allowed = 1.2 if scene["restitution"] == 1.0 and scene["friction"] == 0.0 else 1.0 + 1e-5
     world = build(scene)
     before = world.energy().kinetic
     for _ in range(60):

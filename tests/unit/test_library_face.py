@@ -31,7 +31,7 @@ def test_every_name_is_there_and_known_to_type_checkers(name):
 
 
 def test_another_name_is_refused_with_those_there_are():
-    with pytest.raises(AttributeError, match="'Simulatoin'; it offers AssetStore"):
+    with pytest.raises(AttributeError, match="'Simulatoin'; it offers Aabb, AssetStore"):
         elys.Simulatoin  # noqa: B018
 
 

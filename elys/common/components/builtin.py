@@ -41,13 +41,29 @@ class RigidBody(Component, frozen=True):
 class Collider(Component, frozen=True):
     """The shape with which an entity collides; without a RigidBody on it or above it, an immovable obstacle."""
 
-    shape: Annotated[Literal["box", "sphere"], about("Form of the collider.")] = "box"
+    shape: Annotated[
+        Literal["box", "sphere", "capsule", "cylinder", "hull", "mesh", "plane"],
+        about(
+            "Form of the collider. Hull and mesh take the entity's mesh; a mesh is static, a plane fills all below it."
+        ),
+    ] = "box"
     size: Annotated[Vec3, about("Full edge lengths of a box, before scale.", unit="m", minimum=1e-4, step=0.05)] = (
         1.0,
         1.0,
         1.0,
     )
-    radius: Annotated[float, about("Radius of a sphere, before scale.", unit="m", minimum=1e-4, step=0.05)] = 0.5
+    radius: Annotated[
+        float, about("Radius of a sphere, capsule or cylinder, before scale.", unit="m", minimum=1e-4, step=0.05)
+    ] = 0.5
+    half_length: Annotated[
+        float,
+        about(
+            "Half the length along y of a cylinder, or of a capsule without its caps.",
+            unit="m",
+            minimum=1e-4,
+            step=0.05,
+        ),
+    ] = 0.5
     offset: Annotated[Vec3, about("Centre of the shape in the entity's space.", unit="m", step=0.05)] = (0.0, 0.0, 0.0)
     friction: Annotated[
         float, about("Coulomb coefficient; a pair takes the geometric mean.", minimum=0.0, step=0.01)
@@ -55,6 +71,13 @@ class Collider(Component, frozen=True):
     restitution: Annotated[
         float, about("Bounce; a pair takes the smaller one.", minimum=0.0, maximum=1.0, step=0.01)
     ] = 0.0
+    density: Annotated[
+        float,
+        about("Gives the body its mass by volume; 0 shares the body's mass.", unit="kg/m^3", minimum=0.0, step=10.0),
+    ] = 0.0
+    layer: Annotated[int, about("Layers it is in, as bits.")] = 1
+    mask: Annotated[int, about("Layers that it collides with, as bits; -1 for all.")] = -1
+    is_trigger: Annotated[bool, about("Notices what touches it and pushes nothing.")] = False
 
 
 @component

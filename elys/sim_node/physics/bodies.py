@@ -17,7 +17,7 @@ from elys.common.math import quaternion
 from elys.sim_node.physics import checks
 from elys.sim_node.physics.kernels.integrator import publish_poses
 from elys.sim_node.physics.kernels.tables import BODY, DYNAMIC, KINEMATIC, POSE, STATIC
-from elys.sim_node.physics.mass_properties import MassProperties
+from elys.sim_node.physics.mass_properties import SHAPELESS_RADIUS, MassProperties
 
 Array = np.ndarray[Any, Any]
 
@@ -30,7 +30,6 @@ class BodyTable:
         self.poses = np.zeros(0, POSE)
         self.mass = np.zeros(0)
         self.inertia = np.zeros((0, 3))  # principal moments for 1 kg [m^2]
-        self.axes_room = np.zeros(9)
         self.faulty_room = np.zeros(0, np.int32)
         self._index = np.zeros(0, np.int64)  # the entities' indices, ascending
 
@@ -77,6 +76,7 @@ class BodyTable:
         self.inertia = np.concatenate([self.inertia, np.ones((len(entities), 3))])[order]
         place = np.empty(len(order), np.int64)
         place[order] = np.arange(len(order))
+        self._follow_rings(place)
         return place[:old_count]
 
     def remove(self, removed: Array) -> Array:
@@ -85,7 +85,14 @@ class BodyTable:
         keep[removed] = False
         self.rows, self.poses, self.mass = self.rows[keep], self.poses[keep], self.mass[keep]
         self.inertia, self._index = self.inertia[keep], self._index[keep]
-        return np.where(keep, np.cumsum(keep) - 1, -1)
+        place = np.where(keep, np.cumsum(keep) - 1, -1)
+        self._follow_rings(place)
+        return place
+
+    def _follow_rings(self, place: Array) -> None:
+        """Sleeping islands are rings of rows, and rows have changed: `place` (old N,) says where they are."""
+        asleep = self.rows["asleep"] != 0
+        self.rows["next_asleep"][asleep] = place[self.rows["next_asleep"][asleep]]
 
     def entity_poses(self, rows: Array) -> tuple[Array, Array]:
         """Positions (M, 3) and rotations (M, 4) of the entities in rows, in float64."""
@@ -107,6 +114,12 @@ class BodyTable:
         self.place(rows, position, rotation)
         self.update_inverses(rows)
 
+    def set_extents(self, rows: Array, of_shapes: Array, extents: Array) -> None:
+        """How far the bodies in rows reach: `extents` (M,) [m] of the shapes on body rows `of_shapes` (M,)."""
+        self.rows["extent"][rows] = SHAPELESS_RADIUS
+        self.rows["extent"][of_shapes] = 0.0
+        np.maximum.at(self.rows["extent"], of_shapes, extents)
+
     def update_inverses(self, rows: Array) -> None:
         """Inverse mass and inertia from mass, moments and motion: nothing for what no force moves."""
         dynamic = self.rows["motion"][rows] == DYNAMIC
@@ -114,7 +127,6 @@ class BodyTable:
         self.rows["inverse_mass"][rows] = np.where(dynamic, 1.0 / mass, 0.0)
         moments = mass[:, None] * self.inertia[rows]
         self.rows["inverse_inertia"][rows] = np.where(dynamic[:, None], 1.0 / moments, 0.0)
-        self.rows["world_inverse_inertia"][rows[~dynamic]] = 0.0
         self.rows["velocity"][rows[self.rows["motion"][rows] == STATIC]] = 0.0
 
     def load(self, snapshot: dict[str, Array]) -> None:

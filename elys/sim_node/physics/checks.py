@@ -76,6 +76,16 @@ def choice_column(name: str, values: ArrayLike, entities: Array, count: int) -> 
     return column.astype(np.uint8)
 
 
+def bits_column(name: str, values: ArrayLike, entities: Array) -> Array:
+    """Sets of 32 layers as bits, (N,) uint32."""
+    column = np.broadcast_to(np.asarray(values), (len(entities),))
+    if column.dtype.kind not in "iu":
+        raise PhysicsError(f"{name} must be whole numbers whose bits are layers, not {column.dtype}")
+    wide = column.astype(np.int64)
+    refuse((wide < 0) | (wide >= 2**32), entities, wide, f"{name} must be from 0 to 2^32 - 1, a bit for each layer")
+    return wide.astype(np.uint32)
+
+
 def refuse(bad: Any, entities: Array, values: Array, rule: str) -> None:
     """Raises PhysicsError for the first element that is `bad`."""
     if bad.any():

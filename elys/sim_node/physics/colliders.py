@@ -7,18 +7,34 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from elys.common.errors import PhysicsError
 from elys.common.math import quaternion
 from elys.sim_node.physics import checks
-from elys.sim_node.physics.kernels.tables import COLLIDER, SPHERE
+from elys.sim_node.physics.geometry import GeometryStore
+from elys.sim_node.physics.kernels.tables import (
+    BOX,
+    CAPSULE,
+    COLLIDER,
+    CYLINDER,
+    DYNAMIC,
+    HEIGHT_FIELD,
+    HULL,
+    MESH,
+    PLANE,
+    SPHERE,
+    STATIC,
+)
 from elys.sim_node.physics.kernels.tree import FAR
-from elys.sim_node.physics.mass_properties import Shapes
+from elys.sim_node.physics.mass_properties import Shapes, moved_centers, tensors, volumes
 
 Array = np.ndarray[Any, Any]
 
-SHAPE_COUNT = 2
+SHAPE_NAMES = ("box", "sphere", "capsule", "cylinder", "hull", "mesh", "plane", "height field")
+EVERY_LAYER = 0xFFFFFFFF
+BOUNDLESS = 1e9  # half the size of the box around a half-space [m]
 
-# A shape as it was asked for, in the space of its body's entity.
-SHAPE = np.dtype([("position", "f8", 3), ("rotation", "f8", 4)], align=True)
+# A shape as it was asked for, in the space of its body's entity: the place of its centre, and 0 for no density.
+SHAPE = np.dtype([("position", "f8", 3), ("rotation", "f8", 4), ("density", "f8")], align=True)
 
 
 class ColliderTable:
@@ -27,6 +43,7 @@ class ColliderTable:
     def __init__(self) -> None:
         self.rows = np.zeros(0, COLLIDER)
         self.shapes = np.zeros(0, SHAPE)
+        self.geometry = GeometryStore()
         self.can_bounce = False
 
     def rows_on(self, bodies: Array) -> Array:
@@ -36,13 +53,41 @@ class ColliderTable:
     def shapes_on(self, bodies: Array, rows: Array) -> Shapes:
         """The shapes in collider rows, their bodies counted as places in `bodies`, which ascend."""
         chosen = self.rows[rows]
+        body = np.searchsorted(bodies, chosen["body"])
+        volume, tensor = self._volumes(rows)
+        weight = volume * self.shapes["density"][rows]
+        dense = np.bincount(body, weight, len(bodies))[body] > 0.0
+        position, rotation = self.shapes["position"][rows], self.shapes["rotation"][rows]
         return Shapes(
-            np.searchsorted(bodies, chosen["body"]),
-            chosen["kind"],
-            chosen["half_extents"],
-            self.shapes["position"][rows],
-            self.shapes["rotation"][rows],
+            body, chosen["kind"], chosen["half_extents"], position, rotation, np.where(dense, weight, volume), tensor
         )
+
+    def dense_mass(self, bodies: Array, rows: Array) -> Array:
+        """(M,) mass of bodies, ascending, by the density of their collider rows [kg]; 0 where none has one."""
+        volume, _ = self._volumes(rows)
+        body = np.searchsorted(bodies, self.rows["body"][rows])
+        return np.bincount(body, volume * self.shapes["density"][rows], len(bodies))
+
+    def _volumes(self, rows: Array) -> tuple[Array, Array]:
+        """Volumes (C,) [m^3] and tensors (C, 3, 3) for 1 kg of collider rows."""
+        kind, half, handle = (self.rows[name][rows] for name in ("kind", "half_extents", "geometry"))
+        volume, tensor = volumes(kind, half), tensors(kind, half)
+        for place in np.flatnonzero(kind == HULL):
+            solid = self.geometry.solids[handle[place]]
+            volume[place], tensor[place] = solid.volume, solid.tensor
+        return volume, tensor
+
+    def refuse_motion(self, entities: Array, motion: Array, kinds: Array) -> None:
+        """PhysicsError for a shape (C,) of a body that moves (C,) as such a shape cannot."""
+        moving = ((kinds == MESH) | (kinds == HEIGHT_FIELD)) & (motion != STATIC)
+        moving |= (kinds == PLANE) & (motion == DYNAMIC)
+        if moving.any():
+            first = int(np.flatnonzero(moving)[0])
+            name = SHAPE_NAMES[int(kinds[first])]
+            raise PhysicsError(
+                f"{checks.named(entities[first])} moves, and a {name} cannot: make its motion static, or give it a hull "
+                f"or several simpler shapes"
+            )
 
     def insert(self, rows: Array, shapes: Array) -> Array:
         """Adds colliders in their places; returns where each old row is now."""
@@ -75,6 +120,11 @@ class ColliderTable:
         self.rows["local_position"][rows] = quaternion.rotate(principal_from_entity, away)
         self.rows["local_rotation"][rows] = quaternion.multiply(principal_from_entity, self.shapes["rotation"][rows])
 
+    def extents(self, rows: Array) -> tuple[Array, Array]:
+        """The body row of each collider in rows (M,), and how far it reaches from that body's centre of mass [m]."""
+        chosen = self.rows[rows]
+        return chosen["body"], np.linalg.norm(chosen["local_position"], axis=1) + chosen["reach"]
+
     def forget_boxes(self, rows: Array) -> None:
         """Makes the next step find the pairs of these colliders anew."""
         self.rows["fat_box"][rows, :3] = FAR
@@ -82,6 +132,7 @@ class ColliderTable:
 
     def load(self, snapshot: dict[str, Array]) -> None:
         """Takes the colliders of a snapshot."""
+        self.geometry.load(snapshot)
         self.rows = checks.saved_table(snapshot, "colliders", COLLIDER)
         self.shapes = checks.saved_table(snapshot, "shapes", SHAPE)
         self._changed()
@@ -91,36 +142,86 @@ class ColliderTable:
 
 
 def new_colliders(
+    store: GeometryStore,
     entities: Array,
     bodies: Array,
     owners: Array,
+    *,
     shape: ArrayLike,
     size: ArrayLike,
     radius: ArrayLike,
+    half_length: ArrayLike,
+    geometry: ArrayLike,
     position: ArrayLike,
     rotation: ArrayLike,
     friction: ArrayLike,
     restitution: ArrayLike,
+    density: ArrayLike,
+    layer: ArrayLike,
+    mask: ArrayLike,
+    trigger: ArrayLike,
 ) -> tuple[Array, Array]:
     """Checked rows for colliders of entities (M,) in body rows (M,); PhysicsError names the entity with a bad value."""
     rows = np.zeros(len(entities), COLLIDER)
     shapes = np.zeros(len(entities), SHAPE)
     rows["body"] = bodies
     rows["entity"] = owners
-    rows["kind"] = checks.choice_column("shape", shape, entities, SHAPE_COUNT)
-    sphere = (rows["kind"] == SPHERE)[:, None]
-    # A box's radius and a sphere's size say nothing and are not judged.
-    size = checks.number_column("size", np.where(sphere, 1.0, size), entities, width=3, minimum=0.0, above=True)
-    radii = np.where(sphere[:, 0], radius, 1.0)
-    radii = checks.number_column("radius", radii, entities, minimum=0.0, above=True)
-    rows["half_extents"] = np.where(sphere, radii[:, None], 0.5 * size)
-    rows["reach"] = np.where(sphere[:, 0], radii, np.linalg.norm(0.5 * size, axis=1))
+    rows["kind"] = checks.choice_column("shape", shape, entities, len(SHAPE_NAMES))
     shapes["position"] = checks.number_column("collider position", position, entities, width=3)
     shapes["rotation"] = checks.rotation_column("collider rotation", rotation, entities)
+    shapes["density"] = checks.number_column("density", density, entities, minimum=0.0)
+    _set_lengths(rows, entities, size, radius, half_length)
+    _set_geometry(rows, shapes, store, entities, geometry)
     rows["friction"] = checks.number_column("friction", friction, entities, minimum=0.0)
     restitution = checks.number_column("restitution", restitution, entities, minimum=0.0)
     checks.refuse(restitution > 1.0, entities, restitution, "restitution must be at most 1")
     rows["restitution"] = restitution
+    rows["layer"] = checks.bits_column("layer", layer, entities)
+    rows["mask"] = checks.bits_column("mask", mask, entities)
+    rows["trigger"] = checks.choice_column("trigger", np.asarray(trigger, np.int64), entities, 2)
     rows["fat_box"][:, :3] = FAR  # no box yet: the next step finds the pairs
     rows["fat_box"][:, 3:] = -FAR
     return rows, shapes
+
+
+def _set_lengths(rows: Array, entities: Array, size: ArrayLike, radius: ArrayLike, half_length: ArrayLike) -> None:
+    """Half extents and reach. What a shape has not, as a box a radius, says nothing and is not judged."""
+    kind = rows["kind"]
+    box, sphere, capsule, cylinder = (kind == which for which in (BOX, SPHERE, CAPSULE, CYLINDER))
+    long = capsule | cylinder
+    size = checks.number_column("size", np.where(box[:, None], size, 1.0), entities, width=3, minimum=0.0, above=True)
+    radii = np.where(sphere | long, radius, 1.0)
+    radii = checks.number_column("radius", radii, entities, minimum=0.0, above=True)
+    halves = np.where(long, half_length, 1.0)
+    halves = checks.number_column("half_length", halves, entities, minimum=0.0, above=True)
+    rows["half_extents"] = np.where(box[:, None], 0.5 * size, radii[:, None])
+    rows["half_extents"][long, 1] = halves[long]
+    rows["reach"] = np.select(
+        [box, sphere, capsule],
+        [np.linalg.norm(0.5 * size, axis=1), radii, halves + radii],
+        np.hypot(halves, radii),
+    )
+    boundless = kind == PLANE
+    rows["half_extents"][boundless] = BOUNDLESS
+    rows["reach"][boundless] = BOUNDLESS
+
+
+def _set_geometry(rows: Array, shapes: Array, store: GeometryStore, entities: Array, geometry: ArrayLike) -> None:
+    """Geometry handles, and what follows from them: extents, and the place of the centre."""
+    handles = np.broadcast_to(np.asarray(geometry), (len(entities),))
+    kinds = rows["kind"]
+    rows["geometry"] = -1
+    for place in np.flatnonzero((kinds == HULL) | (kinds == MESH) | (kinds == HEIGHT_FIELD)):
+        name = SHAPE_NAMES[int(kinds[place])]
+        handle = int(handles[place])
+        if not 0 <= handle < len(store.solids) or store.solids[handle].kind != kinds[place]:
+            raise PhysicsError(
+                f"{checks.named(entities[place])} has a {name} without its geometry: make it with "
+                f"add_{name.replace(' ', '_')} and give what that returns as `geometry`, not {handle}"
+            )
+        solid = store.solids[handle]
+        rows["geometry"][place] = handle
+        rows["half_extents"][place] = solid.half_extents
+        rows["reach"][place] = solid.reach
+        one = slice(place, place + 1)
+        shapes["position"][one] = moved_centers(shapes["position"][one], shapes["rotation"][one], solid.center[None])

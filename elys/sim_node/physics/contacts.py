@@ -6,175 +6,215 @@ from typing import Any
 
 import numpy as np
 
-from elys.sim_node.physics.kernels.broadphase import find_new_pairs, give_slots, index_pairs, merge_pairs
-from elys.sim_node.physics.kernels.tables import (
-    FOUND,
-    MANIFOLD,
-    MANIFOLD_POINT,
-    PAIR,
-    POINTS,
-    ROW,
-    ROW_POINT,
-    TREE_LEAF,
-    grown,
-)
-from elys.sim_node.physics.kernels.tree import LEAF, build_tree
+from elys.sim_node.physics.kernels.broadphase import change_pairs, find_new_pairs, list_active_pairs
+from elys.sim_node.physics.kernels.pair_table import fill_table
+from elys.sim_node.physics.kernels.simd import LANES
+from elys.sim_node.physics.kernels.tables import FOUND, MANIFOLD, PAIR, POINTS, TREE_LEAF, Geometry, grown
+from elys.sim_node.physics.kernels.wide_tree import BLOCK, MOST_LEVELS, build_wide_tree, refit_wide_tree
 from elys.sim_node.physics.states import ContactPoints
 
 Array = np.ndarray[Any, Any]
 
-TREE_DEPTH = 64  # a depth-first walk never has more nodes waiting
+WAITING = 512  # a depth-first walk never has more nodes waiting, one through a mesh below it included
+FEW = 16  # a tree is made anew when more than one box in so many has moved
+
+# A pair with the slot of its manifold, for those who look from outside.
+LIVE_PAIR = np.dtype([("a", "i4"), ("b", "i4"), ("part", "i4"), ("slot", "i4")])
 
 
 class BoxTree:
-    """A tree over the boxes of colliders, and the room to build it."""
+    """A wide tree over the fat boxes of colliders, and the room to build it."""
 
     def __init__(self, count: int) -> None:
-        leaf_count = 1
-        while leaf_count * LEAF < count:
-            leaf_count *= 2
         self.leaves = np.zeros(count, TREE_LEAF)
-        self.nodes = np.zeros((2 * leaf_count, 6))
-        self.stack = np.zeros(TREE_DEPTH, np.int32)
-        self.entries = np.zeros(TREE_DEPTH)
+        self.levels = np.zeros(MOST_LEVELS + 1, np.int32)
+        self.level_count = 0
+        blocks = count
+        while blocks > 1 or self.level_count == 0:
+            blocks = -(-blocks // LANES)
+            self.level_count += 1
+            self.levels[self.level_count] = self.levels[self.level_count - 1] + blocks
+        self.blocks = np.zeros(int(self.levels[self.level_count]) * BLOCK, np.float32)
+        self.stack = np.zeros(WAITING, np.int32)
+        self._places = np.zeros(count, np.int32)
         self._histogram = np.zeros(1025, np.int32)
         self._corners = np.zeros(6)
         self._moved = count  # since the boxes were sorted
 
-    def build(self, boxes: Array, moved: int) -> None:
-        """Follows boxes (C, 6) of which `moved` are new; they are sorted anew when as many moved as there are."""
-        self._moved += moved
+    def follow(self, boxes: Array, moved: Array, moved_count: int) -> None:
+        """Follows boxes (C, 6) of which the first listed in `moved` are new.
+
+        They are sorted anew when as many have moved as there are; a few are followed without a look at the others.
+        """
+        self._moved += moved_count
         sort = self._moved >= len(self.leaves)
+        tree = (self._places, self.blocks, self.levels, self.level_count)
+        if not sort and moved_count * FEW < len(self.leaves):
+            refit_wide_tree(boxes, moved, moved_count, *tree)
+            return
         if sort:
             self._moved = 0
-        build_tree(boxes, self.leaves, self.nodes, self._histogram, self._corners, sort)
+        build_wide_tree(boxes, self.leaves, *tree, self._histogram, self._corners, sort)
 
 
 class ContactStore:
-    """Pairs sorted by collider rows, each with a manifold that keeps its slot as long as the pair lives."""
+    """Pairs by slot, each with a manifold; those that are awake are listed in `active`, sorted by collider rows."""
 
     def __init__(self) -> None:
-        self.pair_count = 0
+        self.active_count = 0
         self.touching_count = 0
-        self.pairs = np.zeros(64, PAIR)
-        self.touching = np.zeros(64, np.int32)
+        self.is_changed = True  # since contacts were last dealt out to the solver
+        self.is_outdated = True  # `active`: something fell asleep, woke, came or went
+        self.pairs = np.full(64, -1, PAIR)
         self.manifolds = np.zeros(64, MANIFOLD)
-        self.points = np.zeros(64 * POINTS, MANIFOLD_POINT)
-        self.rows = np.zeros(64, ROW)
-        self.row_points = np.zeros(64 * POINTS, ROW_POINT)
+        self.active = np.zeros(64, np.int32)
+        self.touching = np.zeros(64, np.int32)
+        self.fast = np.zeros(64, np.int32)
         self.found = np.zeros(1, FOUND)
         self.tree = BoxTree(0)
-        self._free = np.arange(63, -1, -1, dtype=np.int32)
-        self._free_count = np.array([64], np.int32)
+        self._table = np.zeros(256, np.int32)
+        self._free = np.arange(63, -1, -1, dtype=np.int32)  # slot 0 is nobody's: empty lanes of the solver point to it
+        self._free_count = np.array([63], np.int32)
         self._new = np.zeros(64, PAIR)
-        self._sorted = np.zeros(64, PAIR)
-        self._starts = np.zeros(1, np.int32)
+        self._slots = np.zeros(64, np.int32)
+        self._room = np.zeros(64, np.int32)
+
+    @property
+    def flat_manifolds(self) -> Array:
+        """The manifolds as float32, a view: what vectors are loaded from."""
+        return self.manifolds.view(np.float32)
 
     @property
     def live_pairs(self) -> Array:
-        """(P,) pairs, a view."""
-        return self.pairs[: self.pair_count]
+        """All pairs, awake or not, sorted (P,): a copy."""
+        slots = np.flatnonzero(self.pairs["a"] >= 0)
+        live = np.zeros(len(slots), LIVE_PAIR)
+        for name in ("a", "b", "part"):
+            live[name] = self.pairs[name][slots]
+        live["slot"] = slots
+        return live[np.lexsort((live["part"], live["b"], live["a"]))]
+
+    @property
+    def pair_count(self) -> int:
+        """How many pairs there are, awake or not."""
+        return len(self.pairs) - 1 - int(self._free_count[0])
 
     def set_collider_count(self, count: int) -> None:
         """Makes room for work on `count` colliders."""
         self.tree = BoxTree(count)
-        self._starts = np.zeros(count + 1, np.int32)
 
     def follow_colliders(self, place: Array) -> None:
-        """Colliders have moved to other rows, `place` (old C,) says where; -1 ends their pairs. The order stays."""
-        pairs = self.live_pairs
-        pairs["a"], pairs["b"] = place[pairs["a"]], place[pairs["b"]]
-        self.drop((pairs["a"] < 0) | (pairs["b"] < 0))
+        """Colliders have moved to other rows, `place` (old C,) says where; -1 ends their pairs."""
+        live = self.pairs["a"] >= 0
+        a, b = self.pairs["a"][live], self.pairs["b"][live]
+        if not len(a):
+            return
+        self.pairs["a"][live], self.pairs["b"][live] = place[a], place[b]
+        self.drop(np.flatnonzero(live)[(place[a] < 0) | (place[b] < 0)])
 
-    def drop(self, ended: Array) -> None:
-        """Ends the pairs where `ended` (P,) is true."""
-        slots = self.live_pairs["slot"][ended]
+    def drop(self, slots: Array) -> None:
+        """Ends the pairs in slots (M,)."""
+        self.pairs["a"][slots] = -1
         count = int(self._free_count[0])
         self._free[count : count + len(slots)] = slots
         self._free_count[0] = count + len(slots)
-        kept = self.live_pairs[~ended]
-        self.pairs[: len(kept)] = kept
-        self.pair_count = len(kept)
+        fill_table(self.pairs, self._table)
         self.touching_count = 0
+        self.is_outdated = True
 
-    def update_pairs(self, bodies: Array, colliders: Array, unpaired: Array, moved: int) -> None:
-        """Finds the pairs of colliders with new fat boxes, except of `unpaired` bodies, and ends those that parted."""
+    def list_active(self, bodies: Array, colliders: Array) -> None:
+        """Lists anew the pairs that a step has to look at."""
+        self.active_count = list_active_pairs(bodies, colliders, self.pairs, self.active, self._room)
+        self.is_outdated = False
+        self.is_changed = True
+
+    def update_pairs(
+        self, bodies: Array, colliders: Array, geometry: Geometry, unpaired: Array, moved: Array, moved_count: int
+    ) -> None:
+        """Finds the pairs of colliders with new fat boxes, those listed first in `moved`, and ends those that parted.
+
+        `unpaired` are the sorted keys of pairs of bodies that do not collide, see `JointTable`.
+        """
         tree = self.tree
-        tree.build(colliders["fat_box"], moved)
-        index_pairs(self.pairs, self.pair_count, self._starts)
+        tree.follow(colliders["fat_box"], moved, moved_count)
         while True:
-            args = (tree.leaves, tree.nodes, self.pairs, self._starts, unpaired, self._new, tree.stack)
-            found = find_new_pairs(bodies, colliders, *args)
+            walk = (tree.leaves, tree.blocks, tree.levels, tree.level_count, geometry, self.pairs, self._table, unpaired, self._new, tree.stack)
+            found = find_new_pairs(bodies, colliders, moved, moved_count, *walk)
             if found <= len(self._new):
                 break
             self._new = grown(self._new, max(2 * len(self._new), found))
-            self._sorted = grown(self._sorted, len(self._new))
         self.make_room(self.pair_count + found)
-        self.pair_count = merge_pairs(
+        before = self.active_count
+        self.active_count = change_pairs(
             colliders,
+            moved,
+            moved_count,
+            geometry,
             self.pairs,
-            self.pair_count,
+            self.manifolds,
+            self._table,
+            self.active,
+            self.active_count,
             self._new,
             found,
-            self._sorted,
-            self._starts,
+            self._slots,
+            self._room,
             self._free,
             self._free_count,
         )
-        give_slots(self.pairs, self.pair_count, self.manifolds, self.points, self._free, self._free_count)
+        self.is_changed |= found > 0 or self.active_count != before
 
     def make_room(self, pair_count: int) -> None:
         """Lets there be that many pairs."""
         old = len(self.pairs)
-        if pair_count <= old:
+        if pair_count < old:
             return
-        count = max(2 * old, pair_count)
-        self.pairs = grown(self.pairs, count)
-        self.touching = grown(self.touching, count)
+        count = max(2 * old, pair_count + 1)
+        more = np.full(count, -1, PAIR)
+        more[:old] = self.pairs
+        self.pairs = more
         self.manifolds = grown(self.manifolds, count)
-        self.points = grown(self.points, count * POINTS)
-        self._free = grown(self._free, count)
+        for name in ("active", "touching", "fast", "_free", "_slots", "_room"):
+            setattr(self, name, grown(getattr(self, name), count))
         free = int(self._free_count[0])
         self._free[free : free + count - old] = np.arange(count - 1, old - 1, -1)
         self._free_count[0] = free + count - old
-
-    def make_rows(self, row_count: int) -> None:
-        """Lets there be that many rows for the solver."""
-        if row_count > len(self.rows):
-            count = max(2 * len(self.rows), row_count)
-            self.rows = np.zeros(count, ROW)
-            self.row_points = np.zeros(count * POINTS, ROW_POINT)
+        size = len(self._table)
+        while size < 4 * count:
+            size *= 2
+        self._table = np.zeros(size, np.int32)
+        fill_table(self.pairs, self._table)
 
     def contact_points(self, bodies: Array, colliders: Array) -> ContactPoints:
         """The points of the last step that touch or carried an impulse."""
-        pairs = self.pairs[self.touching[: self.touching_count]]
-        manifolds = self.manifolds[pairs["slot"]]
-        pair = np.repeat(np.arange(len(pairs)), manifolds["point_count"])
-        starts = np.cumsum(manifolds["point_count"]) - manifolds["point_count"]
-        points = self.points[pairs["slot"][pair] * POINTS + np.arange(len(pair)) - starts[pair]]
-        real = (points["separation"] <= 0.0) | (points["step_impulse"] > 0.0)
-        pair, points = pair[real], points[real]
-        halfway = 0.5 * points["made_separation"][:, None] * manifolds["normal"][pair]
+        slots = self.touching[: self.touching_count]
+        pairs, manifolds = self.pairs[slots], self.manifolds[slots]
+        real = (manifolds["separation"] <= 0.0) | (manifolds["step_impulse"] > 0.0)
+        real &= np.arange(POINTS) < manifolds["point_count"][:, None]
+        pair, k = np.nonzero(real)
+        normal = manifolds["normal"][pair].astype(np.float64)
+        halfway = 0.5 * manifolds["made_separation"][pair, k, None] * normal
+        anchor = manifolds["anchors"].reshape(-1, POINTS, 6)[pair, k, :3]
         body_a = colliders["body"][pairs["a"][pair]]
         body_b = colliders["body"][pairs["b"][pair]]
         return ContactPoints(
             bodies["entity"][body_a],
             bodies["entity"][body_b],
-            bodies["position"][body_a] + points["anchor_a"] + halfway,
-            manifolds["normal"][pair],
-            -points["separation"],
-            points["step_impulse"],
+            bodies["position"][body_a] + anchor + halfway,
+            normal,
+            -manifolds["separation"][pair, k],
+            manifolds["step_impulse"][pair, k],
         )
 
     def saved(self) -> dict[str, Array]:
-        """Pairs with their manifolds, in the order of the pairs."""
-        slots = self.live_pairs["slot"]
-        places = (slots[:, None] * POINTS + np.arange(POINTS)).ravel()
+        """Pairs with their manifolds, sorted, and which of them touch."""
+        live = self.live_pairs
+        place = np.zeros(len(self.pairs), np.int32)
+        place[live["slot"]] = np.arange(1, len(live) + 1)
         return {
-            "pairs": self.live_pairs.copy(),
-            "manifolds": self.manifolds[slots],
-            "manifold_points": self.points[places],
-            "touching": self.touching[: self.touching_count].copy(),
+            "pairs": self.pairs[live["slot"]],
+            "manifolds": self.manifolds[live["slot"]],
+            "touching": place[self.touching[: self.touching_count]],
         }
 
     def load(self, saved: dict[str, Array], collider_count: int) -> None:
@@ -183,12 +223,11 @@ class ContactStore:
         self.set_collider_count(collider_count)
         count = len(saved["pairs"])
         self.make_room(count)
-        self.pairs[:count] = saved["pairs"]
-        self.pairs["slot"][:count] = np.arange(count)
-        self.manifolds[:count] = saved["manifolds"]
-        self.points[: count * POINTS] = saved["manifold_points"]
-        self._free[: len(self.pairs) - count] = np.arange(len(self.pairs) - 1, count - 1, -1)
-        self._free_count[0] = len(self.pairs) - count
-        self.pair_count = count
+        self.pairs[1 : count + 1] = saved["pairs"]
+        self.manifolds[1 : count + 1] = saved["manifolds"]
+        free = len(self.pairs) - 1 - count
+        self._free[:free] = np.arange(len(self.pairs) - 1, count, -1)
+        self._free_count[0] = free
+        fill_table(self.pairs, self._table)
         self.touching_count = len(saved["touching"])
         self.touching[: self.touching_count] = saved["touching"]

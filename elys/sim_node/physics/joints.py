@@ -18,15 +18,18 @@ from elys.sim_node.physics.joint_checks import joint_column, joint_named
 from elys.sim_node.physics.joint_plan import JointPlan
 from elys.sim_node.physics.kernels.tables import (
     BALL,
+    BODY,
     CONE,
     DISTANCE,
     FIXED,
     GEAR,
     HINGE,
     JOINT,
+    JOINT_GROUP,
     JOINT_ROW,
     JOINT_ROWS,
     SLIDER,
+    Joints,
 )
 
 Array = np.ndarray[Any, Any]
@@ -68,8 +71,15 @@ class JointTable:
         self.solver_rows = np.zeros(0, JOINT_ROW)
         self.broken_room = np.zeros(0, np.int32)
         self.unpaired = np.zeros(0, np.int64)
-        self.loads = np.zeros((0, 6))
-        self.plan = NO_PLAN
+        self.links = np.zeros((0, 2), np.int32)  # body rows that living joints connect, -1 for the world
+        self._plan = NO_PLAN
+        self._is_outdated = True
+        self._groups = np.zeros(0, JOINT_GROUP)
+        self._order = np.zeros(0, np.int32)
+        self._column_order = np.zeros(0, np.int32)
+        self._loads = np.zeros((0, 6))
+        self._turned = np.zeros((0, 3))
+        self._body_rows = np.zeros(0, BODY)
 
     def rows_of(self, joints: ArrayLike) -> Array:
         """The rows of joints (M,); PhysicsError for one that does not exist."""
@@ -88,8 +98,9 @@ class JointTable:
         """(L, 2) body rows that living joints connect, -1 for the world; a gear connects all it couples."""
         held = self.rows[self.rows["broken"] == 0]
         gears = held[held["kind"] == GEAR]
-        across = self.rows["body"][gears["gear_row"]][:, :, 1]
-        return np.concatenate([held["body"][held["kind"] != GEAR], across]).astype(np.int32)
+        one, two = (self.rows["body"][gears["gear_row"][:, side]] for side in range(2))
+        across = [np.stack([one[:, a], two[:, b]], axis=1) for a in range(2) for b in range(2)]
+        return np.concatenate([held["body"][held["kind"] != GEAR], *across]).astype(np.int32)
 
     def add(self, rows: Array) -> None:
         """Inserts checked rows."""
@@ -110,12 +121,25 @@ class JointTable:
         """The joints of body rows (M,)."""
         return np.flatnonzero(np.isin(self.rows["body"], bodies[bodies >= 0]).any(1) & (self.rows["kind"] != GEAR))
 
+    def bodies_of(self, rows: Array) -> Array:
+        """The bodies of joint rows, those that gears couple included: body rows, sorted."""
+        gears = rows[self.rows["kind"][rows] == GEAR]
+        bodies = self.rows["body"][np.concatenate([rows, self.rows["gear_row"][gears].ravel()])]
+        return np.unique(bodies[bodies >= 0])
+
+    def with_joined(self, bodies: Array) -> Array:
+        """Body rows (M,) and those that joints connect to them."""
+        if not len(self.links):
+            return bodies
+        joined = self.links[np.isin(self.links, bodies).any(1)].ravel()
+        return np.union1d(bodies, joined[joined >= 0])
+
     def follow_bodies(self, place: Array) -> None:
         """Bodies have moved to other rows, `place` (old N,) says where."""
         body = self.rows["body"]
         if len(place):
             self.rows["body"] = np.where(body >= 0, place[body], -1)
-        self._index_unpaired()
+        self._index()
 
     def attach(self, bodies: BodyTable, rows: Array) -> None:
         """Expresses the frames of joint rows in their bodies' frames, which have changed."""
@@ -138,13 +162,44 @@ class JointTable:
             )
         self.rows["stiffness"][rows] = -1.0
 
-    def update_plan(self, bodies: BodyTable) -> None:
-        """Plans anew how rigid joints are solved together, when what they hold has changed."""
-        r = self.rows
-        if not len(r):  # no look at what there is: it costs nothing to have no joints
-            if len(self.plan.columns):
-                self.plan = NO_PLAN
+    def outdate(self) -> None:
+        """Something that joints hold is moved otherwise than before."""
+        self._is_outdated = True
+
+    def prepare(self, bodies: BodyTable, strength_count: int) -> None:
+        """Makes room for a step, and plans anew how rigid joints are solved together when what they hold has changed."""
+        if len(self._groups) != strength_count:
+            self._groups = np.zeros(strength_count, JOINT_GROUP)
+        if not self._is_outdated:
             return
+        self._is_outdated = False
+        self._body_rows = bodies.rows
+        if len(self._loads) != len(bodies.rows):
+            self._loads = np.zeros((len(bodies.rows), 6))
+            self._turned = np.zeros((len(bodies.rows), 3))
+        self._update_plan(bodies)
+        self._column_order = np.zeros(len(self._plan.columns), np.int32)
+
+    @property
+    def tables(self) -> Joints:
+        """What kernels take; `prepare` has to be called first in each step."""
+        plan = self._plan
+        return Joints(
+            self._body_rows,
+            self.rows,
+            self.solver_rows,
+            self._groups,
+            self._order,
+            plan.columns,
+            self._column_order,
+            plan.blocks,
+            plan.updates,
+            self._loads,
+            self._turned,
+        )
+
+    def _update_plan(self, bodies: BodyTable) -> None:
+        r = self.rows
         body = r["body"]
         free = (body >= 0) & (bodies.rows["inverse_mass"][body] > 0.0)
         rigid = (r["frequency"] == 0.0) & (r["broken"] == 0) & free.any(1)
@@ -152,11 +207,9 @@ class JointTable:
         rod = (r["kind"] == DISTANCE) & (r["lower"] == r["upper"])
         direct = np.flatnonzero(rigid & (held | rod))
         coupled = np.where(free, body, -1)[direct]
-        if len(self.loads) != len(bodies.rows):
-            self.loads = np.zeros((len(bodies.rows), 6))
-        if self.plan.key != (len(r), direct.tobytes(), coupled.tobytes()):
-            self.plan = JointPlan(len(r), direct, coupled)
-        r["direct"] = self.plan.direct
+        if self._plan.key != (len(r), direct.tobytes(), coupled.tobytes()):
+            self._plan = JointPlan(len(r), direct, coupled)
+        r["direct"] = self._plan.direct
 
     def set_broken(self, rows: Array) -> None:
         """Joints that broke hold nothing any more, nor do the gears that couple them."""
@@ -166,7 +219,7 @@ class JointTable:
         self.rows["broken"][broken] = 1
         for name in ("impulse", "spring_impulse", "motor_impulse", "lower_impulse", "upper_impulse", "swing_impulse"):
             self.rows[name][rows] = 0.0
-        self._index_unpaired()
+        self._index()
 
     def states(self) -> JointStates:
         """What the last step left."""
@@ -190,10 +243,10 @@ class JointTable:
         return np.ascontiguousarray(self.rows["id"][self.rows["broken"] == 0])
 
     def memory(self) -> Array:
-        """(L, 13) uint64: what joints that hold carry from step to step, as bits."""
+        """(L, 14) uint64: what joints that hold carry from step to step, as bits."""
         names = ("spring_impulse", "motor_impulse", "lower_impulse", "upper_impulse", "gear_impulse", "swing_impulse")
         rows = self.rows[self.rows["broken"] == 0]
-        columns = [rows["impulse"], *(rows[name][:, None] for name in (*names, "coordinate"))]
+        columns = [rows["impulse"], *(rows[name][:, None] for name in (*names, "coordinate", "impulse_time"))]
         return np.ascontiguousarray(np.concatenate(columns, axis=1)).view(np.uint64)
 
     def load(self, snapshot: dict[str, Array]) -> None:
@@ -204,9 +257,10 @@ class JointTable:
         self.rows = rows
         self.solver_rows = np.zeros(JOINT_ROWS * len(rows), JOINT_ROW)
         self.broken_room = np.zeros(len(rows), np.int32)
+        self._order = np.zeros(len(rows), np.int32)
         gears = np.flatnonzero(rows["kind"] == GEAR)
         rows["gear_row"][gears] = np.searchsorted(rows["id"], rows["geared"][gears])
-        self._index_unpaired()
+        self._index()
 
     def _release_gears(self, gears: Array) -> None:
         """What gears have given to their joints' coordinates goes with them."""
@@ -215,8 +269,15 @@ class JointTable:
             self.rows["gear_impulse"][one] -= gear["ratio"] * gear["impulse"][0]
             self.rows["gear_impulse"][two] += gear["impulse"][0]
 
-    def _index_unpaired(self) -> None:
-        """Pairs of body rows that do not collide, as sorted keys: smaller row times 2^32 plus larger row."""
+    def _index(self) -> None:
+        """Finds what is connected, and the sorted keys of pairs of body rows that do not collide."""
+        self._is_outdated = True
+        self.links = self.connections
         apart = (self.rows["collide_connected"] == 0) & (self.rows["broken"] == 0) & (self.rows["body"] >= 0).all(1)
-        body = self.rows["body"][apart & (self.rows["kind"] != GEAR)].astype(np.int64)
-        self.unpaired = np.unique((body.min(1, initial=2**31) << 32) + body.max(1, initial=-1))
+        body = self.rows["body"][apart & (self.rows["kind"] != GEAR)]
+        self.unpaired = np.unique(pair_keys(body[:, 0], body[:, 1]))
+
+
+def pair_keys(a: Array, b: Array) -> Array:
+    """Pairs of body rows as numbers (M,) int64, whatever their order: the smaller row times 2^32 plus the larger."""
+    return (np.minimum(a, b).astype(np.int64) << 32) + np.maximum(a, b)

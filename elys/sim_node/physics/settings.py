@@ -3,31 +3,54 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Literal, get_args
 
 import msgspec
 import numpy as np
 
 from elys.common.components import Vec3
 from elys.common.errors import PhysicsError
-from elys.sim_node.physics.kernels.tables import CONSTANTS, Table
+from elys.sim_node.physics.kernels.tables import CONSTANTS, STRENGTH, Table
+
+MOST_STRENGTHS = 8
+
+
+Rule = Literal["geometric_mean", "minimum", "maximum", "average", "multiply"]
+RULES: tuple[Rule, ...] = get_args(Rule)
 
 
 class PhysicsSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """How a world is simulated. The defaults suit things from a hand to a house in size."""
 
     gravity: Vec3 = (0.0, -9.81, 0.0)  # [m/s^2]
-    substeps: int = 4  # parts of a step; contacts are solved in each
-    contact_frequency: float = 30.0  # how fast overlap is pushed out [Hz]; twice that against what cannot move
-    contact_damping: float = 10.0  # damping ratio of that push; half of it against what cannot move
+    substeps: int = 8  # parts of a step; contacts are solved in each
+    strengths: int = 5  # how often substeps may be doubled for islands that need it, that and one
+    contact_overlap: float = 1.1e-3  # more than this no contact of a small island shall give way [m]
+    contact_stiffness: float = (
+        0.125  # frequency of a contact as a share of the substeps'; twice that against what cannot move
+    )
+    contact_damping: float = 5.0  # damping ratio of that push; half of it against what cannot move
     push_speed: float = 3.0  # overlap is never removed faster [m/s]
+    sleeping: bool = True  # whether islands at rest fall asleep
+    sleep_speed: float = 0.05  # what moves more slowly [m/s]
+    sleep_spin: float = 0.1  # and turns more slowly [rad/s]
+    sleep_time: float = 0.5  # for so long falls asleep [s]
     bounce_speed: float = 0.01  # slower approaches do not bounce [m/s]
     contact_margin: float = 0.02  # gap up to which contacts are kept [m]
+    friction_rule: Rule = "geometric_mean"  # how the coefficients of two colliders make that of a pair
+    restitution_rule: Rule = "minimum"
     recycle_distance: float = 0.01  # a manifold is kept while its bodies moved less against each other [m]
     recycle_angle: float = 0.01  # and each turned less [rad]
 
     def __post_init__(self) -> None:
-        numbers = {name: getattr(self, name) for name in self.__struct_fields__ if name not in ("gravity", "substeps")}
+        numbers = {
+            name: value for name in self.__struct_fields__ if isinstance(value := getattr(self, name), (int, float))
+        }
+        for name in ("friction_rule", "restitution_rule"):
+            if getattr(self, name) not in RULES:
+                raise PhysicsError(
+                    f"PhysicsSettings.{name} must be one of {', '.join(RULES)}, not {getattr(self, name)!r}"
+                )
         for name, value in numbers.items():
             if not (math.isfinite(value) and value >= 0.0):
                 raise PhysicsError(f"PhysicsSettings.{name} must be a finite number of 0 or more, not {value!r}")
@@ -35,6 +58,12 @@ class PhysicsSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
             raise PhysicsError(f"PhysicsSettings.gravity must be three finite numbers, not {self.gravity!r}")
         if not 1 <= self.substeps <= 64:
             raise PhysicsError(f"PhysicsSettings.substeps must be from 1 to 64, not {self.substeps}")
+        if not 1 <= self.strengths <= MOST_STRENGTHS:
+            raise PhysicsError(f"PhysicsSettings.strengths must be from 1 to {MOST_STRENGTHS}, not {self.strengths}")
+        if not 0.0 < self.contact_stiffness <= 0.25:
+            raise PhysicsError(
+                f"PhysicsSettings.contact_stiffness must be above 0 and at most 0.25, not {self.contact_stiffness}"
+            )
         if self.contact_margin <= 0.0:
             raise PhysicsError("PhysicsSettings.contact_margin must be above 0, for instance 0.02 m")
 
@@ -54,21 +83,40 @@ def soft_constraint(frequency: float, damping_ratio: float, time_step: float) ->
 
 def step_constants(settings: PhysicsSettings, dt: float, *, can_bounce: bool) -> Table:
     """The settings as the kernels read them, for a step of `dt` seconds."""
-    substep = dt / settings.substeps
-    # Stiffer than an eighth of the substep rate the push overshoots and stacks drift.
-    frequency = min(settings.contact_frequency, 0.125 / substep)
     constants: np.ndarray[Any, Any] = np.zeros(1, CONSTANTS)
     row = constants[0]
-    row["substep"] = substep
-    row["substeps"] = settings.substeps
+    row["time"] = dt
     row["gravity"] = settings.gravity
+    strength = math.sqrt(sum(g * g for g in settings.gravity))
+    row["down"] = np.asarray(settings.gravity) / strength if strength > 0.0 else 0.0
     row["margin"] = settings.contact_margin
     row["fattening"] = 0.5 * settings.contact_margin
     row["recycle_distance"] = settings.recycle_distance
     row["recycle_angle"] = settings.recycle_angle
-    row["push_speed"] = settings.push_speed
     row["bounce_speed"] = settings.bounce_speed
-    row["soft"] = soft_constraint(frequency, settings.contact_damping, substep)
-    row["firm"] = soft_constraint(2.0 * frequency, 0.5 * settings.contact_damping, substep)
+    row["sleep_speed"] = settings.sleep_speed
+    row["sleep_spin"] = settings.sleep_spin
+    row["sleep_time"] = settings.sleep_time
+    row["overlap"] = settings.contact_overlap
+    row["friction_rule"] = RULES.index(settings.friction_rule)
+    row["restitution_rule"] = RULES.index(settings.restitution_rule)
     row["can_bounce"] = can_bounce
     return constants
+
+
+def step_strengths(settings: PhysicsSettings, dt: float) -> Table:
+    """The strengths that islands may be solved with in a step of `dt` seconds: each has twice the substeps of the last."""
+    strengths: np.ndarray[Any, Any] = np.zeros(settings.strengths, STRENGTH)
+    for doublings, row in enumerate(strengths):
+        substeps = settings.substeps << doublings
+        substep = dt / substeps
+        # Stiffer than an eighth of the substep rate the push overshoots and stacks drift.
+        frequency = settings.contact_stiffness / substep
+        row["substeps"] = substeps
+        row["substep"] = substep
+        row["softness"] = 1.0 / (2.0 * math.pi * frequency) ** 2
+        row["push_speed"] = settings.push_speed
+        row["soft"] = soft_constraint(frequency, settings.contact_damping, substep)
+        row["firm"] = soft_constraint(2.0 * frequency, 0.5 * settings.contact_damping, substep)
+        row["relax_every"] = 2 if substeps % 2 == 0 else 1
+    return strengths

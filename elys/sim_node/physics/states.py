@@ -31,12 +31,22 @@ class ContactPoints(NamedTuple):
     normal_impulse: Array  # (M,) of the whole step [N s]
 
 
-class RayHits(NamedTuple):
-    """What R rays met."""
+class Hits(NamedTuple):
+    """What questions met: one row for each of R questions; with `all_hits` a row for every collider met, by question, nearest
+    first, and of equally far ones in the order of their bodies."""
 
-    entity: Array  # (R,) uint32: the entity that carries the collider, 0 for none
-    distance: Array  # (R,) [m], infinity for none
-    normal: Array  # (R, 3) of the surface
+    query: Array  # (H,) int64, which of the questions
+    entity: Array  # (H,) uint32: the entity that carries the collider, 0 for none
+    distance: Array  # (H,) [m], infinity for none
+    point: Array  # (H, 3) on the surface that was met [m], not a number for none
+    normal: Array  # (H, 3) outward from that surface; 0 for none
+
+
+class Overlaps(NamedTuple):
+    """Which colliders R shapes overlap: H rows, by question and then in the order of the colliders' bodies."""
+
+    query: Array  # (H,) int64, which of the questions
+    entity: Array  # (H,) uint32: the entity that carries the collider
 
 
 class Energy(NamedTuple):

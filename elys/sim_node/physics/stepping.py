@@ -8,121 +8,282 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from elys.sim_node.physics.activity import Activity
 from elys.sim_node.physics.bodies import BodyTable
 from elys.sim_node.physics.colliders import ColliderTable
 from elys.sim_node.physics.contacts import ContactStore
 from elys.sim_node.physics.joints import JointTable
+from elys.sim_node.physics.kernels.colouring import colour_contacts
 from elys.sim_node.physics.kernels.integrator import finish_step
+from elys.sim_node.physics.kernels.islands import build_islands, list_held
 from elys.sim_node.physics.kernels.joint_preparation import prepare_joints
 from elys.sim_node.physics.kernels.joints import finish_joints
 from elys.sim_node.physics.kernels.narrow_phase import update_manifolds
-from elys.sim_node.physics.kernels.placement import fatten_boxes, place_colliders, place_inertia
-from elys.sim_node.physics.kernels.preparation import prepare_contacts
+from elys.sim_node.physics.kernels.placement import fatten_boxes, place_colliders
+from elys.sim_node.physics.kernels.preparation import prepare_bodies, prepare_contacts, prepare_impacts
 from elys.sim_node.physics.kernels.solver import solve_contacts
+from elys.sim_node.physics.kernels.sweep import stop_at_impacts
 from elys.sim_node.physics.kernels.tables import Table
+from elys.sim_node.physics.solving import SolverRoom
 
 Array = np.ndarray[Any, Any]
 Result = TypeVar("Result")
 
-
-def step_bodies(
-    bodies: BodyTable,
-    colliders: ColliderTable,
-    contacts: ContactStore,
-    joints: JointTable,
-    constants: Table,
-    profile: dict[str, float],
-) -> tuple[Array, Array]:
-    """Moves everything by one step, the seconds of each stage going into `profile`.
-
-    Returns the rows of bodies whose numbers are not finite any more, and the rows of joints that broke.
-    """
-    _timed(profile, "place_bodies", lambda: _place_bodies(bodies, colliders))
-    _timed(profile, "update_pairs", lambda: _update_pairs(bodies, colliders, contacts, joints, constants))
-    _timed(profile, "update_manifolds", lambda: _update_manifolds(bodies, colliders, contacts, constants))
-    _timed(profile, "prepare_contacts", lambda: _prepare_contacts(bodies, colliders, contacts, constants))
-    _timed(profile, "prepare_joints", lambda: _prepare_joints(bodies, joints, constants))
-    _timed(profile, "solve_contacts", lambda: _solve_contacts(bodies, contacts, joints, constants))
-    broken = _timed(profile, "finish_joints", lambda: _finish_joints(bodies, joints, constants))
-    return _timed(profile, "finish_step", lambda: _finish_step(bodies)), broken
+_NONE: Array = np.zeros(0, np.int32)
 
 
-def _place_bodies(bodies: BodyTable, colliders: ColliderTable) -> None:
-    place_inertia(bodies.rows, bodies.axes_room)
-    place_colliders(bodies.rows, colliders.rows)
+class Step:
+    """One step of a world: its stages in order, each timed into the profile [s]."""
 
+    def __init__(
+        self,
+        bodies: BodyTable,
+        colliders: ColliderTable,
+        contacts: ContactStore,
+        joints: JointTable,
+        activity: Activity,
+        room: SolverRoom,
+        constants: Table,
+        strengths: Table,
+        *,
+        sleeping: bool,
+    ) -> None:
+        self._bodies = bodies
+        self._colliders = colliders
+        self._contacts = contacts
+        self._joints = joints
+        self._activity = activity
+        self._sleeping = sleeping
+        self._room = room
+        self._constants = constants
+        self._strengths = strengths
+        self._held_end = 0
+        self._fast_count = 0
 
-def _update_pairs(
-    bodies: BodyTable, colliders: ColliderTable, contacts: ContactStore, joints: JointTable, constants: Table
-) -> None:
-    moved = fatten_boxes(bodies.rows, colliders.rows, constants)
-    if moved:
-        contacts.update_pairs(bodies.rows, colliders.rows, joints.unpaired, moved)
+    def run(self, profile: dict[str, float]) -> tuple[Array, Array]:
+        """Moves everything; returns the rows of bodies whose numbers are not finite any more, and of joints that broke."""
+        broken = _NONE
+        while True:
+            _timed(profile, "place_bodies", self._place_bodies)
+            _timed(profile, "update_pairs", self._update_pairs)
+            if not _timed(profile, "update_manifolds", self._update_manifolds):
+                break
+            self._activity.wake_marked()
+        _timed(profile, "build_islands", self._build_islands)
+        _timed(profile, "colour_contacts", self._colour_contacts)
+        _timed(profile, "prepare_contacts", self._prepare_contacts)
+        if len(self._joints.rows):
+            _timed(profile, "prepare_joints", self._prepare_joints)
+        _timed(profile, "solve_contacts", self._solve_contacts)
+        if len(self._joints.rows):
+            broken = _timed(profile, "finish_joints", self._finish_joints)
+        faulty = _timed(profile, "finish_step", self._finish_step)
+        if self._fast_count and not len(faulty):
+            _timed(profile, "stop_at_impacts", self._stop_at_impacts)
+        if self._sleeping:
+            _timed(profile, "put_to_sleep", self._put_to_sleep)
+        return faulty, broken
 
+    def _place_bodies(self) -> None:
+        activity = self._activity
+        activity.update()
+        place_colliders(self._bodies.rows, self._colliders.rows, activity.colliders, activity.collider_count)
 
-def _update_manifolds(bodies: BodyTable, colliders: ColliderTable, contacts: ContactStore, constants: Table) -> None:
-    contacts.touching_count = update_manifolds(
-        bodies.rows,
-        colliders.rows,
-        contacts.pairs,
-        contacts.pair_count,
-        contacts.manifolds,
-        contacts.points,
-        contacts.found,
-        constants,
-        contacts.touching,
-    )
+    def _update_pairs(self) -> None:
+        activity, contacts = self._activity, self._contacts
+        bodies, colliders = self._bodies.rows, self._colliders.rows
+        if contacts.is_outdated:
+            contacts.list_active(bodies, colliders)
+        count = fatten_boxes(
+            bodies, colliders, activity.colliders, activity.collider_count, activity.moved, self._constants
+        )
+        if count:
+            geometry, unpaired = self._colliders.geometry.arrays, self._joints.unpaired
+            contacts.update_pairs(bodies, colliders, geometry, unpaired, activity.moved, count)
 
+    def _update_manifolds(self) -> bool:
+        """Returns whether anything was touched in its sleep: then it wakes first."""
+        contacts = self._contacts
+        contacts.touching_count, is_changed, self._fast_count, is_woken = update_manifolds(
+            self._bodies.rows,
+            self._colliders.rows,
+            contacts.pairs,
+            contacts.active,
+            contacts.active_count,
+            contacts.manifolds,
+            contacts.found,
+            self._colliders.geometry.arrays,
+            self._constants,
+            contacts.touching,
+            contacts.fast,
+        )
+        contacts.is_changed |= is_changed
+        return bool(is_woken)
 
-def _prepare_contacts(bodies: BodyTable, colliders: ColliderTable, contacts: ContactStore, constants: Table) -> None:
-    contacts.make_rows(contacts.touching_count)
-    prepare_contacts(
-        bodies.rows,
-        colliders.rows,
-        contacts.pairs,
-        contacts.touching,
-        contacts.touching_count,
-        contacts.manifolds,
-        contacts.points,
-        contacts.rows,
-        contacts.row_points,
-        constants,
-    )
+    def _build_islands(self) -> None:
+        room, contacts = self._room, self._contacts
+        contacts.is_changed |= room.reserve(len(self._bodies.rows), contacts.touching_count, len(self._strengths))
+        activity = self._activity
+        contacts.is_changed |= build_islands(
+            self._bodies.rows,
+            activity.bodies,
+            activity.body_count,
+            self._colliders.rows,
+            contacts.pairs,
+            contacts.touching,
+            contacts.touching_count,
+            contacts.manifolds,
+            self._joints.links,
+            room.parent,
+            room.islands,
+            self._strengths,
+            self._constants,
+        )
+        self._held_end = list_held(
+            self._bodies.rows, activity.bodies, activity.body_count, room.held, room.groups
+        )
 
+    def _colour_contacts(self) -> None:
+        room, contacts = self._room, self._contacts
+        if not contacts.is_changed:
+            return
+        contacts.is_changed = False
+        needed = self._deal_out()
+        if needed > len(room.counts):
+            room.make_batch_room(needed)
+            self._deal_out()
 
-def _prepare_joints(bodies: BodyTable, joints: JointTable, constants: Table) -> None:
-    joints.update_plan(bodies)
-    prepare_joints(bodies.rows, joints.rows, joints.solver_rows, len(joints.rows), joints.loads, constants)
+    def _deal_out(self) -> int:
+        room, contacts = self._room, self._contacts
+        return colour_contacts(
+            self._bodies.rows,
+            self._colliders.rows,
+            contacts.pairs,
+            contacts.touching,
+            contacts.touching_count,
+            contacts.manifolds,
+            room.masks,
+            room.keys,
+            room.order,
+            room.starts,
+            room.colour_counts,
+            room.groups,
+            room.spans,
+            room.body_a,
+            room.body_b,
+            room.slots,
+            room.counts,
+        )
 
+    def _prepare_contacts(self) -> None:
+        room, contacts = self._room, self._contacts
+        prepare_bodies(
+            self._bodies.rows,
+            room.held,
+            self._held_end,
+            room.groups,
+            room.solver_bodies,
+            room.drives,
+            self._strengths,
+            self._constants,
+        )
+        prepare_contacts(
+            room.groups,
+            room.spans,
+            room.body_a,
+            room.body_b,
+            room.slots,
+            room.counts,
+            room.batches,
+            room.solver,
+            room.drive,
+            contacts.flat_manifolds,
+            self._strengths,
+            self._constants,
+        )
+        prepare_impacts(
+            self._bodies.rows,
+            self._colliders.rows,
+            contacts.pairs,
+            contacts.touching,
+            contacts.touching_count,
+            contacts.manifolds,
+            room.rows,
+            room.row_points,
+            room.groups,
+            room.solver_bodies,
+            room.drives,
+            self._constants,
+        )
 
-def _finish_joints(bodies: BodyTable, joints: JointTable, constants: Table) -> Array:
-    room = joints.broken_room
-    count = finish_joints(bodies.rows, joints.rows, joints.solver_rows, len(joints.rows), constants, room)
-    return room[:count].copy()
+    def _prepare_joints(self) -> None:
+        self._joints.prepare(self._bodies, len(self._strengths))
+        prepare_joints(self._joints.tables, self._room.drives, self._strengths)
 
+    def _finish_joints(self) -> Array:
+        joints = self._joints
+        count = finish_joints(joints.tables, self._room.solver_bodies, self._constants, joints.broken_room)
+        return joints.broken_room[:count].copy() if count else _NONE
 
-def _solve_contacts(bodies: BodyTable, contacts: ContactStore, joints: JointTable, constants: Table) -> None:
-    solve_contacts(
-        bodies.rows,
-        contacts.manifolds,
-        contacts.points,
-        contacts.rows,
-        contacts.row_points,
-        contacts.touching_count,
-        joints.rows,
-        joints.solver_rows,
-        len(joints.rows),
-        joints.plan.columns,
-        joints.plan.blocks,
-        joints.plan.updates,
-        joints.loads,
-        constants,
-    )
+    def _solve_contacts(self) -> None:
+        room, contacts = self._room, self._contacts
+        solve_contacts(
+            room.groups,
+            room.spans,
+            room.held,
+            self._held_end,
+            room.body_a,
+            room.body_b,
+            room.slots,
+            room.counts,
+            room.batches,
+            room.solver_bodies,
+            room.solver,
+            room.drives,
+            room.drive,
+            contacts.manifolds,
+            contacts.flat_manifolds,
+            room.rows,
+            room.row_points,
+            self._joints.tables if len(self._joints.rows) else None,
+            self._strengths,
+            self._constants,
+        )
 
+    def _finish_step(self) -> Array:
+        bodies = self._bodies
+        count = finish_step(
+            bodies.rows,
+            self._activity.bodies,
+            self._activity.body_count,
+            bodies.poses,
+            self._room.starts_of_bodies,
+            self._room.solver_bodies,
+            bodies.faulty_room,
+            self._constants,
+        )
+        return bodies.faulty_room[:count].copy() if count else _NONE
 
-def _finish_step(bodies: BodyTable) -> Array:
-    count = finish_step(bodies.rows, bodies.poses, bodies.faulty_room)
-    return bodies.faulty_room[:count].copy()
+    def _put_to_sleep(self) -> None:
+        room = self._room
+        self._activity.put_to_sleep(room.parent, room.islands, room.last_asleep, self._constants)
+
+    def _stop_at_impacts(self) -> None:
+        room = self._room
+        stop_at_impacts(
+            self._bodies.rows,
+            self._colliders.rows,
+            self._contacts.pairs,
+            self._contacts.fast,
+            self._fast_count,
+            room.starts_of_bodies,
+            room.fractions,
+            self._bodies.poses,
+            room.places,
+            room.shapes,
+            self._colliders.geometry.arrays,
+            self._constants,
+        )
 
 
 def _timed(profile: dict[str, float], name: str, stage: Callable[[], Result]) -> Result:

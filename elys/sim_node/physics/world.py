@@ -10,7 +10,7 @@ world.bodies.position
 
 from __future__ import annotations
 
-from typing import Any, Unpack
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,35 +18,31 @@ from numpy.typing import ArrayLike
 from elys.common.errors import PhysicsError
 from elys.common.math import quaternion
 from elys.sim_node.physics import checks
-from elys.sim_node.physics.bodies import BodyTable, new_rows
-from elys.sim_node.physics.colliders import ColliderTable, new_colliders
-from elys.sim_node.physics.contacts import BoxTree, ContactStore
-from elys.sim_node.physics.joint_making import JointDescription, JointDrive, changed_joints, new_joints
-from elys.sim_node.physics.joints import BrokenJoint, JointStates, JointTable
+from elys.sim_node.physics.bodies import new_rows
+from elys.sim_node.physics.colliders import EVERY_LAYER, new_colliders
+from elys.sim_node.physics.joint_world import WorldJoints
 from elys.sim_node.physics.kernels.state_hash import hash_bodies
 from elys.sim_node.physics.kernels.tables import BOX, DYNAMIC, STATIC
 from elys.sim_node.physics.mass_properties import mass_properties
 from elys.sim_node.physics.measures import energy_of, momentum_of
-from elys.sim_node.physics.raycasting import query_tree, raycast
-from elys.sim_node.physics.settings import PhysicsSettings, step_constants
-from elys.sim_node.physics.states import BodyStates, ContactPoints, Energy, Momentum, Problem, RayHits
-from elys.sim_node.physics.stepping import step_bodies
+from elys.sim_node.physics.settings import PhysicsSettings, step_constants, step_strengths
+from elys.sim_node.physics.solving import SolverRoom
+from elys.sim_node.physics.states import BodyStates, ContactPoints, Energy, Momentum, Problem
+from elys.sim_node.physics.stepping import Step
 
 Array = np.ndarray[Any, Any]
 
 
-class PhysicsWorld:
-    """Rigid bodies, their shapes and their contacts. Methods take entity ids and arrays with one row for each."""
+class PhysicsWorld(WorldJoints):
+    """Rigid bodies, their shapes, contacts and joints. Methods take entity ids and arrays with one row for each."""
 
     def __init__(self, settings: PhysicsSettings | None = None) -> None:
         self.settings = settings or PhysicsSettings()
-        self._bodies = BodyTable()
-        self._colliders = ColliderTable()
-        self._contacts = ContactStore()
-        self._joints = JointTable()
-        self._broken_joints: list[BrokenJoint] = []
+        super().__init__()
+        self._room = SolverRoom()
+        self._step: Step | None = None
+        self._step_plan: tuple[float, PhysicsSettings, bool] | None = None
         self._problems: list[Problem] = []
-        self._query_tree: BoxTree | None = None
 
     # ---------------------------------------------------------------- what there is
 
@@ -77,16 +73,6 @@ class PhysicsWorld:
     def body_count(self) -> int:
         """How many bodies there are."""
         return len(self._bodies.rows)
-
-    @property
-    def joints(self) -> JointStates:
-        """All joints, as the last step left them."""
-        return self._joints.states()
-
-    def take_broken_joints(self) -> list[BrokenJoint]:
-        """Which joints broke since the last call, in the order of steps and ids."""
-        broken, self._broken_joints = self._broken_joints, []
-        return broken
 
     def take_problems(self) -> list[Problem]:
         """What went wrong inside steps since the last call."""
@@ -140,12 +126,15 @@ class PhysicsWorld:
     def remove_bodies(self, entities: ArrayLike) -> None:
         """Removes bodies with their shapes, contacts and joints; PhysicsError for an entity without a body."""
         rows = self._bodies.rows_of(checks.entity_column(entities))
+        self._wake(rows)
+        self._activity.wake_touching(rows)
         self._remove_colliders(self._colliders.rows_on(rows))
         self._joints.remove(self._joints.rows_on(rows))
         place = self._bodies.remove(rows)
         self._colliders.follow_bodies(place)
         self._joints.follow_bodies(place)
-        self._query_tree = None
+        self._activity.outdate()
+        self._query_tree.outdate()
 
     def add_colliders(
         self,
@@ -154,18 +143,34 @@ class PhysicsWorld:
         shape: ArrayLike = BOX,
         size: ArrayLike = (1.0, 1.0, 1.0),
         radius: ArrayLike = 0.5,
+        half_length: ArrayLike = 0.5,
+        geometry: ArrayLike = -1,
         position: ArrayLike = (0.0, 0.0, 0.0),
         rotation: ArrayLike = (0.0, 0.0, 0.0, 1.0),
         friction: ArrayLike = 0.5,
         restitution: ArrayLike = 0.0,
+        density: ArrayLike = 0.0,
+        layer: ArrayLike = 1,
+        mask: ArrayLike = EVERY_LAYER,
+        trigger: ArrayLike = False,
         owners: ArrayLike | None = None,
     ) -> None:
         """Gives bodies shapes, beside those they have. An entity named M times gets M shapes.
 
-        Parameters: the bodies' entities (M,), shape 0 box or 1 sphere, full edge lengths (M, 3) [m] of boxes, radii (M,)
-        [m] of spheres, pose of the shape in the entity's space (M, 3) [m] and (M, 4), friction and restitution (M,);
-        `owners` (M,) are the entities that carry the colliders where those are not the bodies' own. Mass is shared among a
-        body's shapes by volume; centre of mass and inertia follow.
+        Parameters: the bodies' entities (M,), and for each
+
+        - shape: BOX, SPHERE, CAPSULE, CYLINDER, HULL, MESH, PLANE or HEIGHT_FIELD. Capsules and cylinders lie along
+          their y axis; a plane fills what is below it along y and may not be on a dynamic body; meshes and height fields
+          are static;
+        - full edge lengths (M, 3) [m] of boxes, radius (M,) [m] of spheres, capsules and cylinders, half_length (M,) [m]
+          of capsules, without their caps, and of cylinders;
+        - geometry (M,): of hulls, meshes and height fields, what `add_hull`, `add_mesh` or `add_height_field` returned;
+        - pose of the shape in the entity's space (M, 3) [m] and (M, 4), friction and restitution (M,);
+        - density (M,) [kg/m^3]: where a body has one with it, its mass is the sum over those shapes. Without, the body's
+          mass is shared among its shapes by volume. Centre of mass and inertia follow;
+        - layer and mask (M,), 32 bits each: two shapes meet when each one's layer is in the other's mask;
+        - trigger (M,): notices what touches it, and pushes nothing;
+        - owners (M,): the entities that carry the colliders where those are not the bodies' own.
 
         Raises:
             PhysicsError: a value is out of its range, or an entity has no body.
@@ -174,11 +179,52 @@ class PhysicsWorld:
         carriers = column if owners is None else checks.entity_column(owners, unique=False)
         bodies = self._bodies.rows_of(column)
         rows, shapes = new_colliders(
-            column, bodies, carriers, shape, size, radius, position, rotation, friction, restitution
+            self._colliders.geometry,
+            column,
+            bodies,
+            carriers,
+            shape=shape,
+            size=size,
+            radius=radius,
+            half_length=half_length,
+            geometry=geometry,
+            position=position,
+            rotation=rotation,
+            friction=friction,
+            restitution=restitution,
+            density=density,
+            layer=layer,
+            mask=mask,
+            trigger=trigger,
         )
+        self._colliders.refuse_motion(column, self._bodies.rows["motion"][bodies], rows["kind"])
         self._contacts.follow_colliders(self._colliders.insert(rows, shapes))
         self._contacts.set_collider_count(len(self._colliders.rows))
         self._update_mass(np.unique(bodies))
+
+    def add_hull(self, points: ArrayLike) -> int:
+        """A convex hull for `add_colliders`, from points (N, 3) [m] in the shape's space. Equal points give one hull.
+
+        Raises:
+            PhysicsError: a point is not finite, or the points span no volume.
+        """
+        return self._colliders.geometry.add_hull(points)
+
+    def add_mesh(self, vertices: ArrayLike, triangles: ArrayLike) -> int:
+        """A static mesh for `add_colliders`: vertices (V, 3) [m], triangles (T, 3), counter-clockwise seen from outside.
+
+        Raises:
+            PhysicsError: a vertex is not finite, a triangle names one that is not there, or none has an area.
+        """
+        return self._colliders.geometry.add_mesh(vertices, triangles)
+
+    def add_height_field(self, heights: ArrayLike, size: ArrayLike) -> int:
+        """A static ground for `add_colliders`: heights (M, N) [m] over a grid of `size` (2,) [m] along x and z.
+
+        Raises:
+            PhysicsError: a height is not finite, or the grid is smaller than 2 by 2.
+        """
+        return self._colliders.geometry.add_height_field(heights, size)
 
     def set_colliders(self, entities: ArrayLike, **shapes: Any) -> None:
         """Gives bodies shapes in place of all they had; takes what `add_colliders` takes."""
@@ -191,31 +237,6 @@ class PhysicsWorld:
         self._remove_colliders(self._colliders.rows_on(rows))
         self._update_mass(np.sort(rows))
 
-    # ---------------------------------------------------------------- joints
-
-    def add_joints(self, joints: ArrayLike, **description: Unpack[JointDescription]) -> None:
-        """Joins bodies, or bodies and the world, as they stand: ids (N,) of the caller's choice, and what they are.
-
-        Raises:
-            PhysicsError: a value is out of its range, an entity has no body, or there is a joint with that id.
-        """
-        rows = new_joints(joints, self._bodies, self._joints.rows, description)
-        self._joints.add(rows)
-        self._joints.attach(self._bodies, self._joints.rows_of(rows["id"]))
-        self._forget_pairs(np.unique(rows["body"][rows["body"] >= 0]))
-
-    def remove_joints(self, joints: ArrayLike) -> None:
-        """Removes joints (N,) and the gears on them; PhysicsError for one that does not exist."""
-        rows = self._joints.rows_of(joints)
-        bodies = self._joints.rows["body"][rows]
-        self._joints.remove(rows)
-        self._forget_pairs(np.unique(bodies[bodies >= 0]))
-
-    def set_joints(self, joints: ArrayLike, **changes: Unpack[JointDrive]) -> None:
-        """Changes motors, springs and limits of joints (N,), as in `add_joints`; what is not given stays."""
-        rows = self._joints.rows_of(joints)
-        self._joints.rows[rows] = changed_joints(self._joints.rows[rows], changes)
-
     # ---------------------------------------------------------------- changes from outside
 
     def set_poses(self, entities: ArrayLike, *, position: ArrayLike, rotation: ArrayLike) -> None:
@@ -223,7 +244,13 @@ class PhysicsWorld:
         column = checks.entity_column(entities)
         where = checks.number_column("position", position, column, width=3)
         turn = checks.rotation_column("rotation", rotation, column)
-        self._bodies.place(self._bodies.rows_of(column), where, turn)
+        rows = self._bodies.rows_of(column)
+        self._wake(rows)
+        self._bodies.place(rows, where, turn)
+        fixed = rows[self._bodies.rows["motion"][rows] == STATIC]
+        if len(fixed):
+            self._activity.wake_touching(fixed)
+            self._colliders.forget_boxes(self._colliders.rows_on(fixed))
         self._changed()
 
     def set_velocities(
@@ -232,6 +259,7 @@ class PhysicsWorld:
         """Sets velocities (N, 3) of centres of mass [m/s] and about them [rad/s]; what is not given stays."""
         column = checks.entity_column(entities)
         rows = self._bodies.rows_of(column)
+        self._wake(rows)
         velocity = self._bodies.rows["velocity"][rows]
         if linear is not None:
             velocity[:, :3] = checks.number_column("linear velocity", linear, column, width=3)
@@ -254,6 +282,7 @@ class PhysicsWorld:
         """Changes what bodies (N,) are, as in `add_bodies`; what is not given stays."""
         column = checks.entity_column(entities)
         rows = self._bodies.rows_of(column)
+        self._wake(rows)
         table = self._bodies.rows
         changes: dict[str, Array] = {}
         if linear_damping is not None:
@@ -264,6 +293,10 @@ class PhysicsWorld:
             changes["gravity_scale"] = checks.number_column("gravity_scale", gravity_scale, column)
         if motion is not None:
             changes["motion"] = checks.choice_column("motion", motion, column, 3)
+            on = self._colliders.rows_on(rows)
+            each = np.searchsorted(np.sort(rows), self._colliders.rows["body"][on])
+            each = np.argsort(rows)[each]
+            self._colliders.refuse_motion(column[each], changes["motion"][each], self._colliders.rows["kind"][on])
         if mass is not None:
             self._bodies.mass[rows] = checks.number_column("mass", mass, column, minimum=0.0, above=True)
         if motion is not None:
@@ -298,25 +331,35 @@ class PhysicsWorld:
         """
         if not (np.isfinite(dt) and dt > 0.0):
             raise PhysicsError(f"A step must take a finite time above 0 s, not {dt!r}")
-        constants = step_constants(self.settings, dt, can_bounce=self._colliders.can_bounce)
         profile = {} if profile is None else profile
-        faulty, broken = step_bodies(self._bodies, self._colliders, self._contacts, self._joints, constants, profile)
-        self._query_tree = None
+        faulty, broken = self._step_of(dt).run(profile)
+        self._query_tree.outdate()
         if len(broken):
             self._break_joints(broken)
         if len(faulty):
             self._stop(faulty)
 
-    def _break_joints(self, rows: Array) -> None:
-        """Tells of joints that broke; the bodies they held may collide from now on."""
-        for joint in self._joints.rows[rows]:
-            a, b = joint["entity"].tolist()
-            self._broken_joints.append(
-                BrokenJoint(int(joint["id"]), a, b, float(joint["force"]), float(joint["torque"]))
+    def _step_of(self, dt: float) -> Step:
+        """The step of this length with the present settings; made anew when one of them changes."""
+        plan = (dt, self.settings, self._colliders.can_bounce)
+        if self._step is None or self._step_plan != plan:
+            if self._step_plan is not None and self._step_plan[1] != self.settings:
+                self._activity.wake_all()
+            constants = step_constants(self.settings, dt, can_bounce=self._colliders.can_bounce)
+            strengths = step_strengths(self.settings, dt)
+            self._step = Step(
+                self._bodies,
+                self._colliders,
+                self._contacts,
+                self._joints,
+                self._activity,
+                self._room,
+                constants,
+                strengths,
+                sleeping=self.settings.sleeping,
             )
-        self._joints.set_broken(rows)
-        bodies = self._joints.rows["body"][rows]
-        self._forget_pairs(np.unique(bodies[bodies >= 0]))
+            self._step_plan = plan
+        return self._step
 
     def _stop(self, rows: Array) -> None:
         """Takes bodies that are not finite any more out of motion, where they were last seen."""
@@ -332,22 +375,11 @@ class PhysicsWorld:
         self._forget_pairs(rows)
         table["motion"][rows] = STATIC
         table["velocity"][rows] = 0.0
-        table["displacement"][rows] = 0.0
         self._bodies.update_inverses(rows)
         self._bodies.place(rows, poses["position"], np.asarray(poses["rotation"], np.float64))
         self._changed()
 
     # ---------------------------------------------------------------- questions
-
-    def raycast(self, origins: ArrayLike, directions: ArrayLike, max_distance: ArrayLike = np.inf) -> RayHits:
-        """The first collider that each ray meets.
-
-        Parameters: origins (R, 3) [m], directions (R, 3) of any length but 0, farthest distances (R,) or one for all [m].
-        A ray that begins inside a shape hits it at distance 0.
-        """
-        if self._query_tree is None:
-            self._query_tree = query_tree(self._bodies.rows, self._colliders.rows)
-        return raycast(self._colliders.rows, self._query_tree, origins, directions, max_distance)
 
     def energy(self) -> Energy:
         """Kinetic and potential energy of all dynamic bodies [J]."""
@@ -378,6 +410,7 @@ class PhysicsWorld:
             "colliders": self._colliders.rows.copy(),
             "shapes": self._colliders.shapes.copy(),
             "joints": self._joints.rows.copy(),
+            **self._colliders.geometry.saved(),
             **self._contacts.saved(),
         }
 
@@ -391,12 +424,14 @@ class PhysicsWorld:
         self._colliders.load(snapshot)
         self._contacts.load(snapshot, len(self._colliders.rows))
         self._joints.load(snapshot)
-        self._query_tree = None
+        self._activity.outdate()
+        self._query_tree.outdate()
 
     # ---------------------------------------------------------------- within
 
     def _one(self, name: str, entity: int, vector: ArrayLike) -> tuple[int, Array]:
         column = checks.entity_column([entity])
+        self._wake(self._bodies.rows_of(column))
         return int(self._bodies.rows_of(column)[0]), checks.number_column(name, vector, column, width=3)[0]
 
     def _spin(self, row: int, angular_impulse: Array) -> None:
@@ -408,9 +443,12 @@ class PhysicsWorld:
         """Centre of mass, axes and inertia of body rows (ascending) from their shapes."""
         bodies = np.sort(bodies)
         rows = self._colliders.rows_on(bodies)
+        mass = self._colliders.dense_mass(bodies, rows)
+        self._bodies.mass[bodies[mass > 0.0]] = mass[mass > 0.0]
         self._bodies.set_mass_properties(bodies, mass_properties(self._colliders.shapes_on(bodies, rows), len(bodies)))
         on = self._bodies.poses[self._colliders.rows["body"][rows]]
         self._colliders.attach(rows, on["center"], on["axes"])
+        self._bodies.set_extents(bodies, *self._colliders.extents(rows))
         self._joints.attach(self._bodies, self._joints.rows_on(bodies))
         self._changed()
 
@@ -422,9 +460,11 @@ class PhysicsWorld:
         """Ends all pairs of body rows; the next step finds those that may still be."""
         rows = self._colliders.rows_on(bodies)
         pairs = self._contacts.live_pairs
-        self._contacts.drop(np.isin(pairs["a"], rows) | np.isin(pairs["b"], rows))
+        self._contacts.drop(pairs["slot"][np.isin(pairs["a"], rows) | np.isin(pairs["b"], rows)])
         self._colliders.forget_boxes(rows)
 
     def _changed(self) -> None:
+        self._activity.outdate()
+        self._joints.outdate()
         self._bodies.publish()
-        self._query_tree = None
+        self._query_tree.outdate()

@@ -7,26 +7,17 @@ at the origin, enabled. Links are places, 0 for none. Local values stand in the 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, Final, NamedTuple, TypeVar
+from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from elys.sim_node.compilation import kernel, signature_of
+from elys.sim_node.compilation import inlined, kernel, signature_of
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]  # x y z w
 Matrix = tuple[float, float, float, float, float, float, float, float, float]  # row by row
 Places = NDArray[np.int32]
-
-Function = TypeVar("Function", bound=Callable[..., Any])
-
-
-def _inlined(function: Function) -> Function:
-    """Compiles a piece of a kernel's arithmetic into it: left to itself the compiler calls half of them, at a third more time."""
-    return njit(error_model="numpy", nogil=True, forceinline=True)(function)
 
 
 class Links(NamedTuple):
@@ -173,7 +164,10 @@ def read_poses(
             world_scale[index, axis] = s[axis]
 
 
-@_inlined
+# The arithmetic. Left to itself the compiler calls half of these functions, at a third more time.
+
+
+@inlined
 def _pose_under(linear: Matrix, origin: Vector, position: Vector, rotation: Quaternion) -> tuple[Vector, Quaternion]:
     """The pose relative to a parent that is `position` and `rotation` in the world; not finite if the parent is flat."""
     inverse = _inverse(linear)
@@ -181,7 +175,7 @@ def _pose_under(linear: Matrix, origin: Vector, position: Vector, rotation: Quat
     return _transformed(inverse, offset), _orientation(_matrix_product(inverse, _matrix_of(rotation)))
 
 
-@_inlined
+@inlined
 def _stretched(s: Vector, m: Matrix) -> Vector:
     """Own scale `s` times what a matrix does to the length of each axis."""
     x = math.sqrt(m[0] * m[0] + m[3] * m[3] + m[6] * m[6])
@@ -193,7 +187,7 @@ def _stretched(s: Vector, m: Matrix) -> Vector:
     return (x * s[0], y * s[1], z * s[2])
 
 
-@_inlined
+@inlined
 def _orientation(m: Matrix) -> Quaternion:
     """The rotation in a matrix that may also stretch, shear and mirror: the Q of its QR factorisation, turned over along x if
     it mirrors; not finite where the matrix is flat.
@@ -213,7 +207,7 @@ def _orientation(m: Matrix) -> Quaternion:
     return _quaternion_of((ux, vx, tx, uy, vy, ty, uz, vz, tz))
 
 
-@_inlined
+@inlined
 def _quaternion_of(m: Matrix) -> Quaternion:
     """The quaternion of a rotation matrix, through its largest element (Shepperd 1978)."""
     trace = m[0] + m[4] + m[8]
@@ -229,7 +223,7 @@ def _quaternion_of(m: Matrix) -> Quaternion:
     return (x / length, y / length, z / length, w / length)
 
 
-@_inlined
+@inlined
 def _matrix_of(q: Quaternion) -> Matrix:
     """The rotation matrix of a quaternion, orthonormal even where float32 left the quaternion's length a little off."""
     x, y, z, w = q
@@ -239,7 +233,7 @@ def _matrix_of(q: Quaternion) -> Matrix:
     return (1.0 - yy - zz, xy - wz, xz + wy, xy + wz, 1.0 - xx - zz, yz - wx, xz - wy, yz + wx, 1.0 - xx - yy)
 
 
-@_inlined
+@inlined
 def _transformed(m: Matrix, v: Vector) -> Vector:
     return (
         m[0] * v[0] + m[1] * v[1] + m[2] * v[2],
@@ -248,7 +242,7 @@ def _transformed(m: Matrix, v: Vector) -> Vector:
     )
 
 
-@_inlined
+@inlined
 def _matrix_product(a: Matrix, b: Matrix) -> Matrix:
     return (
         a[0] * b[0] + a[1] * b[3] + a[2] * b[6],
@@ -263,13 +257,13 @@ def _matrix_product(a: Matrix, b: Matrix) -> Matrix:
     )
 
 
-@_inlined
+@inlined
 def _cofactors(m: Matrix) -> Vector:
     """Of the first row: times it they give the determinant."""
     return (m[4] * m[8] - m[5] * m[7], m[5] * m[6] - m[3] * m[8], m[3] * m[7] - m[4] * m[6])
 
 
-@_inlined
+@inlined
 def _inverse(m: Matrix) -> Matrix:
     """The inverse of a matrix by cofactors; not finite where it is flat."""
     c = _cofactors(m)

@@ -14,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from elys.common.assets.store import AssetStore
 from elys.common.components import Collider, RigidBody, Transform
 from elys.common.components.columns import Column
 from elys.common.ids import NO_ENTITY, Entity, index_of
@@ -24,12 +25,12 @@ from elys.sim_node.ecs.entities import Entities
 from elys.sim_node.ecs.world import World
 from elys.sim_node.physics.states import Problem
 from elys.sim_node.physics.world import PhysicsWorld
+from elys.sim_node.systems.collider_shapes import collider_columns, geometries, stretched_lengths
 
 STATIC: Final = 2  # place of "static" among the choices of RigidBody.motion
 REACH: Final = 1e9  # [m] what lies farther from the origin, or is larger, is left out of physics
 OUT_OF_REACH: Final = f"it must lie within {REACH:g} m of the origin and be no larger; move or scale it back"
-THINNEST: Final = 1e-4  # [m] a collider scaled to nothing keeps the least size that a Collider may have
-_PHYSICAL: Final = ("RigidBody", "Collider", "Transform")
+_PHYSICAL: Final = ("RigidBody", "Collider", "Transform", "MeshRenderer")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,9 +47,10 @@ class MovingBodies:
 class RigidBodies:
     """Keeps the bodies of physics equal to the components of the world."""
 
-    def __init__(self, world: World, physics: PhysicsWorld) -> None:
+    def __init__(self, world: World, physics: PhysicsWorld, assets: AssetStore) -> None:
         self._world = world
         self._physics = physics
+        self._assets = assets
         self._colliders = world.query(Collider, enabled_only=True)
         self._bodies = world.query(RigidBody, enabled_only=True)
         self._present: set[int] = set()
@@ -133,7 +135,7 @@ class RigidBodies:
             if component == "Transform":
                 touched |= self._subtree(entity)  # what stands below moves along
             elif component in _PHYSICAL:
-                touched |= {entity} if component == "Collider" else self._subtree(entity)
+                touched |= self._subtree(entity) if component == "RigidBody" else {entity}
         touched |= {entity for entity in self._present if not self._world.is_alive(entity)}
         touched |= {entity for entity in self._owner_of if not self._world.is_alive(entity)}
         owners = {self._owner_of[entity] for entity in touched if entity in self._owner_of}
@@ -196,10 +198,12 @@ class RigidBodies:
             for field in table.declaration.fields
         }
         self._physics.add_bodies(owners, position=poses.position, rotation=poses.rotation, **values)
-        self._add_colliders(owners, poses.position, poses.rotation)
+        self._add_colliders(owners, poses.position, poses.rotation, values["motion"])
         return owners
 
-    def _add_colliders(self, owners: Entities, positions: NDArray[np.float64], rotations: NDArray[np.float32]) -> None:
+    def _add_colliders(
+        self, owners: Entities, positions: NDArray[np.float64], rotations: NDArray[np.float32], motions: NDArray[Any]
+    ) -> None:
         world = self._world
         place = {owner: row for row, owner in enumerate(owners.tolist())}
         pairs = [(member, row) for owner, row in place.items() for member in self._members.get(owner, ())]
@@ -207,25 +211,31 @@ class RigidBodies:
             return
         entities = np.array([member for member, _ in pairs], np.uint32)
         of_body = np.array([row for _, row in pairs], np.intp)
-        table = world.table(Collider)
-        rows = table.rows(entities)
+        rows = world.table(Collider).rows(entities)
         poses = world.transforms.world_poses(entities)
-        centre = transform_points(world.transforms.world_affines(entities), table.column("offset")[rows])
-        stretch = np.abs(poses.scale.astype(np.float64))
+        centre = transform_points(
+            world.transforms.world_affines(entities), world.table(Collider).column("offset")[rows]
+        )
         body_from_world = quaternion.conjugate(rotations[of_body].astype(np.float64))
+        scale = poses.scale.astype(np.float64)
         columns = {
-            "shape": table.column("shape")[rows],
-            "size": np.maximum(table.column("size")[rows] * stretch, THINNEST),
-            "radius": np.maximum(table.column("radius")[rows] * stretch.max(axis=1), THINNEST),
+            **collider_columns(world, entities),
+            **stretched_lengths(world, entities, scale),
             "position": quaternion.rotate(body_from_world, centre - positions[of_body]),
             "rotation": quaternion.multiply(body_from_world, poses.rotation.astype(np.float64)),
-            "friction": table.column("friction")[rows],
-            "restitution": table.column("restitution")[rows],
         }
         usable = _is_within_reach(columns["size"], columns["radius"][:, None], columns["position"])
+        usable &= _is_within_reach(columns["half_length"][:, None])
         usable &= np.isfinite(columns["rotation"]).all(axis=1)
         if not usable.all():
             self._leave_out(entities[~usable], f"collides with nothing: {OUT_OF_REACH}")
+            entities, of_body = entities[usable], of_body[usable]
+            columns = {name: column[usable] for name, column in columns.items()}
+            scale = scale[usable]
+        columns["geometry"], usable = geometries(
+            world, self._physics, self._assets, entities, motions[of_body], scale, self._leave_out
+        )
+        if not usable.all():
             entities, of_body = entities[usable], of_body[usable]
             columns = {name: column[usable] for name, column in columns.items()}
         if len(entities):

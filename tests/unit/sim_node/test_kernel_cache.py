@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from elys.common.errors import ElysError
-from elys.sim_node import kernel_cache, kernel_directory
+from elys.sim_node import kernel_cache, kernel_directory, kernel_list
 
 ROOT = Path(__file__).parents[3]
 
@@ -90,7 +90,7 @@ def test_the_folder_depends_on_every_kernel_source(tmp_path, monkeypatch):
 
 
 def test_every_kernel_is_listed_once_with_a_signature():
-    kernels = kernel_cache._all_kernels()
+    kernels = kernel_list.all_kernels()
     names = [kernel.name for kernel in kernels]
     assert len(set(names)) == len(names)
     assert all(kernel.signatures for kernel in kernels)

@@ -8,39 +8,32 @@ import numpy as np
 
 from elys.sim_node.compilation import signature_of
 from elys.sim_node.physics.kernels import tables
-from elys.sim_node.physics.kernels.broadphase import find_new_pairs, give_slots, index_pairs, merge_pairs
+from elys.sim_node.physics.kernels.broadphase import change_pairs, find_new_pairs, list_active_pairs
+from elys.sim_node.physics.kernels.cast import TOUCH
+from elys.sim_node.physics.kernels.colouring import colour_contacts
 from elys.sim_node.physics.kernels.integrator import finish_step, publish_poses
+from elys.sim_node.physics.kernels.islands import build_islands, list_held
 from elys.sim_node.physics.kernels.joint_preparation import prepare_joints
 from elys.sim_node.physics.kernels.joints import finish_joints
 from elys.sim_node.physics.kernels.narrow_phase import update_manifolds
-from elys.sim_node.physics.kernels.placement import fatten_boxes, place_colliders, place_inertia
-from elys.sim_node.physics.kernels.preparation import prepare_contacts
-from elys.sim_node.physics.kernels.queries import cast_rays
+from elys.sim_node.physics.kernels.nearby import find_closest, find_overlaps
+from elys.sim_node.physics.kernels.pair_table import fill_table
+from elys.sim_node.physics.kernels.placement import fatten_boxes, place_colliders
+from elys.sim_node.physics.kernels.preparation import prepare_bodies, prepare_contacts, prepare_impacts
+from elys.sim_node.physics.kernels.queries import cast_rays, cast_shapes
+from elys.sim_node.physics.kernels.query_tree import QUERY_NODE, build_query_tree, refit_query_tree
+from elys.sim_node.physics.kernels.sleeping import list_awake, put_to_sleep, wake_marked
 from elys.sim_node.physics.kernels.solver import solve_contacts
 from elys.sim_node.physics.kernels.state_hash import hash_bodies
+from elys.sim_node.physics.kernels.sweep import stop_at_impacts
 from elys.sim_node.physics.kernels.tree import build_tree
+from elys.sim_node.physics.kernels.wide_tree import build_wide_tree, refit_wide_tree
 
 Kernel = tuple[str, Any, tuple[tuple[Any, ...], ...]]
 
 
-def _kernels() -> tuple[Kernel, ...]:
-    (
-        bodies,
-        poses,
-        colliders,
-        pairs,
-        manifolds,
-        points,
-        rows,
-        row_points,
-        leaves,
-        found,
-        constants,
-        joints,
-        joint_rows,
-        columns,
-        blocks,
-    ) = (
+def _kernels() -> tuple[tuple[Kernel, ...], tuple[Kernel, ...]]:
+    bodies, poses, colliders, pairs, manifolds, rows, row_points, leaves, found, constants, groups, spans, strengths = (
         np.zeros(1, dtype)
         for dtype in (
             tables.BODY,
@@ -48,53 +41,129 @@ def _kernels() -> tuple[Kernel, ...]:
             tables.COLLIDER,
             tables.PAIR,
             tables.MANIFOLD,
-            tables.MANIFOLD_POINT,
             tables.ROW,
             tables.ROW_POINT,
             tables.TREE_LEAF,
             tables.FOUND,
             tables.CONSTANTS,
-            tables.JOINT,
-            tables.JOINT_ROW,
-            tables.JOINT_COLUMN,
-            tables.JOINT_BLOCK,
+            tables.GROUP,
+            tables.SPAN,
+            tables.STRENGTH,
         )
     )
+    solver, drives = np.zeros(1, tables.SOLVER_BODY), np.zeros(1, tables.SOLVER_DRIVE)
+    geometry = tables.Geometry(
+        np.zeros(1, tables.GEOMETRY),
+        np.zeros(1, tables.FACE),
+        np.zeros((1, 3)),
+        np.zeros((2, 6)),
+        np.zeros(2, tables.CONVEX),
+        np.zeros(1, tables.SIMPLEX),
+        np.zeros(1, tables.CLUSTER),
+    )
+    starts = np.zeros(1, tables.START)
+    islands = np.zeros(1, tables.ISLAND)
     indices = np.zeros(1, np.int32)
     entities = np.zeros(1, np.uint32)
+    masks = np.zeros(1, np.uint64)
     numbers = np.zeros(1)
+    floats = np.zeros(1, np.float32)
     nodes = np.zeros((2, 6))
     vectors = np.zeros((1, 3))
     boxes = np.zeros(2, tables.COLLIDER)["box"]
-    keys = np.zeros(1, np.int64)
     words = np.zeros((1, 2), np.uint64)
+    touching = (bodies, colliders, pairs, indices, 0, manifolds)
+    lanes = (indices, indices, indices, indices)
+    flags = np.zeros(1, np.uint8)
+    places = np.zeros(1, np.int64)
+    query_nodes = np.zeros(1, QUERY_NODE)
+    walk = (indices, np.zeros(1, np.float32))
+    rays = (vectors, vectors, numbers)
+    probes = (np.zeros(1, tables.CONVEX), vectors, np.zeros(1, TOUCH))
+    answer = (places, indices, entities, numbers, vectors, vectors)
+    links = np.zeros((1, 2), np.int32)
+    solved = (
+        *(groups, spans, indices, 0, *lanes, floats, solver, floats, drives, floats),
+        *(manifolds, floats, rows, row_points),
+    )
+    joints = tables.Joints(
+        bodies,
+        np.zeros(1, tables.JOINT),
+        np.zeros(1, tables.JOINT_ROW),
+        np.zeros(1, tables.JOINT_GROUP),
+        indices,
+        np.zeros(1, tables.JOINT_COLUMN),
+        indices,
+        np.zeros(1, tables.JOINT_BLOCK),
+        indices,
+        np.zeros((1, 6)),
+        vectors,
+    )
     # The quick ones first, so that a progress bar moves early.
     listed: list[tuple[Any, tuple[Any, ...]]] = [
-        (cast_rays, (colliders, leaves, nodes, indices, numbers, vectors, vectors, numbers, indices, numbers, vectors)),
+        (refit_query_tree, (boxes, query_nodes)),
+        (build_query_tree, (boxes, query_nodes, indices, nodes, numbers)),
+        (
+            cast_rays,
+            (colliders, geometry, query_nodes, flags, indices, *walk, *rays, True, *answer),
+        ),
+        (cast_shapes, (colliders, geometry, query_nodes, flags, indices, *walk, *rays, *probes, True, *answer)),
+        (
+            find_overlaps,
+            (colliders, geometry, query_nodes, flags, indices, indices, vectors, *probes[:2], places, indices),
+        ),
+        (
+            find_closest,
+            (colliders, geometry, query_nodes, flags, indices, indices, numbers, vectors, numbers, *answer[1:]),
+        ),
         (hash_bodies, (entities, words)),
         (publish_poses, (bodies, poses)),
-        (finish_step, (bodies, poses, indices)),
-        (fatten_boxes, (bodies, colliders, constants)),
-        (place_colliders, (bodies, colliders)),
-        (place_inertia, (bodies, numbers)),
-        (build_tree, (boxes, leaves, nodes, indices, numbers, True)),
-        (index_pairs, (pairs, 0, indices)),
-        (give_slots, (pairs, 0, manifolds, points, indices, indices)),
-        (merge_pairs, (colliders, pairs, 0, pairs, 0, pairs, indices, indices, indices)),
-        (find_new_pairs, (bodies, colliders, leaves, nodes, pairs, indices, keys, pairs, indices)),
-        (prepare_contacts, (bodies, colliders, pairs, indices, 0, manifolds, points, rows, row_points, constants)),
-        (update_manifolds, (bodies, colliders, pairs, 0, manifolds, points, found, constants, indices)),
-        (prepare_joints, (bodies, joints, joint_rows, 0, nodes, constants)),
-        (finish_joints, (bodies, joints, joint_rows, 0, constants, indices)),
+        (finish_step, (bodies, indices, 0, poses, starts, solver, indices, constants)),
         (
-            solve_contacts,
+            stop_at_impacts,
+            (bodies, colliders, pairs, indices, 0, starts, numbers, poses, bodies, colliders, geometry, constants),
+        ),
+        (fatten_boxes, (bodies, colliders, indices, 0, indices, constants)),
+        (place_colliders, (bodies, colliders, indices, 0)),
+        (build_tree, (boxes, leaves, nodes, indices, numbers, True)),
+        (build_wide_tree, (boxes, leaves, indices, floats, indices, 0, indices, numbers, True)),
+        (refit_wide_tree, (boxes, indices, 0, indices, floats, indices, 0)),
+        (fill_table, (pairs, indices)),
+        (list_active_pairs, (bodies, colliders, pairs, indices, indices)),
+        (
+            change_pairs,
+            (colliders, indices, 0, geometry, pairs, manifolds, indices, indices, 0, pairs, 0, *lanes),
+        ),
+        (
+            find_new_pairs,
             (
-                *(bodies, manifolds, points, rows, row_points, 0),
-                *(joints, joint_rows, 0, columns, blocks, indices, nodes, constants),
+                *(bodies, colliders, indices, 0, leaves, floats, indices, 0),
+                *(geometry, pairs, indices, places, pairs, indices),
             ),
         ),
+        (list_awake, (bodies, colliders, indices, indices)),
+        (wake_marked, (bodies,)),
+        (put_to_sleep, (bodies, poses, indices, 0, indices, islands, indices, constants)),
+        (build_islands, (bodies, indices, 0, *touching[1:], links, indices, islands, strengths, constants)),
+        (list_held, (bodies, indices, 0, indices, groups)),
+        (colour_contacts, (*touching, masks, indices, indices, indices, indices, groups, spans, *lanes)),
+        (prepare_bodies, (bodies, indices, 0, groups, solver, drives, strengths, constants)),
+        (prepare_contacts, (groups, spans, *lanes, floats, floats, floats, floats, strengths, constants)),
+        (prepare_impacts, (*touching, rows, row_points, groups, solver, drives, constants)),
+        (update_manifolds, (bodies, colliders, pairs, indices, 0, manifolds, found, geometry, constants, indices, indices)),
+        (solve_contacts, (*solved, None, strengths, constants)),
     ]
+    # What only worlds with joints need.
+    later: list[tuple[Any, tuple[Any, ...]]] = [
+        (prepare_joints, (joints, drives, strengths)),
+        (finish_joints, (joints, solver, constants, indices)),
+        (solve_contacts, (*solved, joints, strengths, constants)),
+    ]
+    return _named(listed), _named(later)
+
+
+def _named(listed: list[tuple[Any, tuple[Any, ...]]]) -> tuple[Kernel, ...]:
     return tuple((f"physics.{function.__name__}", function, (signature_of(*a),)) for function, a in listed)
 
 
-KERNELS = _kernels()
+KERNELS, LATER_KERNELS = _kernels()

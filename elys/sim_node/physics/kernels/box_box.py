@@ -233,9 +233,8 @@ def clip_side(found, source, target, count, component, sign, limit, side):
 
 
 @inner
-def chosen_corners(found, first, count):
+def chosen_corners(polygon, first, count):
     """At most four corners that span the polygon: the deepest, the farthest from it, and the extremes on either side."""
-    polygon = found.polygon
     if count <= 4:
         return count, 0, 1, 2, 3
     c0 = 0
@@ -350,7 +349,7 @@ def meet_faces(colliders, i, j, axis, margin, found):
             edges[corner + 2 * near] = edges[corner + 2 * e]
             edges[corner + 2 * near + 1] = edges[corner + 2 * e + 1]
             near += 1
-    count, c0, c1, c2, c3 = chosen_corners(found, first, near)
+    count, c0, c1, c2, c3 = chosen_corners(polygon, first, near)
     code = (face << 6) | (incident << 9) | ((1 << 13) if flipped else 0)
     for e in range(count):
         s = c0 if e == 0 else (c1 if e == 1 else (c2 if e == 2 else c3))

@@ -1,6 +1,7 @@
 """Which colliders may touch: pairs of overlapping fat boxes, kept from step to step and changed only where something moved.
 
-Pairs stay sorted by (a, b), whatever the tree looks like: the order of impulses must not depend on it.
+Those that a step has to look at, where at least one body is awake, stand in `active`, sorted by (a, b, part), whatever the
+tree and the table look like: the order of impulses must not depend on them.
 """
 
 from __future__ import annotations
@@ -8,8 +9,12 @@ from __future__ import annotations
 import numpy as np
 
 from elys.sim_node.compilation import inner, kernel
-from elys.sim_node.physics.kernels.tables import DYNAMIC, POINTS
+from elys.sim_node.physics.kernels.midphase import has_parts, local_interval, meets_part, next_part, still_near
+from elys.sim_node.physics.kernels.pair_table import EMPTY, find_pair, insert_pair, remove_pair
+from elys.sim_node.physics.kernels.simd import LANES, lowest_bit
+from elys.sim_node.physics.kernels.tables import DYNAMIC, KINEMATIC, POINTS
 from elys.sim_node.physics.kernels.tree import LEAF
+from elys.sim_node.physics.kernels.wide_tree import BLOCK, MOST_LEVELS, overlapping_lanes, splat_box
 
 
 @inner
@@ -17,31 +22,14 @@ def boxes_overlap(a, b):
     return (a[0] <= b[3]) & (b[0] <= a[3]) & (a[1] <= b[4]) & (b[1] <= a[4]) & (a[2] <= b[5]) & (b[2] <= a[5])
 
 
-@kernel
-def index_pairs(pairs, pair_count, row_start):
-    """Writes where the pairs of each collider begin; row_start is (C + 1,)."""
-    p = 0
-    for a in range(row_start.shape[0]):
-        while p < pair_count and pairs[p].a < a:
-            p += 1
-        row_start[a] = p
-
-
 @inner
-def is_known(pairs, row_start, a, b):
-    """Whether (a, b) is a pair already: a scan over the few pairs of a."""
-    p = row_start[a]
-    while p < row_start[a + 1] and pairs[p].b != b:
-        p += 1
-    return p < row_start[a + 1]
-
-
-@inner
-def may_collide(bodies, first, second):
-    """Whether two bodies are worth a pair: two different ones, at least one of which can be pushed."""
-    if first == second:
+def may_collide(bodies, a, b):
+    """Whether two colliders are worth a pair: of two bodies, at least one of which can be pushed, in layers that meet."""
+    if a.body == b.body:
         return False
-    return bodies[first].motion == DYNAMIC or bodies[second].motion == DYNAMIC
+    if (a.layer & b.mask) == 0 or (b.layer & a.mask) == 0:
+        return False
+    return bodies[a.body].motion == DYNAMIC or bodies[b.body].motion == DYNAMIC
 
 
 @inner
@@ -61,125 +49,258 @@ def is_unpaired(unpaired, first, second):
     return low < unpaired.shape[0] and unpaired[low] == key
 
 
+@inner
+def add_new(pairs, table, a, b, part, new, found):
+    """Notes a pair unless it is known; returns how many are noted now."""
+    if find_pair(pairs, table, a, b, part) != EMPTY:
+        return found
+    if found < new.shape[0]:
+        new[found].a = a
+        new[found].b = b
+        new[found].part = part
+    return found + 1
+
+
+@inner
+def add_parts(colliders, mesh_row, other_row, pairs, table, new, found, geometry, stack, bottom):
+    """Notes the pairs of a collider with the triangles near it; returns how many pairs are noted now."""
+    mesh = colliders[mesh_row]
+    box = colliders[other_row].fat_box
+    a = min(mesh_row, other_row)
+    b = max(mesh_row, other_row)
+    x0, x1 = local_interval(mesh, box, 0)
+    y0, y1 = local_interval(mesh, box, 1)
+    z0, z1 = local_interval(mesh, box, 2)
+    stack[bottom] = 1
+    top = bottom + 1
+    count = geometry.headers[mesh.geometry].face_count
+    while True:
+        first, top = next_part(mesh, x0, x1, y0, y1, z0, z1, geometry, stack, bottom, top)
+        if first < 0:
+            return found
+        for part in range(first, min(count, first + LEAF)):
+            if meets_part(mesh, part, box, geometry):
+                found = add_new(pairs, table, a, b, part, new, found)
+
+
+@inner
+def meet(bodies, colliders, i, j, geometry, pairs, table, unpaired, new, found, stack, top):
+    """Notes the pairs of two colliders whose boxes may overlap, the first of which moved; returns how many there are now."""
+    collider = colliders[i]
+    other = colliders[j]
+    if j == i or (j < i and other.moved != 0):  # two that moved are found from the smaller one
+        return found
+    if not boxes_overlap(other.fat_box, collider.fat_box) or not may_collide(bodies, collider, other):
+        return found
+    if is_unpaired(unpaired, collider.body, other.body):
+        return found
+    if has_parts(other):
+        return add_parts(colliders, j, i, pairs, table, new, found, geometry, stack, top)
+    if has_parts(collider):
+        return add_parts(colliders, i, j, pairs, table, new, found, geometry, stack, top)
+    if still_near(collider, other, 0, geometry):
+        return add_new(pairs, table, min(i, j), max(i, j), 0, new, found)
+    return found
+
+
 @kernel
-def find_new_pairs(bodies, colliders, leaves, nodes, pairs, row_start, unpaired, new, stack):
+def find_new_pairs(
+    bodies, colliders, moved, moved_count, leaves, blocks, levels, level_count, geometry, pairs, table, unpaired, new, stack
+):
     """Writes the pairs that moved colliders have gained, in any order; returns how many there are.
 
-    When there are more than `new` can take the rest is only counted: the caller makes room and calls again.
+    When there are more than `new` can take the rest is only counted: the caller makes room and calls again. `leaves`,
+    `blocks` and `levels` are the wide tree over all fat boxes, `unpaired` the sorted keys of bodies that do not collide.
     """
-    leaf_count = nodes.shape[0] // 2
-    n = colliders.shape[0]
     found = 0
-    for i in range(n):
+    for m in range(moved_count):
+        i = moved[m]
         collider = colliders[i]
-        if collider.moved == 0:
-            continue
-        box = collider.fat_box
-        stack[0] = 1
+        low_x, low_y, low_z, high_x, high_y, high_z = splat_box(collider.fat_box)
+        # On the stack: a block's place in its level, and the level.
+        stack[0] = level_count - 1
         top = 1
         while top > 0:
             top -= 1
-            node = stack[top]
-            if not boxes_overlap(nodes[node], box):
-                continue
-            if node < leaf_count:
-                stack[top] = 2 * node
-                stack[top + 1] = 2 * node + 1
-                top += 2
-                continue
-            first = (node - leaf_count) * LEAF
-            for place in range(first, min(n, first + LEAF)):
-                j = leaves[place].order
-                other = colliders[j]
-                if j == i or (j < i and other.moved != 0):  # two that moved are found from the smaller one
-                    continue
-                if not boxes_overlap(other.fat_box, box) or not may_collide(bodies, collider.body, other.body):
-                    continue
-                a = min(i, j)
-                b = max(i, j)
-                if is_known(pairs, row_start, a, b) or is_unpaired(unpaired, collider.body, other.body):
-                    continue
-                if found < new.shape[0]:
-                    new[found].a = a
-                    new[found].b = b
-                found += 1
+            level = stack[top] % MOST_LEVELS
+            block = stack[top] // MOST_LEVELS
+            at = (levels[level] + block) * BLOCK
+            bits = overlapping_lanes(blocks, at, low_x, low_y, low_z, high_x, high_y, high_z)
+            while bits != 0:
+                child = block * LANES + lowest_bit(bits)
+                bits &= bits - 1
+                if level > 0:
+                    stack[top] = child * MOST_LEVELS + level - 1
+                    top += 1
+                else:
+                    j = leaves[child].order
+                    found = meet(bodies, colliders, i, j, geometry, pairs, table, unpaired, new, found, stack, top)
     return found
 
 
 @inner
-def sort_pairs(pairs, count, sorted_pairs, starts):
-    """Sorts pairs by (a, b) into `sorted_pairs`: counting by a, then insertion within each a."""
-    starts[:] = 0
-    for p in range(count):
-        starts[pairs[p].a + 1] += 1
-        sorted_pairs[p].a = -1
-    for i in range(starts.shape[0] - 1):
-        starts[i + 1] += starts[i]
-    for p in range(count):
-        a = pairs[p].a
-        b = pairs[p].b
-        place = starts[a]
-        starts[a] = place + 1
-        while place > 0 and sorted_pairs[place - 1].a == a and sorted_pairs[place - 1].b > b:
-            sorted_pairs[place].b = sorted_pairs[place - 1].b
-            sorted_pairs[place].a = a
-            place -= 1
-        sorted_pairs[place].a = a
-        sorted_pairs[place].b = b
+def comes_before(p, q):
+    """Whether a pair stands before another: by a, then b, then part."""
+    if p.a != q.a:
+        return p.a < q.a
+    if p.b != q.b:
+        return p.b < q.b
+    return p.part < q.part
+
+
+@inner
+def sort_slots(pairs, slots, count, room):
+    """Sorts slots by their pairs: merge sort from below, in `room` as long as `slots`."""
+    width = 1
+    while width < count:
+        for start in range(0, count, 2 * width):
+            middle = min(start + width, count)
+            end = min(start + 2 * width, count)
+            left = start
+            right = middle
+            for place in range(start, end):
+                takes_left = right >= end or (
+                    left < middle and not comes_before(pairs[slots[right]], pairs[slots[left]])
+                )
+                if takes_left:
+                    room[place] = slots[left]
+                    left += 1
+                else:
+                    room[place] = slots[right]
+                    right += 1
+        for place in range(count):
+            slots[place] = room[place]
+        width *= 2
+
+
+@inner
+def clear_manifold(manifold):
+    manifold.point_count = 0
+    manifold.margin = -1.0
+    manifold.load = 0.0
+    manifold.impulse_time = 0.0
+    manifold.twist_impulse = 0.0
+    for k in range(3):
+        manifold.friction_impulse[k] = 0.0
+    for k in range(POINTS):
+        manifold.normal_impulse[k] = 0.0
+        manifold.step_impulse[k] = 0.0
+
+
+@inner
+def are_neighbours(p, q):
+    """Whether two pairs are of the same colliders, one of them a mesh."""
+    return p.a == q.a and p.b == q.b
+
+
+@inner
+def pass_on(pairs, manifolds, table, active, p, active_count, kept):
+    """Before a pair with a part of a mesh ends, a neighbour in its run takes over the contact that it keeps for them.
+
+    The two exchange their slots, and with them their manifolds.
+    """
+    slot = active[p]
+    if manifolds[slot].point_count == 0:
+        return
+    heir = -1
+    if p + 1 < active_count and are_neighbours(pairs[active[p + 1]], pairs[slot]):
+        heir = p + 1
+    elif kept > 0 and are_neighbours(pairs[active[kept - 1]], pairs[slot]):
+        heir = kept - 1
+    if heir < 0 or manifolds[active[heir]].point_count > 0:
+        return
+    other = active[heir]
+    remove_pair(pairs, table, slot)
+    remove_pair(pairs, table, other)
+    part = pairs[slot].part
+    pairs[slot].part = pairs[other].part
+    pairs[other].part = part
+    insert_pair(pairs, table, slot)
+    insert_pair(pairs, table, other)
+    active[heir] = slot
+    active[p] = other
 
 
 @kernel
-def merge_pairs(colliders, pairs, pair_count, new, new_count, sorted_new, starts, free, free_count):
-    """Drops the pairs that parted and adds the new ones in their places; returns the pair count.
+def change_pairs(
+    colliders,
+    moved,
+    moved_count,
+    geometry,
+    pairs,
+    manifolds,
+    table,
+    active,
+    active_count,
+    new,
+    new_count,
+    slots,
+    room,
+    free,
+    free_count,
+):
+    """Ends the active pairs that parted and enters the new ones; returns how many are active now.
 
-    `pairs` has room for the new ones and `free` for every slot; free[:free_count[0]] are the unused slots. A new pair's slot
-    is -1 until `give_slots`.
+    Parameters: `active`, `slots` and `room` have room for all of them, free[:free_count[0]] are the unused slots. Whatever
+    moved is awake, so all of its pairs are active.
     """
     kept = 0
-    for p in range(pair_count):
-        pair = pairs[p]
+    for p in range(active_count):
+        slot = active[p]
+        pair = pairs[slot]
         a = colliders[pair.a]
         b = colliders[pair.b]
-        if (a.moved != 0 or b.moved != 0) and not boxes_overlap(a.fat_box, b.fat_box):
-            free[free_count[0]] = pair.slot
+        if (a.moved != 0 or b.moved != 0) and not still_near(a, b, pair.part, geometry):
+            pass_on(pairs, manifolds, table, active, p, active_count, kept)
+            slot = active[p]
+            remove_pair(pairs, table, slot)
+            pairs[slot].a = -1
+            free[free_count[0]] = slot
             free_count[0] += 1
             continue
-        pairs[kept] = pair
+        active[kept] = slot
         kept += 1
-    sort_pairs(new, new_count, sorted_new, starts)
-    total = kept + new_count
+    for q in range(new_count):
+        free_count[0] -= 1
+        slot = free[free_count[0]]
+        pairs[slot] = new[q]
+        clear_manifold(manifolds[slot])
+        insert_pair(pairs, table, slot)
+        slots[q] = slot
+    sort_slots(pairs, slots, new_count, room)
     p = kept - 1
     q = new_count - 1
-    for place in range(total - 1, -1, -1):
+    for place in range(kept + new_count - 1, -1, -1):
         if q < 0:
             break
-        added = sorted_new[q]
-        if p >= 0 and (pairs[p].a > added.a or (pairs[p].a == added.a and pairs[p].b > added.b)):
-            pairs[place] = pairs[p]
+        if p >= 0 and comes_before(pairs[slots[q]], pairs[active[p]]):
+            active[place] = active[p]
             p -= 1
         else:
-            pairs[place].a = added.a
-            pairs[place].b = added.b
-            pairs[place].slot = -1
+            active[place] = slots[q]
             q -= 1
-    return total
+    for m in range(moved_count):
+        colliders[moved[m]].moved = 0
+    return kept + new_count
+
+
+@inner
+def is_active(bodies, colliders, pair):
+    """Whether a step has to look at a pair: something in it is awake and may come to push or be pushed."""
+    for side in range(2):
+        body = bodies[colliders[pair.a if side == 0 else pair.b].body]
+        if body.motion == KINEMATIC or (body.motion == DYNAMIC and body.asleep == 0):
+            return True
+    return False
 
 
 @kernel
-def give_slots(pairs, pair_count, manifolds, points, free, free_count):
-    """Gives an empty manifold to every pair that has none."""
-    for p in range(pair_count):
-        if pairs[p].slot >= 0:
-            continue
-        free_count[0] -= 1
-        slot = free[free_count[0]]
-        pairs[p].slot = slot
-        manifold = manifolds[slot]
-        manifold.point_count = 0
-        manifold.margin = -1.0
-        manifold.twist_impulse = 0.0
-        for k in range(3):
-            manifold.friction_impulse[k] = 0.0
-        for k in range(slot * POINTS, slot * POINTS + POINTS):
-            points[k].normal_impulse = 0.0
-            points[k].step_impulse = 0.0
+def list_active_pairs(bodies, colliders, pairs, active, room):
+    """Lists the slots of all pairs that a step has to look at, sorted; returns how many."""
+    count = 0
+    for slot in range(1, pairs.shape[0]):
+        if pairs[slot].a >= 0 and is_active(bodies, colliders, pairs[slot]):
+            active[count] = slot
+            count += 1
+    sort_slots(pairs, active, count, room)
+    return count

@@ -31,9 +31,12 @@ def along(va, vb, n, arm):
 
 
 @inner
-def find_bounces(a, b, row, row_points, first, constants):
-    """Writes when each point of a row hits within this substep; returns how many do."""
-    h = constants.substep
+def find_bounces(a, b, drive_a, drive_b, row, row_points, first, h, bounce_speed):
+    """Writes when each point of a row hits within this substep; returns how many do.
+
+    What was struck already counts as if it had flown with its present velocity since the substep began: from where that
+    would have been, `impact_shift` away. So a blow that is handed on comes no earlier than it was received.
+    """
     closing = row.closing
     n = row.normal
     hits = 0
@@ -42,9 +45,10 @@ def find_bounces(a, b, row, row_points, first, constants):
         point.bounce = 0.0
         point.bounce_time = -1.0
         u = -along(a.velocity, b.velocity, n, point.arm)
-        if u <= constants.bounce_speed:
+        if u <= bounce_speed:
             continue
-        gap = max(point.separation + along(a.displacement, b.displacement, n, point.arm), 0.0)
+        gap = point.separation + along(a.displacement, b.displacement, n, point.arm)
+        gap = max(gap + along(drive_a.impact_shift, drive_b.impact_shift, n, point.arm), 0.0)
         squared = u * u + 2.0 * closing * gap
         if squared < 0.0:
             continue
@@ -89,7 +93,7 @@ def compress(a, b, row, row_points, first):
 
 
 @inner
-def strike(a, b, impulse, directions, at, turns, turns_at, time):
+def strike(a, b, drive_a, drive_b, impulse, directions, at, turns, turns_at, time):
     """Changes both velocities as if an impulse had acted at a time within the substep.
 
     The impulse on b points along `directions[at]`, the change of angular velocity of a and b by a unit of it stands at
@@ -97,21 +101,22 @@ def strike(a, b, impulse, directions, at, turns, turns_at, time):
     """
     for side in range(2):
         body = a if side == 0 else b
+        drive = drive_a if side == 0 else drive_b
         push = -impulse if side == 0 else impulse
         linear = push * body.inverse_mass
         for c in range(3):
             change = linear * directions[at + c]
             body.velocity[c] += change
-            body.free_velocity[c] += change
-            body.impact_shift[c] -= time * change
+            drive.free_velocity[c] += change
+            drive.impact_shift[c] -= time * change
             change = push * turns[turns_at + 3 * side + c]
             body.velocity[3 + c] += change
-            body.free_velocity[3 + c] += change
-            body.impact_shift[3 + c] -= time * change
+            drive.free_velocity[3 + c] += change
+            drive.impact_shift[3 + c] -= time * change
 
 
 @inner
-def rub(a, b, row, most, time):
+def rub(a, b, drive_a, drive_b, row, most, time):
     """Friction during a bounce: stops sliding as far as the cone of the bounce's own normal impulse allows."""
     va = a.velocity
     vb = b.velocity
@@ -132,11 +137,11 @@ def rub(a, b, row, most, time):
         f2 *= scale
     for direction in range(2):
         impulse = f1 if direction == 0 else f2
-        strike(a, b, impulse, t, 3 * direction, row.friction_turn, 6 * direction, time)
+        strike(a, b, drive_a, drive_b, impulse, t, 3 * direction, row.friction_turn, 6 * direction, time)
 
 
 @inner
-def rebound(a, b, row, row_points, first):
+def rebound(a, b, drive_a, drive_b, row, row_points, first):
     """Applies 1 + e times the compression impulses, and the friction that goes with them."""
     load = 0.0
     moment = 0.0
@@ -148,25 +153,25 @@ def rebound(a, b, row, row_points, first):
         load += impulse
         moment += impulse * point.bounce_time
         point.step_impulse += impulse
-        strike(a, b, impulse, row.normal, 0, point.turn, 0, point.bounce_time)
+        strike(a, b, drive_a, drive_b, impulse, row.normal, 0, point.turn, 0, point.bounce_time)
     if load > 0.0 and row.friction > 0.0:
-        rub(a, b, row, row.friction * load, moment / load)
+        rub(a, b, drive_a, drive_b, row, row.friction * load, moment / load)
 
 
 @inner
-def bounce_contacts(bodies, rows, row_points, row_count, constants):
-    """All bounces of one substep, before its velocities are integrated."""
+def bounce_contacts(solver_bodies, drives, rows, row_points, first, last, h, bounce_speed):
+    """All bounces of one substep of length h in rows [first, last), before its velocities are integrated."""
     for _ in range(SWEEPS):
         quiet = True
-        for r in range(row_count):
+        for r in range(first, last):
             row = rows[r]
-            if row.restitution == 0.0:
-                continue
-            a = bodies[row.body_a]
-            b = bodies[row.body_b]
-            if find_bounces(a, b, row, row_points, r * POINTS, constants) > 0:
+            a = solver_bodies[row.body_a]
+            b = solver_bodies[row.body_b]
+            drive_a = drives[row.body_a]
+            drive_b = drives[row.body_b]
+            if find_bounces(a, b, drive_a, drive_b, row, row_points, r * POINTS, h, bounce_speed) > 0:
                 quiet = False
                 compress(a, b, row, row_points, r * POINTS)
-                rebound(a, b, row, row_points, r * POINTS)
+                rebound(a, b, drive_a, drive_b, row, row_points, r * POINTS)
         if quiet:
             return

@@ -1,157 +1,147 @@
-"""Motion between contacts, exact where exactness is cheap.
+"""Motion, exact where exactness is cheap.
 
-A substep kicks the velocities, lets contacts change them, moves the bodies with the new velocities and, at its end, takes
-half of the velocity's change back from the displacement (`take_back`). That makes a constant force exact and everything
-smooth of second order. Where a contact has only just begun to push nothing is taken back: its impulse belongs to the end
-of the substep, not to the whole of it.
+A body that nothing holds flies on a parabola and turns as Euler's equations say: one exact move for the whole step, in float64.
+
+What contacts hold moves in substeps, in float32, relative to where it was when the step began. A substep kicks the
+velocities, lets contacts change them, moves the bodies with the new velocities and, at its end, takes half of the velocity's
+change back from the displacement (`take_back`). That makes a constant force exact and everything smooth of second order. Where
+a contact has only just begun to push nothing is taken back: its impulse belongs to the end of the substep, not to the whole
+of it.
 """
 
 from __future__ import annotations
 
 from elys.sim_node.compilation import inner, kernel
+from elys.sim_node.physics.kernels.batch import BODY_FLOATS, DRIVE_FLOATS
+from elys.sim_node.physics.kernels.placement import write_world_inertia
 from elys.sim_node.physics.kernels.rotation import multiplied, normalized, rotated, spun, turn_by
-from elys.sim_node.physics.kernels.tables import DYNAMIC, STATIC
+from elys.sim_node.physics.kernels.simd import load, splat, store
+from elys.sim_node.physics.kernels.tables import DYNAMIC, JOINTED, SOLVER_DRIVE
 
-STILL = 1e-24  # squared turn [rad^2] below which an orientation is left alone
+SPINNING = 1e-6  # squared turn in a step [rad^2] above which a body's moments make a difference
 LARGEST = 1e38  # above it a number does not fit the 32 bits in which velocities are published, as if it were not finite
+
+FREE_AT = SOLVER_DRIVE.fields["free_velocity"][1] // 4
+START_AT = SOLVER_DRIVE.fields["start_velocity"][1] // 4
+KICK_AT = SOLVER_DRIVE.fields["kick"][1] // 4
+KEEP_AT = SOLVER_DRIVE.fields["keep"][1] // 4
+SHIFT_AT = SOLVER_DRIVE.fields["impact_shift"][1] // 4
 
 
 @inner
 def damping_factor(rate, h):
-    """exp(-rate h) to third order, never negative, however strong the damping."""
+    """exp(-rate h) to fifth order, never negative, however strong the damping."""
     if rate == 0.0:
         return 1.0
     x = rate * h
-    return 1.0 / (1.0 + x * (1.0 + x * (0.5 + x / 6.0)))
+    return 1.0 / (1.0 + x * (1.0 + x / 2.0 * (1.0 + x / 3.0 * (1.0 + x / 4.0 * (1.0 + x / 5.0)))))
 
 
 @inner
-def begin_step(bodies):
-    for i in range(bodies.shape[0]):
-        body = bodies[i]
-        body.struck = 0
+def begin_body(body, out, drive, h, constants):
+    """What the solver needs to know of a body, for substeps of length h."""
+    dynamic = body.motion == DYNAMIC
+    for k in range(6):
+        out.velocity[k] = body.velocity[k]
+        out.displacement[k] = 0.0
+        drive.free_velocity[k] = body.velocity[k]
+        drive.start_velocity[k] = body.velocity[k]
+        drive.impact_shift[k] = 0.0
+    out.inverse_mass = body.inverse_mass
+    out.struck = 0.0
+    drive.free_velocity[6] = body.inverse_mass
+    drive.free_velocity[7] = 0.0
+    drive.gravity_scale = body.gravity_scale if dynamic else 0.0
+    linear = damping_factor(body.linear_damping, h) if dynamic else 1.0
+    angular = damping_factor(body.angular_damping, h) if dynamic else 1.0
+    for k in range(8):
+        drive.kick[k] = 0.0
+        drive.keep[k] = linear if k < 3 else (angular if k < 6 else 1.0)
+    if dynamic:
+        for k in range(3):
+            drive.kick[k] = h * body.gravity_scale * constants.gravity[k]
+        write_world_inertia(body, drive.inverse_inertia)
+    else:
         for k in range(6):
-            body.displacement[k] = 0.0
-            body.impact_shift[k] = 0.0
-            body.free_velocity[k] = body.velocity[k]
+            drive.inverse_inertia[k] = 0.0
 
 
 @inner
-def integrate_velocities(bodies, constants):
-    """Gravity and damping for one substep.
+def integrate_positions(held, first, last, solver, drive, h, can_bounce):
+    """Moves bodies by their velocities for one substep, and by what impacts add to that."""
+    step = splat(h)
+    for index in range(first, last):
+        at = held[index] * BODY_FLOATS
+        d = load(solver, at + 8) + load(solver, at) * step
+        if can_bounce:
+            shift = held[index] * DRIVE_FLOATS + SHIFT_AT
+            d = d + load(drive, shift)
+            store(drive, shift, splat(0.0))
+        store(solver, at + 8, d)
+
+
+@inner
+def begin_nobody(out, drive):
+    """The row behind the last body stands for all that never moves; when bodies were removed it was somebody's."""
+    out.inverse_mass = 0.0
+    drive.gravity_scale = 0.0
+    for k in range(6):
+        out.velocity[k] = 0.0
+        out.displacement[k] = 0.0
+        drive.inverse_inertia[k] = 0.0
+
+
+@inner
+def take_back(held, first, last, solver_bodies, solver, drive, h):
+    """Ends a substep: halves the displacement that its change of velocity has caused."""
+    half = splat(0.5 * h)
+    for index in range(first, last):
+        i = held[index]
+        if solver_bodies[i].struck > 0.0:
+            solver_bodies[i].struck = 0.0
+            continue
+        at = i * BODY_FLOATS
+        change = load(solver, at) - load(drive, i * DRIVE_FLOATS + START_AT)
+        store(solver, at + 8, load(solver, at + 8) - half * change)
+
+
+@inner
+def integrate_velocities(held, first, last, solver, drive):
+    """Begins a substep: gravity and damping; `solver` and `drive` are flat float32 views.
 
     What the contacts did in the last substep, which is the difference to `free_velocity`, is done again: that is warm
     starting, without visiting the contacts.
     """
-    h = constants.substep
-    gravity = constants.gravity
-    for i in range(bodies.shape[0]):
-        body = bodies[i]
-        if body.motion != DYNAMIC:
-            continue
-        v = body.velocity
-        free = body.free_velocity
-        start = body.start_velocity
-        linear = damping_factor(body.linear_damping, h)
-        angular = damping_factor(body.angular_damping, h)
-        scale = body.gravity_scale * h
-        for k in range(3):
-            by_contacts = v[k] - free[k]
-            start[k] = v[k]
-            free[k] = v[k] * linear + scale * gravity[k]
-            v[k] = free[k] + by_contacts
-        for k in range(3, 6):
-            by_contacts = v[k] - free[k]
-            start[k] = v[k]
-            free[k] = v[k] * angular
-            v[k] = free[k] + by_contacts
+    for index in range(first, last):
+        at = held[index] * BODY_FLOATS
+        to = held[index] * DRIVE_FLOATS
+        v = load(solver, at)
+        by_contacts = v - load(drive, to + FREE_AT)
+        free = v * load(drive, to + KEEP_AT) + load(drive, to + KICK_AT)
+        store(drive, to + START_AT, v)
+        store(drive, to + FREE_AT, free)
+        store(solver, at, free + by_contacts)
 
 
 @inner
-def turn_body(q, vx, vy, vz):
-    """Turns an orientation by a rotation vector in world axes."""
-    dx, dy, dz, dw = turn_by(vx, vy, vz)
-    x, y, z, w = multiplied(dx, dy, dz, dw, q[0], q[1], q[2], q[3])
-    q[0], q[1], q[2], q[3] = normalized(x, y, z, w)
-
-
-@inner
-def integrate_positions(bodies, constants):
-    """Moves what moves by its velocity for one substep; a free body's spin changes as Euler's equations say."""
-    h = constants.substep
-    for i in range(bodies.shape[0]):
-        body = bodies[i]
-        if body.motion == STATIC:
-            continue
-        v = body.velocity
-        d = body.displacement
-        shift = body.impact_shift
-        for k in range(6):
-            d[k] += h * v[k] + shift[k]
-        q = body.rotation
-        if shift[3] * shift[3] + shift[4] * shift[4] + shift[5] * shift[5] > 0.0:
-            turn_body(q, shift[3], shift[4], shift[5])
-        for k in range(6):
-            shift[k] = 0.0
-        ox, oy, oz = v[3], v[4], v[5]
-        if (ox * ox + oy * oy + oz * oz) * h * h < STILL:
-            continue
-        inverse = body.inverse_inertia
-        x, y, z, w, px, py, pz = spun(q[0], q[1], q[2], q[3], ox, oy, oz, inverse[0], inverse[1], inverse[2], h)
-        q[0], q[1], q[2], q[3] = x, y, z, w
-        v[3], v[4], v[5] = px, py, pz
-        for velocity in (body.free_velocity, body.start_velocity):
-            velocity[3] += px - ox
-            velocity[4] += py - oy
-            velocity[5] += pz - oz
-
-
-@inner
-def turn_back(body, vx, vy, vz):
-    """Turns a body by a rotation vector and changes its angular velocity so that its angular momentum stays."""
-    q = body.rotation
-    inverse = body.inverse_inertia
-    v = body.velocity
-    ix, iy, iz = inverse[0], inverse[1], inverse[2]
-    if ix == iy and iy == iz:
-        turn_body(q, vx, vy, vz)
-        return
-    x, y, z = rotated(-q[0], -q[1], -q[2], q[3], v[3], v[4], v[5])
-    x, y, z = rotated(q[0], q[1], q[2], q[3], x / ix, y / iy, z / iz)
-    turn_body(q, vx, vy, vz)
-    x, y, z = rotated(-q[0], -q[1], -q[2], q[3], x, y, z)
-    x, y, z = rotated(q[0], q[1], q[2], q[3], x * ix, y * iy, z * iz)
-    free = body.free_velocity
-    free[3] += x - v[3]
-    free[4] += y - v[4]
-    free[5] += z - v[5]
-    v[3], v[4], v[5] = x, y, z
-
-
-@inner
-def take_back(bodies, constants):
-    """Halves the displacement that this substep's change of velocity has caused."""
-    half = 0.5 * constants.substep
-    for i in range(bodies.shape[0]):
-        body = bodies[i]
-        if body.motion != DYNAMIC:
-            continue
-        if body.struck != 0:
-            body.struck = 0
-            continue
-        v = body.velocity
-        start = body.start_velocity
-        d = body.displacement
-        for k in range(3):
-            d[k] -= half * (v[k] - start[k])
-        x = -half * (v[3] - start[3])
-        y = -half * (v[4] - start[4])
-        z = -half * (v[5] - start[5])
-        if x * x + y * y + z * z > STILL:
-            d[3] += x
-            d[4] += y
-            d[5] += z
-            turn_back(body, x, y, z)
+def turn_over(held, first, last, solver_bodies, solver, drive, h):
+    """Ends a substep and begins the next: `take_back` and `integrate_velocities` in one visit to each body."""
+    half = splat(0.5 * h)
+    for index in range(first, last):
+        i = held[index]
+        at = i * BODY_FLOATS
+        to = i * DRIVE_FLOATS
+        if solver_bodies[i].struck > 0.0:
+            solver_bodies[i].struck = 0.0
+            v = load(solver, at)
+        else:
+            v = load(solver, at)
+            store(solver, at + 8, load(solver, at + 8) - half * (v - load(drive, to + START_AT)))
+        by_contacts = v - load(drive, to + FREE_AT)
+        free = v * load(drive, to + KEEP_AT) + load(drive, to + KICK_AT)
+        store(drive, to + START_AT, v)
+        store(drive, to + FREE_AT, free)
+        store(solver, at, free + by_contacts)
 
 
 @inner
@@ -162,8 +152,90 @@ def is_finite(body):
     for k in range(4):
         total += abs(body.rotation[k])
     for k in range(6):
-        total += abs(body.velocity[k]) + abs(body.displacement[k])
+        total += abs(body.velocity[k])
     return total < LARGEST
+
+
+@inner
+def turn_body(body, vx, vy, vz):
+    """Turns a body by a rotation vector in world axes."""
+    q = body.rotation
+    dx, dy, dz, dw = turn_by(vx, vy, vz)
+    x, y, z, w = multiplied(dx, dy, dz, dw, q[0], q[1], q[2], q[3])
+    q[0], q[1], q[2], q[3] = normalized(x, y, z, w)
+
+
+@inner
+def principal_spin(body, x, y, z):
+    """A world vector in the body's principal axes."""
+    q = body.rotation
+    return rotated(-q[0], -q[1], -q[2], q[3], x, y, z)
+
+
+@inner
+def turn_held(body, solved, h):
+    """Turns a body that was held, by what the solver found, and gives it the angular velocity it then has.
+
+    Part of the solver's velocity turned the body; with that it has flown freely, as Euler's equations say. The rest came
+    with the last impulses: its angular momentum stays as the body turns. Jointed bodies have flown so in every substep.
+    """
+    d = solved.displacement
+    v = body.velocity
+    q = body.rotation
+    inverse = body.inverse_inertia
+    ix, iy, iz = inverse[0], inverse[1], inverse[2]
+    vx, vy, vz = float(d[3]), float(d[4]), float(d[5])
+    wx, wy, wz = float(solved.velocity[3]), float(solved.velocity[4]), float(solved.velocity[5])
+    if body.held == JOINTED or ix * iy * iz == 0.0 or (ix == iy and iy == iz):
+        turn_body(body, vx, vy, vz)
+        v[3], v[4], v[5] = wx, wy, wz
+        return
+    rate = 1.0 / h
+    ox, oy, oz = vx * rate, vy * rate, vz * rate
+    px, py, pz = principal_spin(body, wx - ox, wy - oy, wz - oz)
+    lx, ly, lz = rotated(q[0], q[1], q[2], q[3], px / ix, py / iy, pz / iz)
+    if vx * vx + vy * vy + vz * vz > SPINNING:
+        q[0], q[1], q[2], q[3], ox, oy, oz = spun(q[0], q[1], q[2], q[3], ox, oy, oz, ix, iy, iz, h)
+    else:
+        turn_body(body, vx, vy, vz)
+    px, py, pz = principal_spin(body, lx, ly, lz)
+    px, py, pz = rotated(q[0], q[1], q[2], q[3], px * ix, py * iy, pz * iz)
+    v[3], v[4], v[5] = ox + px, oy + py, oz + pz
+
+
+@inner
+def move_held(body, solved, h):
+    """Takes over what the solver found in a step of length h."""
+    for k in range(3):
+        body.velocity[k] = solved.velocity[k]
+        body.position[k] += solved.displacement[k]
+    turn_held(body, solved, h)
+
+
+@inner
+def move_free(body, constants):
+    """The whole step at once: a parabola, and a free body's turn. Damping is taken in halves, before and after."""
+    h = constants.time
+    v = body.velocity
+    q = body.rotation
+    dynamic = body.motion == DYNAMIC
+    linear = damping_factor(body.linear_damping, 0.5 * h) if dynamic else 1.0
+    angular = damping_factor(body.angular_damping, 0.5 * h) if dynamic else 1.0
+    scale = body.gravity_scale if dynamic else 0.0
+    for k in range(3):
+        change = h * scale * constants.gravity[k]
+        v[k] *= linear
+        body.position[k] += h * (v[k] + 0.5 * change)
+        v[k] = (v[k] + change) * linear
+    ox, oy, oz = v[3] * angular, v[4] * angular, v[5] * angular
+    if ox == 0.0 and oy == 0.0 and oz == 0.0:
+        v[3], v[4], v[5] = 0.0, 0.0, 0.0
+        return
+    inverse = body.inverse_inertia
+    ix, iy, iz = (inverse[0], inverse[1], inverse[2]) if dynamic else (1.0, 1.0, 1.0)
+    x, y, z, w, px, py, pz = spun(q[0], q[1], q[2], q[3], ox, oy, oz, ix, iy, iz, h)
+    q[0], q[1], q[2], q[3] = x, y, z, w
+    v[3], v[4], v[5] = px * angular, py * angular, pz * angular
 
 
 @inner
@@ -175,9 +247,13 @@ def publish_pose(body, pose):
     x, y, z, w = q[0], q[1], q[2], q[3]
     if axes[3] != 1.0:
         x, y, z, w = multiplied(x, y, z, w, -axes[0], -axes[1], -axes[2], axes[3])
-    cx, cy, cz = rotated(x, y, z, w, center[0], center[1], center[2])
     p = pose.position
-    p[0], p[1], p[2] = body.position[0] - cx, body.position[1] - cy, body.position[2] - cz
+    p[0], p[1], p[2] = body.position[0], body.position[1], body.position[2]
+    if center[0] != 0.0 or center[1] != 0.0 or center[2] != 0.0:
+        cx, cy, cz = rotated(x, y, z, w, center[0], center[1], center[2])
+        p[0] -= cx
+        p[1] -= cy
+        p[2] -= cz
     r = pose.rotation
     r[0], r[1], r[2], r[3] = x, y, z, w
     for k in range(3):
@@ -186,25 +262,30 @@ def publish_pose(body, pose):
 
 
 @kernel
-def finish_step(bodies, poses, faulty):
-    """Adds the displacements to the positions and publishes the poses; returns how many bodies are not finite any more.
+def finish_step(bodies, awake, awake_count, poses, starts, solver_bodies, faulty, all_constants):
+    """Moves every awake body to where it is after the step and publishes the poses.
 
-    Those are listed in `faulty` (N,) and keep their last published pose.
+    Returns how many are not finite any more.
+
+    Those are listed in `faulty` (N,) and keep their last published pose. `starts` (N,) gets where each was before.
     """
+    constants = all_constants[0]
     faults = 0
-    for i in range(bodies.shape[0]):
+    for index in range(awake_count):
+        i = awake[index]
         body = bodies[i]
-        if body.motion == STATIC:
-            # What is not finite times no inverse mass is not 0: one bad body must not spoil all that touch the ground.
-            for k in range(6):
-                body.velocity[k] = 0.0
-            continue
+        for k in range(3):
+            starts[i].position[k] = body.position[k]
+        for k in range(4):
+            starts[i].rotation[k] = body.rotation[k]
+        if body.held != 0 and body.motion == DYNAMIC:
+            move_held(body, solver_bodies[i], constants.time)
+        else:
+            move_free(body, constants)
         if not is_finite(body):
             faulty[faults] = i
             faults += 1
             continue
-        for k in range(3):
-            body.position[k] += body.displacement[k]
         publish_pose(body, poses[i])
     return faults
 

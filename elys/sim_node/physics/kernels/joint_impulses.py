@@ -8,9 +8,9 @@ from elys.sim_node.physics.kernels.tables import AXIS, SWING
 
 @inner
 def load_motion(bodies, joint):
-    """Copies velocities and displacements of both bodies into the joint; the world rests."""
+    """Copies velocities and displacements of both bodies into the joint; what never moves rests."""
     for side in range(2):
-        row = joint.body[side]
+        row = joint.mover[side]
         at = 6 * side
         if row < 0:
             for c in range(6):
@@ -26,7 +26,7 @@ def load_motion(bodies, joint):
 @inner
 def load_velocity(bodies, joint):
     for side in range(2):
-        row = joint.body[side]
+        row = joint.mover[side]
         if row >= 0:
             for c in range(6):
                 joint.velocity[6 * side + c] = bodies[row].velocity[c]
@@ -35,7 +35,7 @@ def load_velocity(bodies, joint):
 @inner
 def store_velocity(bodies, joint):
     for side in range(2):
-        row = joint.body[side]
+        row = joint.mover[side]
         if row >= 0 and joint.inverse_mass[side] > 0.0:
             for c in range(6):
                 bodies[row].velocity[c] = joint.velocity[6 * side + c]

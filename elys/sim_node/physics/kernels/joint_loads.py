@@ -73,24 +73,27 @@ def stiffen(inertia, at, load):
 
 
 @inner
-def spread_loads(joints, joint_count, loads, h):
+def spread_loads(joints, order, first, last, loads, h):
     """Makes bodies heavier that carried too much in the last substep; `loads` (N, 6) is room to sum over bodies.
 
     All joints of a body see the same, or the matrix of their responses would not be symmetric.
     """
-    for j in range(joint_count):
+    for place in range(first, last):
+        j = order[place]
         for side in range(2):
             row = joints[j].body[side]
             if row >= 0:
                 for c in range(6):
                     loads[row, c] = 0.0
-    for j in range(joint_count):
+    for place in range(first, last):
+        j = order[place]
         joint = joints[j]
         for side in range(2):
             row = joint.body[side]
             if joint.live != 0 and joint.kind != GEAR and row >= 0:
                 add_load(loads[row], joint.applied, joint.arm, 3 * side, h)
-    for j in range(joint_count):
+    for place in range(first, last):
+        j = order[place]
         joint = joints[j]
         for side in range(2):
             row = joint.body[side]

@@ -97,11 +97,11 @@ def solve_drive(joint, rows, first, h):
 
 
 @inner
-def solve_direct(bodies, joints, rows, columns, blocks, h, biased, settled):
-    """The locked rows of all joints that are solved together; returns the largest rate that was left."""
+def solve_direct(bodies, joints, rows, columns, order, first, last, blocks, h, biased, settled):
+    """The locked rows of joints that are solved together, in columns order[first:last]; returns the largest rate left."""
     most = 0.0
-    for c in range(columns.shape[0]):
-        j = columns[c].joint
+    for place in range(first, last):
+        j = columns[order[place]].joint
         joint = joints[j]
         load_velocity(bodies, joint)
         locked_rates(joint, rows, JOINT_ROWS * j, h, biased)
@@ -110,9 +110,9 @@ def solve_direct(bodies, joints, rows, columns, blocks, h, biased, settled):
             most = max(most, abs(joint.work[k]))
     if most <= settled:
         return most
-    substitute(joints, columns, blocks)
-    for c in range(columns.shape[0]):
-        j = columns[c].joint
+    substitute(joints, columns, order, first, last, blocks)
+    for place in range(first, last):
+        j = columns[order[place]].joint
         load_velocity(bodies, joints[j])
         push_work(joints[j], rows, JOINT_ROWS * j)
         store_velocity(bodies, joints[j])

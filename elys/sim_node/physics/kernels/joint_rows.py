@@ -51,15 +51,15 @@ def place_frames(joint, time):
     old = joint.start_frame
     framed = joint.kind not in (BALL, DISTANCE)
     for side in range(2):
-        if joint.body[side] < 0:  # the world stays where it was prepared
+        if joint.mover[side] < 0:  # it stays where it was prepared
             continue
         r = 3 * side
         q = 4 * side
         s = 6 * side + 3
-        x = shift[s] + time * velocity[s]
-        y = shift[s + 1] + time * velocity[s + 1]
-        z = shift[s + 2] + time * velocity[s + 2]
-        dx, dy, dz, dw = turn_by(x, y, z)
+        dx, dy, dz, dw = turn_by(shift[s], shift[s + 1], shift[s + 2])
+        if time > 0.0:
+            x, y, z, w = turn_by(time * velocity[s], time * velocity[s + 1], time * velocity[s + 2])
+            dx, dy, dz, dw = multiplied(x, y, z, w, dx, dy, dz, dw)
         turn[q], turn[q + 1], turn[q + 2], turn[q + 3] = dx, dy, dz, dw
         arm[r], arm[r + 1], arm[r + 2] = rotated(dx, dy, dz, dw, start[r], start[r + 1], start[r + 2])
         if framed:

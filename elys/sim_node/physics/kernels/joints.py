@@ -37,14 +37,8 @@ SETTLED = 1e-6  # rates below it are not worth another sweep, at rest [m/s], [ra
 
 
 @inner
-def is_active(joint):
-    """Whether a joint has rows of its own, which a gear has not."""
-    return joint.live != 0 and joint.kind != GEAR
-
-
-@inner
 def begin_substep(bodies, joint, rows, first):
-    """Where everything stands as the substep begins."""
+    """Where everything stands as the substep begins; `bodies` are rows of SOLVER_BODY."""
     load_motion(bodies, joint)
     place_frames(joint, 0.0)
     measure(joint, rows, first)
@@ -74,7 +68,7 @@ def begin_rows(joint, rows, first, h):
 def solve_joint(bodies, joints, rows, j, h, biased):
     """One joint once; returns the largest rate that was left before."""
     joint = joints[j]
-    if joint.live == 0 or (joint.direct != 0 and joint.free == 0):
+    if joint.direct != 0 and joint.free == 0:
         return 0.0
     if joint.kind == GEAR:
         return solve_gear(bodies, joints, rows, joint, h, biased)
@@ -113,104 +107,130 @@ def end_substep(bodies, joint, rows, first):
 
 
 @inner
-def sweep_count(joints, joint_count):
+def sweep_count(joints, order, first, last):
     """How often joints are gone over at most: once where all of them are solved together."""
-    count = 1
-    for j in range(joint_count):
-        if joints[j].live != 0 and (joints[j].direct == 0 or joints[j].free > 0):
-            count = SWEEPS
-    return count
+    for place in range(first, last):
+        joint = joints[order[place]]
+        if joint.direct == 0 or joint.free > 0:
+            return SWEEPS
+    return 1
 
 
 @inner
-def fastest(joints, joint_count):
+def fastest(joints, order, first, last):
     """The largest velocity among jointed bodies, of which single precision keeps a ten-millionth."""
     most = 0.0
-    for j in range(joint_count):
+    for place in range(first, last):
+        velocity = joints[order[place]].velocity
         for c in range(12):
-            most = max(most, abs(joints[j].velocity[c]))
+            most = max(most, abs(velocity[c]))
     return most
 
 
 @inner
-def begin_joints(bodies, joints, rows, joint_count, columns, blocks, updates, loads, h):
-    """Rows and masses for a substep, and the impulses of the last one along the new rows."""
-    for j in range(joint_count):
-        if is_active(joints[j]):
-            begin_substep(bodies, joints[j], rows, JOINT_ROWS * j)
-    spread_loads(joints, joint_count, loads, h)
-    for j in range(joint_count):
-        if is_active(joints[j]):
-            begin_rows(joints[j], rows, JOINT_ROWS * j, h)
-    for j in range(joint_count):
-        if is_active(joints[j]):
-            load_velocity(bodies, joints[j])
-            push_all(joints[j], rows, JOINT_ROWS * j)
-            store_velocity(bodies, joints[j])
-    factor_joints(joints, rows, columns, blocks, updates)
+def has_joints(system, g):
+    """Whether there are joints of a strength; `system` is a Joints or None."""
+    if system is None:
+        return False
+    return system.groups[g].last > system.groups[g].first
 
 
 @inner
-def solve_joints(bodies, joints, rows, joint_count, columns, blocks, updates, loads, constants, biased):
-    """All joints, until they agree: forwards and backwards, so that a chain is no better from one end.
+def begin_joints(system, g, bodies, h):
+    """Rows and masses for a substep, and the impulses of the last one along the new rows."""
+    joints, rows, order = system.rows, system.solver_rows, system.order
+    group = system.groups[g]
+    first, last = group.first, group.last
+    for place in range(first, last):
+        j = order[place]
+        if joints[j].kind != GEAR:
+            begin_substep(bodies, joints[j], rows, JOINT_ROWS * j)
+    spread_loads(joints, order, first, last, system.loads, h)
+    for place in range(first, last):
+        j = order[place]
+        if joints[j].kind != GEAR:
+            begin_rows(joints[j], rows, JOINT_ROWS * j, h)
+    warm_start_joints(system, g, bodies)
+    columns = (system.columns, system.column_order, group.first_column, group.last_column)
+    factor_joints(joints, rows, *columns, system.blocks, system.updates)
+
+
+@inner
+def begin_relaxation(joints, rows, order, first, last, bodies):
+    """Limits need to know what is left."""
+    for place in range(first, last):
+        j = order[place]
+        if joints[j].kind != GEAR and joints[j].free > 0:
+            load_motion(bodies, joints[j])
+            place_frames(joints[j], 0.0)
+            measure(joints[j], rows, JOINT_ROWS * j)
+
+
+@inner
+def solve_joints(system, g, bodies, h, biased):
+    """All joints of a strength, until they agree: forwards and backwards, so that a chain is no better from one end.
 
     With `biased` errors of position are taken out, which the pass after the bodies have moved takes out of the velocities
-    again. The bodies must begin a substep with the impulses of the last one, as `integrate_velocities` lets them.
+    again. The bodies, rows of SOLVER_BODY, must begin a substep with the impulses of the last one, as
+    `integrate_velocities` lets them.
     """
-    h = constants.substep
+    joints, rows, order = system.rows, system.solver_rows, system.order
+    group = system.groups[g]
+    first, last = group.first, group.last
+    if first == last:
+        return
     if biased:
-        begin_joints(bodies, joints, rows, joint_count, columns, blocks, updates, loads, h)
+        begin_joints(system, g, bodies, h)
     else:
-        for j in range(joint_count):
-            if is_active(joints[j]) and joints[j].free > 0:  # limits need to know what is left
-                load_motion(bodies, joints[j])
-                place_frames(joints[j], 0.0)
-                measure(joints[j], rows, JOINT_ROWS * j)
-    settled = SETTLED * (1.0 + 0.5 * fastest(joints, joint_count))
-    for sweep in range(sweep_count(joints, joint_count)):
+        begin_relaxation(joints, rows, order, first, last, bodies)
+    columns = (system.columns, system.column_order, group.first_column, group.last_column)
+    settled = SETTLED * (1.0 + 0.5 * fastest(joints, order, first, last))
+    for sweep in range(sweep_count(joints, order, first, last)):
         most = 0.0
-        for place in range(joint_count):
-            j = place if sweep % 2 == 0 else joint_count - 1 - place
+        for place in range(first, last):
+            j = order[place] if sweep % 2 == 0 else order[first + last - 1 - place]
             most = max(most, solve_joint(bodies, joints, rows, j, h, biased))
         # Last, so that what is locked is exact and what limits or drives it gives way.
-        most = max(most, solve_direct(bodies, joints, rows, columns, blocks, h, biased, settled))
+        most = max(most, solve_direct(bodies, joints, rows, *columns, system.blocks, h, biased, settled))
         if most <= settled:
             break
     if not biased:
-        for j in range(joint_count):
-            if is_active(joints[j]):
+        for place in range(first, last):
+            j = order[place]
+            if joints[j].kind != GEAR:
                 end_substep(bodies, joints[j], rows, JOINT_ROWS * j)
 
 
 @inner
-def warm_start_joints(bodies, joints, joint_rows, joint_count):
-    """Begins the step with the impulses of the last one."""
-    for j in range(joint_count):
-        joint = joints[j]
-        if is_active(joint):
+def warm_start_joints(system, g, bodies):
+    """Applies the impulses of the last substep along the rows as they stand."""
+    for place in range(system.groups[g].first, system.groups[g].last):
+        j = system.order[place]
+        joint = system.rows[j]
+        if joint.kind != GEAR:
             load_velocity(bodies, joint)
-            push_all(joint, joint_rows, JOINT_ROWS * j)
+            push_all(joint, system.solver_rows, JOINT_ROWS * j)
             store_velocity(bodies, joint)
 
 
 @kernel
-def finish_joints(bodies, joints, joint_rows, joint_count, all_constants, broken):
+def finish_joints(system, bodies, all_constants, broken):
     """Forces and coordinates as the step ends; joints whose force was too large break.
 
-    Returns how many did; their rows are listed in `broken` (J,).
+    Returns how many did; their rows are listed in `broken` (J,). `bodies` are rows of SOLVER_BODY.
     """
-    constants = all_constants[0]
-    rate = 1.0 / (constants.substep * constants.substeps)
+    rate = 1.0 / all_constants[0].time
     count = 0
-    for j in range(joint_count):
-        joint = joints[j]
-        if not is_active(joint):
+    for j in range(system.rows.shape[0]):
+        joint = system.rows[j]
+        if joint.live == 0 or joint.kind == GEAR:
             continue
+        rows = system.solver_rows
         load_motion(bodies, joint)
         place_frames(joint, 0.0)
-        measure(joint, joint_rows, JOINT_ROWS * j)
-        write_free(joint, joint_rows, JOINT_ROWS * j)
-        joint.speed = row_rate(joint, joint_rows[JOINT_ROWS * j + AXIS]) if has_coordinate(joint.kind) else 0.0
+        measure(joint, rows, JOINT_ROWS * j)
+        write_free(joint, rows, JOINT_ROWS * j)
+        joint.speed = row_rate(joint, rows[JOINT_ROWS * j + AXIS]) if has_coordinate(joint.kind) else 0.0
         p = joint.step_impulse
         joint.force = rate * math.sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2])
         joint.torque = rate * math.sqrt(p[3] * p[3] + p[4] * p[4] + p[5] * p[5])

@@ -6,10 +6,16 @@ import math
 
 from elys.sim_node.compilation import inner, kernel
 from elys.sim_node.physics.kernels.box_box import box_box
-from elys.sim_node.physics.kernels.manifold import can_recycle, write_manifold
-from elys.sim_node.physics.kernels.placement import turning_travel
+from elys.sim_node.physics.kernels.capsule import capsule_capsule, sphere_capsule
+from elys.sim_node.physics.kernels.convex import convex_convex, plane_convex, triangle_convex
+from elys.sim_node.physics.kernels.manifold import follow_motion, forget_contact, write_manifold
+from elys.sim_node.physics.kernels.midphase import has_parts
+from elys.sim_node.physics.kernels.parts import choose_hosts, gather, hosted_by, run_end, take_cluster
+from elys.sim_node.physics.kernels.sleeping import AWAKE, WAKING, disturbs
 from elys.sim_node.physics.kernels.sphere import box_sphere, sphere_sphere
-from elys.sim_node.physics.kernels.tables import BOX, POINTS
+from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CYLINDER, DYNAMIC, MESH, PLANE, SPHERE
+
+HARDLY = 1e-3  # turn after which the contact of something round is looked for anew [rad]
 
 
 @inner
@@ -17,45 +23,232 @@ def pair_margin(first, second, a, b, constants):
     """Gap up to which the colliders a and b of two bodies may touch within this step.
 
     What approaches fast is looked for from farther away, so that it is stopped at the surface and not inside; but never
-    from farther than the smaller shape is large: that would make it hit things that it passes by.
+    from farther than the smaller shape is large: that would make it hit things that it passes by. Second comes whether one
+    may even be through the other by then.
     """
     squared = 0.0
     for k in range(3):
         relative = second.velocity[k] - first.velocity[k]
         squared += relative * relative
-    h = constants.substep * constants.substeps
-    way = h * math.sqrt(squared) + turning_travel(first, a, h) + turning_travel(second, b, h)
-    return constants.margin + min(way, a.reach, b.reach)
+    way = constants.time * math.sqrt(squared) + a.turning + b.turning
+    return constants.margin + min(way, a.reach, b.reach), way > thinness(a) + thinness(b)
+
+
+@inner
+def thinness(collider):
+    """How far something may move past the surface of a collider before its middle lies behind it [m]."""
+    if collider.kind >= MESH:
+        return 0.0
+    half = collider.half_extents
+    return min(half[0], half[1], half[2])
+
+
+@inner
+def boxes_apart(a, b, margin):
+    """Whether the smallest boxes of two colliders are farther apart than the margin: most pairs are, and need no more."""
+    for k in range(3):
+        if a[k] - margin > b[3 + k] or b[k] - margin > a[3 + k]:
+            return True
+    return False
+
+
+@inner
+def move_points(found, count, origin, flipped):
+    """Brings points that are relative to an origin into world space, and turns the normal round where asked."""
+    point = found.point
+    for k in range(count):
+        point[3 * k] += origin[0]
+        point[3 * k + 1] += origin[1]
+        point[3 * k + 2] += origin[2]
+    if flipped:
+        turn_round(found.normal)
+    return count
+
+
+@inner
+def turn_round(vector):
+    vector[0], vector[1], vector[2] = -vector[0], -vector[1], -vector[2]
+
+
+@inner
+def set_hint(found, manifold):
+    """Offers the manifold's normal, if it has contact, as the direction to look in."""
+    hint = found.hint
+    scale = 0.0
+    if manifold.point_count > 0:
+        n = manifold.normal
+        scale = 1.0 / math.sqrt(float(n[0]) * n[0] + float(n[1]) * n[1] + float(n[2]) * n[2])
+    for k in range(3):
+        hint[k] = scale * manifold.normal[k]
+
+
+@inner
+def collide(colliders, a, b, part, margin, found, geometry):
+    """Contact points of colliders a and b no farther apart than the margin; returns how many.
+
+    `found` gets the normal from a to b and up to four points, in the middle between the surfaces, with their separations
+    and features. `part` is the triangle where one of the two is a mesh or a height field.
+    """
+    first = colliders[a]
+    second = colliders[b]
+    if first.kind == BOX and second.kind == BOX:
+        return box_box(colliders, a, b, margin, found)
+    # By kind, so that half the pairs need no function.
+    flipped = first.kind > second.kind
+    if flipped:
+        first = colliders[b]
+        second = colliders[a]
+    kind = second.kind
+    if kind == SPHERE:
+        count = (
+            box_sphere(first, second, margin, found)
+            if first.kind == BOX
+            else sphere_sphere(first, second, margin, found)
+        )
+    elif kind == CAPSULE and first.kind == SPHERE:
+        count = sphere_capsule(first, second, margin, found)
+    elif kind == CAPSULE and first.kind == CAPSULE:
+        count = capsule_capsule(first, second, margin, found)
+    elif kind == PLANE:
+        count = plane_convex(second, first, margin, found, geometry)
+        return move_points(found, count, first.center, not flipped)
+    elif has_parts(second):
+        count = triangle_convex(second, part, first, margin, found, geometry)
+        return move_points(found, count, first.center, not flipped)
+    else:
+        if flipped:
+            turn_round(found.hint)
+        count = convex_convex(first, second, margin, found, geometry)
+        return move_points(found, count, first.center, flipped)
+    if flipped:
+        turn_round(found.normal)
+    return count
+
+
+@inner
+def must_refresh(first, second, a, b, manifold, margin, constants):
+    """Whether a manifold does not describe any more how two bodies meet. Writes how they have moved since it was made.
+
+    The point of contact of what is round wanders as it turns, so that hardly any turn is too much; balls are met so
+    quickly that theirs is always made anew.
+    """
+    if a.kind == SPHERE or b.kind == SPHERE or not follow_motion(first, second, manifold, margin, constants):
+        return True
+    turned = 0.0
+    if is_round(a):
+        turned = turned_by(manifold.turn_a)
+    if is_round(b):
+        turned = max(turned, turned_by(manifold.turn_b))
+    return turned > HARDLY * HARDLY
+
+
+@inner
+def is_round(collider):
+    return collider.kind == CAPSULE or collider.kind == CYLINDER
+
+
+@inner
+def turned_by(turn):
+    return turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2]
+
+
+@inner
+def update_parts(first, second, colliders, pairs, active, begin, end, manifolds, found, geometry, margin, constants):
+    """Brings the manifolds of a collider with the parts of a mesh up to date; whether any has got or lost points."""
+    row_a = pairs[active[begin]].a
+    row_b = pairs[active[begin]].b
+    a = colliders[row_a]
+    b = colliders[row_b]
+    is_stale = False
+    for q in range(begin, end):
+        is_stale = must_refresh(first, second, a, b, manifolds[active[q]], margin, constants) or is_stale
+    if not is_stale:
+        return False
+    clusters = geometry.clusters
+    cluster_count = 0
+    for q in range(begin, end):
+        count = collide(colliders, row_a, row_b, pairs[active[q]].part, margin, found, geometry)
+        if count > 0:
+            cluster_count = gather(clusters, cluster_count, found, count, q, margin)
+    choose_hosts(clusters, cluster_count, active, begin, end, manifolds)
+    is_changed = False
+    for q in range(begin, end):
+        manifold = manifolds[active[q]]
+        before = manifold.point_count
+        at = hosted_by(clusters, cluster_count, q)
+        count = take_cluster(clusters[at], found) if at >= 0 else 0
+        write_manifold(first, second, a, b, manifold, found, count, margin, constants)
+        is_changed = is_changed or count != before
+    return is_changed
+
+
+@inner
+def is_held(body):
+    """Whether contacts have an effect on a body now."""
+    return body.motion == DYNAMIC and body.asleep == AWAKE
+
+
+@inner
+def wake_touched(first, second):
+    """Marks the one of two touching bodies that the other wakes; whether there is one."""
+    if disturbs(first, second):
+        second.asleep = WAKING
+        return True
+    if disturbs(second, first):
+        first.asleep = WAKING
+        return True
+    return False
 
 
 @kernel
-def update_manifolds(bodies, colliders, pairs, pair_count, manifolds, points, all_found, all_constants, touching):
-    """Brings the manifold of every pair up to date; returns how many have contact, their pairs listed in `touching`."""
+def update_manifolds(
+    bodies, colliders, pairs, active, active_count, manifolds, all_found, geometry, all_constants, touching, fast
+):
+    """Brings the manifold of every active pair up to date; returns how many have contact, their slots listed in `touching`.
+
+    Second comes whether any manifold has got or lost points, third how many pairs are so fast that they may miss each other
+    within the step: those are listed in `fast`. Last comes whether anything asleep was touched and marked to be woken.
+    """
     constants = all_constants[0]
     found = all_found[0]
     touching_count = 0
-    for p in range(pair_count):
-        pair = pairs[p]
+    is_changed = False
+    parts_end = 0
+    fast_count = 0
+    is_woken = False
+    for p in range(active_count):
+        slot = active[p]
+        pair = pairs[slot]
         a = colliders[pair.a]
         b = colliders[pair.b]
         first = bodies[a.body]
         second = bodies[b.body]
-        manifold = manifolds[pair.slot]
-        margin = pair_margin(first, second, a, b, constants)
-        boxes = a.kind == BOX and b.kind == BOX
-        if not (boxes and can_recycle(first, second, manifold, margin, constants)):
-            flipped = False
-            if boxes:
-                count = box_box(colliders, pair.a, pair.b, margin, found)
-            elif a.kind == BOX:
-                count = box_sphere(a, b, margin, found)
-            elif b.kind == BOX:
-                count = box_sphere(b, a, margin, found)
-                flipped = True
-            else:
-                count = sphere_sphere(a, b, margin, found)
-            write_manifold(first, second, manifold, points, pair.slot * POINTS, found, count, margin, flipped)
+        manifold = manifolds[slot]
+        margin, is_fast = pair_margin(first, second, a, b, constants)
+        if is_fast:
+            fast[fast_count] = slot
+            fast_count += 1
+        if has_parts(a) or has_parts(b):
+            if p >= parts_end:
+                parts_end = run_end(pairs, active, p, active_count)
+                part_changed = update_parts(
+                    first, second, colliders, pairs, active, p, parts_end, manifolds, found, geometry, margin, constants
+                )
+                is_changed = is_changed or part_changed
+        elif boxes_apart(a.box, b.box, margin):
+            if manifold.point_count > 0:
+                is_changed = True
+                forget_contact(manifold)
+            manifold.margin = -1.0
+        elif must_refresh(first, second, a, b, manifold, margin, constants):
+            before = manifold.point_count
+            set_hint(found, manifold)
+            count = collide(colliders, pair.a, pair.b, pair.part, margin, found, geometry)
+            write_manifold(first, second, a, b, manifold, found, count, margin, constants)
+            is_changed = is_changed or count != before
         if manifold.point_count > 0:
-            touching[touching_count] = p
-            touching_count += 1
-    return touching_count
+            is_woken = wake_touched(first, second) or is_woken
+            if is_held(first) or is_held(second):
+                touching[touching_count] = slot
+                touching_count += 1
+    return touching_count, is_changed, fast_count, is_woken

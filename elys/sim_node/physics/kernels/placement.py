@@ -6,7 +6,7 @@ import math
 
 from elys.sim_node.compilation import inner, kernel
 from elys.sim_node.physics.kernels.rotation import multiplied, rotated
-from elys.sim_node.physics.kernels.tables import DYNAMIC, SPHERE, STATIC
+from elys.sim_node.physics.kernels.tables import CAPSULE, CYLINDER, PLANE, SPHERE, STATIC
 
 
 @inner
@@ -23,60 +23,64 @@ def write_axes(axes, x, y, z, w):
     axes[8] = 1.0 - 2.0 * (x * x + y * y)
 
 
-@kernel
-def place_inertia(bodies, axes):
-    """Writes the world inverse inertia of every dynamic body: R diag(1/I) R^T. `axes` (9,) is room to work in."""
-    for i in range(bodies.shape[0]):
-        body = bodies[i]
-        if body.motion != DYNAMIC:
-            continue
-        q = body.rotation
-        write_axes(axes, q[0], q[1], q[2], q[3])
-        inverse = body.inverse_inertia
-        out = body.world_inverse_inertia
-        for k in range(6):
-            out[k] = 0.0
-        for k in range(3):
-            u = inverse[k]
-            x = axes[3 * k]
-            y = axes[3 * k + 1]
-            z = axes[3 * k + 2]
-            out[0] += u * x * x
-            out[1] += u * y * y
-            out[2] += u * z * z
-            out[3] += u * x * y
-            out[4] += u * x * z
-            out[5] += u * y * z
+LASTING = 4.0  # steps of straight flight that a fat box holds
 
 
-@kernel
-def place_colliders(bodies, colliders):
-    """Writes centre, axes and tight box of every collider from its body's pose."""
-    for c in range(colliders.shape[0]):
-        collider = colliders[c]
-        body = bodies[collider.body]
-        q = body.rotation
-        x, y, z, w = q[0], q[1], q[2], q[3]
-        local = collider.local_position
-        px, py, pz = rotated(x, y, z, w, local[0], local[1], local[2])
-        px += body.position[0]
-        py += body.position[1]
-        pz += body.position[2]
-        center = collider.center
-        center[0], center[1], center[2] = px, py, pz
-        half = collider.half_extents
-        box = collider.box
-        if collider.kind == SPHERE:
-            for k in range(3):
-                box[k] = center[k] - half[k]
-                box[3 + k] = center[k] + half[k]
-            continue
+@inner
+def write_world_inertia(body, out):
+    """The inverse inertia in world axes, R diag(1/I) R^T, as xx yy zz xy xz yz."""
+    q = body.rotation
+    x, y, z, w = q[0], q[1], q[2], q[3]
+    a, b, c = body.inverse_inertia[0], body.inverse_inertia[1], body.inverse_inertia[2]
+    r0, r1, r2 = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)
+    r3, r4, r5 = 2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x)
+    r6, r7, r8 = 2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)
+    out[0] = a * r0 * r0 + b * r3 * r3 + c * r6 * r6
+    out[1] = a * r1 * r1 + b * r4 * r4 + c * r7 * r7
+    out[2] = a * r2 * r2 + b * r5 * r5 + c * r8 * r8
+    out[3] = a * r0 * r1 + b * r3 * r4 + c * r6 * r7
+    out[4] = a * r0 * r2 + b * r3 * r5 + c * r6 * r8
+    out[5] = a * r1 * r2 + b * r4 * r5 + c * r7 * r8
+
+
+@inner
+def axis_reach(collider, k):
+    """How far a shape reaches along a world axis, from its centre."""
+    axes = collider.axes
+    half = collider.half_extents
+    if collider.kind == CAPSULE:
+        return abs(axes[3 + k]) * half[1] + half[0]
+    if collider.kind == CYLINDER:
+        return abs(axes[3 + k]) * half[1] + math.sqrt(max(1.0 - axes[3 + k] * axes[3 + k], 0.0)) * half[0]
+    return abs(axes[k]) * half[0] + abs(axes[3 + k]) * half[1] + abs(axes[6 + k]) * half[2]
+
+
+@inner
+def place_collider(body, collider):
+    """Writes centre and axes of a collider from its body's pose."""
+    q = body.rotation
+    x, y, z, w = q[0], q[1], q[2], q[3]
+    local = collider.local_position
+    px, py, pz = rotated(x, y, z, w, local[0], local[1], local[2])
+    center = collider.center
+    center[0], center[1], center[2] = px + body.position[0], py + body.position[1], pz + body.position[2]
+    if collider.kind != SPHERE:
         turn = collider.local_rotation
         x, y, z, w = multiplied(x, y, z, w, turn[0], turn[1], turn[2], turn[3])
-        axes = collider.axes
-        write_axes(axes, x, y, z, w)
+        write_axes(collider.axes, x, y, z, w)
+
+
+@kernel
+def place_colliders(bodies, colliders, listed, count):
+    """Writes centre, axes and tight box of the first `count` listed colliders from their bodies' poses."""
+    for index in range(count):
+        collider = colliders[listed[index]]
+        place_collider(bodies[collider.body], collider)
+        center = collider.center
+        box = collider.box
         for k in range(3):
-            reach = abs(axes[k]) * half[0] + abs(axes[3 + k]) * half[1] + abs(axes[6 + k]) * half[2]
+            is_same_all_around = collider.kind == SPHERE or collider.kind == PLANE
+            reach = collider.half_extents[k] if is_same_all_around else axis_reach(collider, k)
             box[k] = center[k] - reach
             box[3 + k] = center[k] + reach
 
@@ -85,47 +89,50 @@ def place_colliders(bodies, colliders):
 def turning_travel(body, collider, h):
     """How far the farthest point of a collider can go by its body's turning within the time h [m]."""
     v = body.velocity
-    spin = math.sqrt(v[3] * v[3] + v[4] * v[4] + v[5] * v[5])
+    squared_spin = v[3] * v[3] + v[4] * v[4] + v[5] * v[5]
+    if squared_spin == 0.0:
+        return 0.0
     squared = 0.0
     for k in range(3):
         away = collider.center[k] - body.position[k]
         squared += away * away
-    return min(spin * h, 2.0) * (math.sqrt(squared) + collider.reach)
-
-
-@inner
-def surface_travel(body, collider, h):
-    """How far the farthest point of a collider can go within the time h, by moving and by turning [m]."""
-    v = body.velocity
-    speed = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-    return speed * h + turning_travel(body, collider, h)
+    return min(math.sqrt(squared_spin) * h, 2.0) * (math.sqrt(squared) + collider.reach)
 
 
 @kernel
-def fatten_boxes(bodies, colliders, all_constants):
-    """Gives a new fat box to every collider that may leave its old one in this step; returns how many.
+def fatten_boxes(bodies, colliders, listed, count, moved, all_constants):
+    """Gives a new fat box to every listed collider that may leave its old one in this step.
+
+    Writes those into `moved` and marks them; returns how many they are.
 
     Together two boxes hold the gap that `pair_margin` looks across, all around and not only ahead: what is found must not
-    depend on how the world is turned. What is added beyond that lets a box last: a little, and two more steps ahead.
+    depend on how the world is turned. What is added beyond that lets a box last: a little, and some more steps ahead.
     """
     constants = all_constants[0]
-    h = constants.substep * constants.substeps
-    moved = 0
-    for c in range(colliders.shape[0]):
-        collider = colliders[c]
+    h = constants.time
+    moved_count = 0
+    for index in range(count):
+        collider = colliders[listed[index]]
         body = bodies[collider.body]
         around = constants.margin
         ahead = 0.0
+        collider.turning = 0.0
         if body.motion != STATIC:
-            around += min(surface_travel(body, collider, h), collider.reach)
-            ahead = 2.0 * h
+            v = body.velocity
+            collider.turning = turning_travel(body, collider, h)
+            way = h * math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) + collider.turning
+            around += min(way, collider.reach)
+            ahead = LASTING * h
         box = collider.box
         fat = collider.fat_box
-        inside = True
+        fits = True
         for k in range(3):
-            inside = inside and box[k] - around >= fat[k] and box[3 + k] + around <= fat[3 + k]
-        if inside:
-            collider.moved = 0
+            low = box[k] - around - fat[k]
+            high = fat[3 + k] - box[3 + k] - around
+            # One that was made for a faster body is given up too: it would keep pairs that never meet.
+            most = around + 3.0 * constants.fattening + 2.0 * abs(body.velocity[k]) * ahead
+            fits = fits and 0.0 <= low <= most and 0.0 <= high <= most
+        if fits:
             continue
         around += constants.fattening
         for k in range(3):
@@ -133,5 +140,6 @@ def fatten_boxes(bodies, colliders, all_constants):
             fat[k] = box[k] - around + min(way, 0.0)
             fat[3 + k] = box[3 + k] + around + max(way, 0.0)
         collider.moved = 1
-        moved += 1
-    return moved
+        moved[moved_count] = listed[index]
+        moved_count += 1
+    return moved_count

@@ -1,13 +1,54 @@
-"""From manifolds to the solver's rows: levers, effective masses and the impulses to start with."""
+"""What the solver works on in this step: bodies, batches of contacts, and the contacts that may bounce."""
 
 from __future__ import annotations
 
 import math
 
 from elys.sim_node.compilation import inner, kernel
-from elys.sim_node.physics.kernels.manifold import turned_since
+from elys.sim_node.physics.kernels.batch import write_batch
+from elys.sim_node.physics.kernels.integrator import begin_body, begin_nobody
 from elys.sim_node.physics.kernels.rotation import cross
 from elys.sim_node.physics.kernels.tables import POINTS
+
+
+@kernel
+def prepare_bodies(bodies, held, held_end, groups, solver_bodies, drives, strengths, all_constants):
+    """Fills the solver's rows of all held bodies; those that no force moves stand in `held` behind the last group."""
+    constants = all_constants[0]
+    begin_nobody(solver_bodies[bodies.shape[0]], drives[bodies.shape[0]])
+    end = 0
+    for g in range(groups.shape[0]):
+        end = groups[g].last_body
+        for index in range(groups[g].first_body, end):
+            i = held[index]
+            begin_body(bodies[i], solver_bodies[i], drives[i], strengths[g].substep, constants)
+    for index in range(end, held_end):
+        i = held[index]
+        begin_body(bodies[i], solver_bodies[i], drives[i], 0.0, constants)
+
+
+@kernel
+def prepare_contacts(
+    groups, spans, body_a, body_b, slots, counts, batches, solver, drive, manifolds, strengths, all_constants
+):
+    """Fills all batches; `solver`, `drive` and `manifolds` are flat float32 views of their tables."""
+    constants = all_constants[0]
+    for g in range(groups.shape[0]):
+        for s in range(groups[g].first_span, groups[g].last_span):
+            for batch in range(spans[s].first, spans[s].last):
+                write_batch(
+                    batches,
+                    batch,
+                    counts[batch],
+                    body_a,
+                    body_b,
+                    slots,
+                    solver,
+                    drive,
+                    manifolds,
+                    constants,
+                    strengths[g].substep,
+                )
 
 
 @inner
@@ -28,54 +69,41 @@ def inverse_or_zero(value):
 
 
 @inner
-def prepare_points(row, row_points, first, manifold, points, source, body_a, body_b, constants):
-    """The contact points of a row; returns the centre at which friction acts: where the surfaces really touch.
-
-    The centre is given from both centres of mass. `first` and `source` are the places of the first point in the two tables.
-    """
+def prepare_points(row, row_points, first, manifold, a, b, drive_a, drive_b, constants):
+    """The contact points of a row; returns the centre at which friction acts, from both centres of mass."""
     n = row.normal
     nx, ny, nz = n[0], n[1], n[2]
-    opened = 0.0
-    for d in range(3):
-        opened += (body_b.position[d] - body_a.position[d] - manifold.made_offset[d]) * n[d]
-    ax, ay, az = turned_since(manifold.made_rotation_a, body_a.rotation)
-    bx, by, bz = turned_since(manifold.made_rotation_b, body_b.rotation)
-    mass = body_a.inverse_mass + body_b.inverse_mass
-    cx = cy = cz = dx = dy = dz = weights = 0.0
+    shift = manifold.shift
+    opened = shift[0] * nx + shift[1] * ny + shift[2] * nz
+    turn_a = manifold.turn_a
+    turn_b = manifold.turn_b
+    anchors = manifold.anchors
+    cx = cy = cz = dx = dy = dz = 0.0
     for k in range(row.point_count):
-        point = points[source + k]
         out = row_points[first + k]
         arm = out.arm
-        ra = point.anchor_a
-        rb = point.anchor_b
-        response = mass
-        for side in range(2):
-            r = ra if side == 0 else rb
-            inertia = body_a.world_inverse_inertia if side == 0 else body_b.world_inverse_inertia
-            response += write_arm(arm, out.turn, 3 * side, inertia, r[0], r[1], r[2], nx, ny, nz)
-        gap = point.made_separation + opened
-        gap += bx * arm[3] + by * arm[4] + bz * arm[5] - ax * arm[0] - ay * arm[1] - az * arm[2]
+        at = 6 * k
+        response = float(a.inverse_mass + b.inverse_mass)
+        response += write_arm(
+            arm, out.turn, 0, drive_a.inverse_inertia, anchors[at], anchors[at + 1], anchors[at + 2], nx, ny, nz
+        )
+        response += write_arm(
+            arm, out.turn, 3, drive_b.inverse_inertia, anchors[at + 3], anchors[at + 4], anchors[at + 5], nx, ny, nz
+        )
+        gap = manifold.made_separation[k] + opened
+        for c in range(3):
+            gap += turn_b[c] * arm[3 + c] - turn_a[c] * arm[c]
         out.separation = gap
         out.effective_mass = inverse_or_zero(response)
-        out.impulse = point.normal_impulse
         out.step_impulse = 0.0
-        weight = min(max(1.0 - 4.0 * gap / constants.margin, 0.01), 1.0)
-        weights += weight
-        cx += weight * ra[0]
-        cy += weight * ra[1]
-        cz += weight * ra[2]
-        dx += weight * rb[0]
-        dy += weight * rb[1]
-        dz += weight * rb[2]
-    scale = 1.0 / weights
-    cx *= scale
-    cy *= scale
-    cz *= scale
-    for k in range(row.point_count):
-        ra = points[source + k].anchor_a
-        x, y, z = ra[0] - cx, ra[1] - cy, ra[2] - cz
-        row_points[first + k].lever = math.sqrt(x * x + y * y + z * z)
-    return cx, cy, cz, dx * scale, dy * scale, dz * scale
+        cx += anchors[at]
+        cy += anchors[at + 1]
+        cz += anchors[at + 2]
+        dx += anchors[at + 3]
+        dy += anchors[at + 4]
+        dz += anchors[at + 5]
+    scale = 1.0 / row.point_count
+    return cx * scale, cy * scale, cz * scale, dx * scale, dy * scale, dz * scale
 
 
 @inner
@@ -92,22 +120,19 @@ def write_tangents(tangent, n):
 
 
 @inner
-def prepare_friction(row, manifold, body_a, body_b, cx, cy, cz, dx, dy, dz):
-    """Friction of a row at one centre: a 2 x 2 block in the tangent plane and a twist about the normal."""
-    n = row.normal
+def prepare_friction(row, a, b, drive_a, drive_b, cx, cy, cz, dx, dy, dz):
+    """Friction of a row at one centre: a 2 x 2 block in the tangent plane."""
     t = row.tangent
-    write_tangents(t, n)
+    write_tangents(t, row.normal)
     arm = row.friction_arm
     turn = row.friction_turn
-    ia = body_a.world_inverse_inertia
-    ib = body_b.world_inverse_inertia
     mass = row.friction_mass
     for direction in range(2):
         at = 3 * direction
         x, y, z = t[at], t[at + 1], t[at + 2]
-        response = body_a.inverse_mass + body_b.inverse_mass
-        response += write_arm(arm, turn, 2 * at, ia, cx, cy, cz, x, y, z)
-        response += write_arm(arm, turn, 2 * at + 3, ib, dx, dy, dz, x, y, z)
+        response = float(a.inverse_mass + b.inverse_mass)
+        response += write_arm(arm, turn, 2 * at, drive_a.inverse_inertia, cx, cy, cz, x, y, z)
+        response += write_arm(arm, turn, 2 * at + 3, drive_b.inverse_inertia, dx, dy, dz, x, y, z)
         mass[2 * direction] = response
     k11 = mass[0]
     k22 = mass[2]
@@ -116,59 +141,65 @@ def prepare_friction(row, manifold, body_a, body_b, cx, cy, cz, dx, dy, dz):
         k12 += arm[c] * turn[6 + c]
     inverse = inverse_or_zero(k11 * k22 - k12 * k12)
     mass[0], mass[1], mass[2] = k22 * inverse, -k12 * inverse, k11 * inverse
-    twist = row.twist_turn
-    response = 0.0
-    for side in range(2):
-        inertia = ib if side == 1 else ia
-        at = 3 * side
-        twist[at] = inertia[0] * n[0] + inertia[3] * n[1] + inertia[4] * n[2]
-        twist[at + 1] = inertia[3] * n[0] + inertia[1] * n[1] + inertia[5] * n[2]
-        twist[at + 2] = inertia[4] * n[0] + inertia[5] * n[1] + inertia[2] * n[2]
-        response += twist[at] * n[0] + twist[at + 1] * n[1] + twist[at + 2] * n[2]
-    row.twist_mass = inverse_or_zero(response)
-    old = manifold.friction_impulse
-    new = row.friction_impulse
-    new[0] = old[0] * t[0] + old[1] * t[1] + old[2] * t[2]
-    new[1] = old[0] * t[3] + old[1] * t[4] + old[2] * t[5]
-    new[2] = manifold.twist_impulse
 
 
 @inner
-def prepare_material(row, a, b, body_a, body_b, constants):
-    """How two surfaces rub, bounce and give way: geometric mean of friction, smaller restitution."""
-    row.friction = math.sqrt(a.friction * b.friction)
-    row.restitution = min(a.restitution, b.restitution)
-    ga = body_a.gravity_scale if body_a.inverse_mass > 0.0 else 0.0
-    gb = body_b.gravity_scale if body_b.inverse_mass > 0.0 else 0.0
+def prepare_row(row, row_points, first, slot, manifold, body_a, body_b, solver_bodies, drives, constants):
+    """One manifold that may bounce."""
+    row.slot = slot
+    row.body_a = body_a
+    row.body_b = body_b
+    row.point_count = manifold.point_count
+    row.friction = manifold.friction
+    row.restitution = manifold.restitution
+    a, b = solver_bodies[body_a], solver_bodies[body_b]
+    drive_a, drive_b = drives[body_a], drives[body_b]
     g = constants.gravity
-    row.closing = (ga - gb) * (g[0] * row.normal[0] + g[1] * row.normal[1] + g[2] * row.normal[2])
-    both = body_a.inverse_mass > 0.0 and body_b.inverse_mass > 0.0
-    softness = constants.soft if both else constants.firm
-    row.push_rate = softness[0]
-    row.mass_scale = softness[1]
-    row.impulse_scale = softness[2]
+    along = 0.0
+    for d in range(3):
+        row.normal[d] = manifold.normal[d]
+        along += g[d] * manifold.normal[d]
+    row.closing = (drive_a.gravity_scale - drive_b.gravity_scale) * along
+    cx, cy, cz, dx, dy, dz = prepare_points(row, row_points, first, manifold, a, b, drive_a, drive_b, constants)
+    prepare_friction(row, a, b, drive_a, drive_b, cx, cy, cz, dx, dy, dz)
 
 
 @kernel
-def prepare_contacts(bodies, colliders, pairs, touching, row_count, manifolds, points, rows, row_points, all_constants):
-    """Fills the first `row_count` rows, each with its points, from the touching pairs."""
+def prepare_impacts(
+    bodies,
+    colliders,
+    pairs,
+    touching,
+    touching_count,
+    manifolds,
+    rows,
+    row_points,
+    groups,
+    solver_bodies,
+    drives,
+    all_constants,
+):
+    """Lists the manifolds that may bounce as rows, group by group; returns how many."""
     constants = all_constants[0]
-    for r in range(row_count):
-        pair = pairs[touching[r]]
-        a = colliders[pair.a]
-        b = colliders[pair.b]
-        manifold = manifolds[pair.slot]
-        row = rows[r]
-        row.slot = pair.slot
-        row.body_a = a.body
-        row.body_b = b.body
-        row.point_count = manifold.point_count
-        for d in range(3):
-            row.normal[d] = manifold.normal[d]
-        body_a = bodies[a.body]
-        body_b = bodies[b.body]
-        prepare_material(row, a, b, body_a, body_b, constants)
-        cx, cy, cz, dx, dy, dz = prepare_points(
-            row, row_points, r * POINTS, manifold, points, pair.slot * POINTS, body_a, body_b, constants
-        )
-        prepare_friction(row, manifold, body_a, body_b, cx, cy, cz, dx, dy, dz)
+    count = 0
+    for g in range(groups.shape[0]):
+        groups[g].first_row = count
+        if constants.can_bounce != 0:
+            for t in range(touching_count):
+                slot = touching[t]
+                pair = pairs[slot]
+                manifold = manifolds[slot]
+                if manifold.restitution == 0.0:
+                    continue
+                a = colliders[pair.a].body
+                b = colliders[pair.b].body
+                if (bodies[a].strength if bodies[a].inverse_mass > 0.0 else bodies[b].strength) != g:
+                    continue
+                a = a if bodies[a].held != 0 else bodies.shape[0]
+                b = b if bodies[b].held != 0 else bodies.shape[0]
+                prepare_row(
+                    rows[count], row_points, count * POINTS, slot, manifold, a, b, solver_bodies, drives, constants
+                )
+                count += 1
+        groups[g].last_row = count
+    return count

@@ -41,6 +41,11 @@ def rotated(x, y, z, w, px, py, pz):
     return px + w * tx + ux, py + w * ty + uy, pz + w * tz + uz
 
 
+# Dividing takes five times as long as multiplying, and no compiler may exchange them.
+_6TH, _12TH, _20TH, _30TH, _42ND, _56TH = 1.0 / 6.0, 1.0 / 12.0, 1.0 / 20.0, 1.0 / 30.0, 1.0 / 42.0, 1.0 / 56.0
+_72ND, _90TH, _110TH = 1.0 / 72.0, 1.0 / 90.0, 1.0 / 110.0
+
+
 @inner
 def turn_by(vx, vy, vz):
     """The quaternion of a rotation vector.
@@ -52,8 +57,8 @@ def turn_by(vx, vy, vz):
     ay = vy * 0.0625
     az = vz * 0.0625
     t = ax * ax + ay * ay + az * az
-    s = 1.0 - t / 6.0 * (1.0 - t / 20.0 * (1.0 - t / 42.0 * (1.0 - t / 72.0 * (1.0 - t / 110.0))))
-    w = 1.0 - t / 2.0 * (1.0 - t / 12.0 * (1.0 - t / 30.0 * (1.0 - t / 56.0 * (1.0 - t / 90.0))))
+    s = 1.0 - t * _6TH * (1.0 - t * _20TH * (1.0 - t * _42ND * (1.0 - t * _72ND * (1.0 - t * _110TH))))
+    w = 1.0 - t * 0.5 * (1.0 - t * _12TH * (1.0 - t * _30TH * (1.0 - t * _56TH * (1.0 - t * _90TH))))
     for _ in range(3):
         s, w = 2.0 * s * w, w * w - s * s * t
     return ax * s, ay * s, az * s, w

@@ -5,19 +5,24 @@ compiles four times faster (a table is a pointer, a column is seven values that 
 used together in one place of the memory. In Python `table["velocity"]` is an (N, 6) array.
 
 Vectors are in world axes unless a name says otherwise, quaternions are x y z w, and a manifold's normal points from its
-first body to its second. Numbers are float64: as long as the solver is scalar it loses nothing by it.
+first body to its second. Numbers are float64, but for what the contact solver works on: that is float32, eight at a time.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 Table = np.ndarray[Any, Any]
 
 DYNAMIC, KINEMATIC, STATIC = 0, 1, 2
-BOX, SPHERE = 0, 1
+JOINTED = 2  # in `held`: a joint may act on a body
+BOX, SPHERE, CAPSULE, CYLINDER, HULL, MESH, PLANE, HEIGHT_FIELD = 0, 1, 2, 3, 4, 5, 6, 7
+ROUNDED = (SPHERE, CAPSULE)  # a core with a radius around it
+TRIANGLE = 8  # a part of a mesh or a height field; no collider is of this kind
+GEOMETRIC_MEAN, MINIMUM, MAXIMUM, AVERAGE, MULTIPLY = 0, 1, 2, 3, 4
+CORNERS = 32  # the most corners of a face that contacts are made with; of larger faces some are left out
 POINTS = 4  # the most contact points a manifold keeps; point p of manifold m is row 4 m + p of the points
 
 # What moves. A body's frame sits in its centre of mass, along its principal axes of inertia.
@@ -26,22 +31,51 @@ BODY = np.dtype(
         ("position", "f8", 3),  # centre of mass [m]
         ("rotation", "f8", 4),  # world_from_principal
         ("velocity", "f8", 6),  # linear [m/s], angular [rad/s]
-        ("displacement", "f8", 6),  # translation [m], rotation vector [rad] since the step began
         ("inverse_mass", "f8"),  # [1/kg], 0 for what no force moves
         ("inverse_inertia", "f8", 3),  # about the principal axes [1/(kg m^2)]
-        ("world_inverse_inertia", "f8", 6),  # xx yy zz xy xz yz, as the step began
         ("gravity_scale", "f8"),
         ("linear_damping", "f8"),  # [1/s]
         ("angular_damping", "f8"),  # [1/s]
-        ("free_velocity", "f8", 6),  # velocity without the contacts' impulses of this substep
-        ("start_velocity", "f8", 6),  # velocity as the substep began
-        ("impact_shift", "f8", 6),  # displacement that impacts of this substep add
+        ("extent", "f8"),  # distance of its farthest point from the centre of mass [m]
+        ("still_time", "f8"),  # for how long it has hardly moved [s]
+        ("next_asleep", "i4"),  # row of the next body of its sleeping island, in a ring
         ("entity", "u4"),
         ("motion", "u1"),  # DYNAMIC, KINEMATIC or STATIC
-        ("struck", "u1"),  # a contact began to push in this substep
+        ("asleep", "u1"),  # AWAKE, ASLEEP or WAKING
+        ("strength", "u1"),  # which row of STRENGTH its contacts asked for in the last step
+        ("calm", "u1"),  # for how many steps its island has been solved more strongly than it asked for
+        ("held", "u1"),  # 1 where a contact may act on it in this step, JOINTED where a joint may, else 0
     ],
     align=True,
 )
+
+# A body as the contact solver sees it, 64 bytes: one line of the cache. Its flat float32 view is what vectors are loaded
+# from. Row i is body row i; one more row at the end stands for everything that never moves.
+SOLVER_BODY = np.dtype(
+    [
+        ("velocity", "f4", 6),  # linear [m/s], angular [rad/s]
+        ("inverse_mass", "f4"),  # [1/kg]
+        ("struck", "f4"),  # above 0: a contact began to push in this substep
+        ("displacement", "f4", 6),  # translation [m], rotation vector [rad] since the step began
+        ("unused", "f4", 2),
+    ]
+)
+# What changes a body apart from contacts, in eights as well.
+SOLVER_DRIVE = np.dtype(
+    [
+        ("free_velocity", "f4", 8),  # velocity without the contacts' impulses of this substep
+        ("start_velocity", "f4", 8),  # velocity as the substep began
+        ("kick", "f4", 8),  # change of velocity by forces in a substep
+        ("keep", "f4", 8),  # what damping leaves of the velocity in a substep
+        ("inverse_inertia", "f4", 6),  # in world axes, as the step began: xx yy zz xy xz yz [1/(kg m^2)]
+        ("gravity_scale", "f4"),
+        ("unused", "f4"),
+        ("impact_shift", "f4", 8),  # displacement that impacts of this substep add
+    ]
+)
+
+# Where a body was when the step began.
+START = np.dtype([("position", "f8", 3), ("rotation", "f8", 4)], align=True)
 
 # Bodies as the outside sees them: poses of entities, not of centres of mass.
 POSE = np.dtype(
@@ -61,12 +95,17 @@ COLLIDER = np.dtype(
     [
         ("body", "i4"),
         ("entity", "u4"),  # the entity that carries the collider: the body's, or one below it
-        ("kind", "u1"),  # BOX or SPHERE
+        ("kind", "u1"),  # BOX to HEIGHT_FIELD
         ("moved", "u1"),  # the fat box is new
-        ("half_extents", "f8", 3),  # of a box; a sphere's radius three times [m]
+        ("trigger", "u1"),  # notices what touches it and pushes nothing
+        ("layer", "u4"),  # bits: two colliders meet when each one's layer is in the other's mask
+        ("mask", "u4"),
+        ("geometry", "i4"),  # row of the header of a hull, mesh or height field, else -1
+        ("half_extents", "f8", 3),  # along the shape's axes [m]; radius, half length without caps, radius of a capsule
         ("center", "f8", 3),  # in world space [m]
         ("axes", "f8", 9),  # the three axes of the shape in world space, one after another
         ("reach", "f8"),  # radius of the ball around the shape's centre that holds it [m]
+        ("turning", "f8"),  # how far its farthest point can go in this step because the body turns [m]
         ("local_position", "f8", 3),  # in the body's frame [m]
         ("local_rotation", "f8", 4),  # principal_from_shape
         ("friction", "f8"),
@@ -80,32 +119,43 @@ COLLIDER = np.dtype(
 # Morton codes and the order they give, twice: a radix sort needs room.
 TREE_LEAF = np.dtype([("code", "i8"), ("other_code", "i8"), ("order", "i4"), ("other_order", "i4")], align=True)
 
-# Colliders whose fat boxes overlap, sorted by (a, b) with a < b.
-PAIR = np.dtype([("a", "i4"), ("b", "i4"), ("slot", "i4")], align=True)  # slot: the pair's manifold
-
-# What is remembered of a pair from step to step.
-MANIFOLD = np.dtype(
+# Colliders whose fat boxes overlap, a < b; the manifold stands in the same row, its slot. Where a is -1 there is no pair.
+PAIR = np.dtype(
     [
-        ("point_count", "i4"),
-        ("margin", "f8"),  # gap up to which points were looked for when made [m]; negative: never made
-        ("normal", "f8", 3),
-        ("friction_impulse", "f8", 3),  # of the last substep [N s]
-        ("twist_impulse", "f8"),  # about the normal [N m s]
-        ("made_offset", "f8", 3),  # from a to b when made [m]
-        ("made_rotation_a", "f8", 4),
-        ("made_rotation_b", "f8", 4),
+        ("a", "i4"),
+        ("b", "i4"),
+        ("part", "i4"),  # which triangle of a mesh or height field, else 0
     ],
     align=True,
 )
-MANIFOLD_POINT = np.dtype(
+
+# What is remembered of a pair from step to step. The first 64 floats are gathered as vectors, eight at a time.
+MANIFOLD = np.dtype(
     [
-        ("anchor_a", "f8", 3),  # on the surface of a, from a's centre of mass [m]
-        ("anchor_b", "f8", 3),
-        ("made_separation", "f8"),  # gap when the manifold was made [m], negative for overlap
-        ("separation", "f8"),  # gap at the end of the last step [m]
-        ("normal_impulse", "f8"),  # of the last substep [N s]
-        ("step_impulse", "f8"),  # of the whole last step [N s]
-        ("feature", "i4"),  # which corner, edge or face meets which: recognises a point in the next step
+        ("normal", "f4", 3),
+        ("friction", "f4"),
+        ("restitution", "f4"),
+        ("live_points", "f4"),  # point_count again
+        ("impulse_time", "f4"),  # of which substep the impulses below are [s]
+        ("load", "f4"),  # force that it has held for some time [N]
+        ("made_separation", "f4", POINTS),  # gaps when the manifold was made [m], negative for overlap
+        ("shift", "f4", 3),  # how far b has moved against a since [m]
+        ("unused_too", "f4"),
+        ("anchors", "f4", 6 * POINTS),  # of each point on a and on b, from their centres of mass [m]
+        ("turn_a", "f4", 3),  # rotation vectors since the manifold was made [rad]
+        ("turn_b", "f4", 3),
+        ("padding", "f4", 2),
+        ("normal_impulse", "f4", POINTS),  # of the last substep [N s]
+        ("friction_impulse", "f4", 3),  # in world axes
+        ("twist_impulse", "f4"),  # about the normal [N m s]
+        ("separation", "f4", POINTS),  # gaps at the end of the last step [m]
+        ("step_impulse", "f4", POINTS),  # of the whole last step [N s]
+        ("made_offset", "f8", 3),  # from a to b when made [m]
+        ("made_rotation_a", "f8", 4),
+        ("made_rotation_b", "f8", 4),
+        ("margin", "f8"),  # gap up to which points were looked for when made [m]; negative: never made
+        ("feature", "i4", POINTS),  # which corner, edge or face meets which: recognises a point in the next step
+        ("point_count", "i4"),
     ],
     align=True,
 )
@@ -113,18 +163,86 @@ MANIFOLD_POINT = np.dtype(
 # What a narrow phase function finds, and the room it works in.
 FOUND = np.dtype(
     [
+        ("hint", "f8", 3),  # the normal of the step before, from a to b; 0 for none
         ("normal", "f8", 3),
         ("point", "f8", 3 * POINTS),  # in the middle between the surfaces [m]
         ("separation", "f8", POINTS),  # [m]
-        ("impulse", "f8", POINTS),
+        ("impulse", "f8", POINTS),  # room to find the old points' impulses
+        ("step_impulse", "f8", POINTS),
         ("polygon", "f8", 48),  # two polygons of eight corners: u, v, height over the reference face
         ("edges", "i4", 32),  # which two edges meet in a corner
         ("feature", "i4", POINTS),
+        # The same for faces of any shape: corners of the two that meet, from the pair's origin; then outlines as above.
+        ("reference", "f8", 3 * CORNERS),
+        ("incident", "f8", 3 * CORNERS),
+        ("outline", "f8", 12 * CORNERS),  # two outlines of up to 2 CORNERS corners: u, v, height
+        ("sides", "i4", 8 * CORNERS),  # which two sides meet in each of those corners
     ],
     align=True,
 )
 
-# The solver's view of a manifold with contact: what stays during the step, and its impulses.
+# A convex shape as the general narrow phase and casts see it: a core, and a radius around it. Balls are points with a
+# radius, capsules segments with one; everything else is all core. Places are relative to a point that both shapes of a
+# pair share, near them, so that nothing is lost far from the origin.
+CONVEX = np.dtype(
+    [
+        ("center", "f8", 3),  # [m]
+        ("axes", "f8", 9),  # the shape's axes, one after another; a triangle's second is its normal
+        ("half_extents", "f8", 3),  # as in COLLIDER [m]
+        ("radius", "f8"),  # around the core [m]
+        ("scale", "f8"),  # of the core about its centre, 1 but for a first guess where cores overlap
+        ("corners", "f8", 9),  # of a triangle, from its centre [m]
+        ("kind", "i4"),
+        ("first_point", "i4"),  # of a hull
+        ("point_count", "i4"),
+        ("first_face", "i4"),
+        ("face_count", "i4"),
+        ("active", "i4"),  # of a triangle: bit k where something may hang over its edge from corner k to the next
+    ],
+    align=True,
+)
+
+# The room that distances between cores are found in, and what was found.
+SIMPLEX = np.dtype(
+    [
+        ("vertex", "f8", 12),  # up to four points of a minus b [m]
+        ("from_a", "f8", 12),  # the points of a that they come from [m]
+        ("weight", "f8", 4),
+        ("direction", "f8", 3),  # unit vector from a to b
+        ("on_a", "f8", 3),  # the points of the cores that are closest [m]
+        ("on_b", "f8", 3),
+        ("count", "i4"),
+    ],
+    align=True,
+)
+
+# Where a hull, mesh or height field lies in the arrays of all geometry; its points are relative to the collider's centre.
+GEOMETRY = np.dtype(
+    [
+        ("kind", "i4"),
+        ("first_point", "i4"),  # of a hull's vertices; corners of faces come after them
+        ("point_count", "i4"),
+        ("first_face", "i4"),
+        ("face_count", "i4"),
+        ("first_node", "i4"),  # of the tree over a mesh's triangles, two to a leaf, in the order of the faces
+        ("leaf_count", "i4"),
+    ],
+    align=True,
+)
+
+# Faces of hulls and triangles of meshes.
+FACE = np.dtype(
+    [
+        ("normal", "f8", 3),
+        ("first_corner", "i4"),  # in the points; corners go round counter-clockwise as seen from outside
+        ("corner_count", "i4"),
+        ("active", "i4"),  # as in CONVEX
+        ("source", "i4"),  # which triangle it was in the arrays that a mesh was made from
+    ],
+    align=True,
+)
+
+# A manifold that may bounce, as impacts see it: what stays during the step.
 ROW = np.dtype(
     [
         ("body_a", "i4"),
@@ -135,16 +253,10 @@ ROW = np.dtype(
         ("tangent", "f8", 6),  # two directions, perpendicular to the normal and to each other
         ("friction", "f8"),
         ("restitution", "f8"),
-        ("push_rate", "f8"),  # how fast overlap is pushed out [1/s]
-        ("mass_scale", "f8"),  # softness: share of the effective mass
-        ("impulse_scale", "f8"),  # softness: share of the impulse given back
         ("closing", "f8"),  # relative acceleration by gravity, against the normal [m/s^2]
         ("friction_mass", "f8", 3),  # inverse of the symmetric 2 x 2 effective inverse mass: 11, 12, 22
-        ("friction_impulse", "f8", 3),  # along the tangents [N s], about the normal [N m s]
         ("friction_arm", "f8", 12),  # r x t at the centre of friction: first tangent on a, on b, second on a, on b
         ("friction_turn", "f8", 12),  # inverse inertia times that
-        ("twist_turn", "f8", 6),
-        ("twist_mass", "f8"),  # [kg m^2]
     ],
     align=True,
 )
@@ -154,8 +266,6 @@ ROW_POINT = np.dtype(
         ("turn", "f8", 6),  # inverse inertia times that
         ("separation", "f8"),  # as the step began [m]
         ("effective_mass", "f8"),  # [kg]
-        ("lever", "f8"),  # distance from the centre of friction [m]
-        ("impulse", "f8"),  # of this substep [N s]
         ("step_impulse", "f8"),  # of the whole step so far [N s]
         ("bounce", "f8"),  # compression impulse of an impact [N s]
         ("bounce_time", "f8"),  # of the impact, from the start of the substep [s]; negative: no impact
@@ -207,6 +317,7 @@ JOINT = np.dtype(
         ("swing_impulse", "f8"),
         ("coordinate", "f8"),  # angles are counted over turns
         ("gear_offset", "f8"),
+        ("impulse_time", "f8"),  # of which substep the impulses above are [s]; 0 where none was yet
         ("stiffness", "f8"),  # of the spring, [N/m] or [N m/rad]; negative: not known yet
         ("spring_friction", "f8"),  # of the spring, [N s/m] or [N m s/rad]
         # what it tells
@@ -219,7 +330,9 @@ JOINT = np.dtype(
         ("local_anchor", "f8", 6),  # in the bodies' frames
         ("local_rotation", "f8", 8),  # principal_from_joint
         # work of a step
-        ("live", "u1"),
+        ("live", "u1"),  # holds something that is awake
+        ("strength", "u1"),  # of its island
+        ("mover", "i4", 2),  # rows of the solver's bodies, -1 for what never moves
         ("geared_by", "u1"),  # a gear acts on its coordinate
         ("free", "u1"),  # how many of the free rows anything acts on
         ("direct", "u1"),  # its locked rows are solved together with those of other joints
@@ -264,6 +377,8 @@ JOINT_ROW = np.dtype(
 )
 # Joints whose locked rows are solved directly, in the order of elimination, and what stands below the diagonal of each.
 JOINT_COLUMN = np.dtype([("joint", "i4"), ("first", "i4"), ("count", "i4"), ("update", "i4")], align=True)
+# The joints of one strength: ranges of the lists that joints and columns are sorted into.
+JOINT_GROUP = np.dtype([("first", "i4"), ("last", "i4"), ("first_column", "i4"), ("last_column", "i4")], align=True)
 JOINT_BLOCK = np.dtype(
     [
         ("joint", "i4"),  # whose rows stand here; it is eliminated later
@@ -276,21 +391,110 @@ JOINT_BLOCK = np.dtype(
 # What is the same for all bodies and contacts of a step; a table of one row.
 CONSTANTS = np.dtype(
     [
-        ("substep", "f8"),  # [s]
+        ("time", "f8"),  # of the step [s]
         ("gravity", "f8", 3),  # [m/s^2]
+        ("down", "f8", 3),  # its direction; zero without gravity
         ("margin", "f8"),  # gap up to which resting contacts are kept [m]
         ("fattening", "f8"),  # how much larger fat boxes are [m]
         ("recycle_distance", "f8"),  # a manifold is kept while its bodies moved less against each other [m]
         ("recycle_angle", "f8"),  # and each turned less [rad]
-        ("push_speed", "f8"),  # overlap is never removed faster [m/s]
         ("bounce_speed", "f8"),  # slower approaches do not bounce [m/s]
-        ("soft", "f8", 3),  # push_rate, mass_scale, impulse_scale between bodies that can both move
-        ("firm", "f8", 3),  # the same against what cannot be moved
-        ("substeps", "i4"),
+        ("sleep_speed", "f8"),  # what is slower [m/s]
+        ("sleep_spin", "f8"),  # and turns more slowly [rad/s]
+        ("sleep_time", "f8"),  # for so long falls asleep [s]
+        ("overlap", "f8"),  # contacts that would give way more are solved by a stronger row of STRENGTH [m]
+        ("friction_rule", "u1"),  # how a pair's coefficient follows from two: GEOMETRIC_MEAN to MULTIPLY
+        ("restitution_rule", "u1"),
         ("can_bounce", "u1"),  # some collider has restitution
     ],
     align=True,
 )
+
+# How strongly contacts are solved: a row for each number of substeps that islands may be given, weakest first.
+STRENGTH = np.dtype(
+    [
+        ("substep", "f8"),  # [s]
+        ("softness", "f8"),  # how much a contact gives way: overlap [m] = softness * force [N] / effective mass [kg]
+        ("push_speed", "f4"),  # overlap is never removed faster [m/s]
+        ("soft", "f4", 3),  # between bodies that can both move: push rate [1/s], share of the effective mass, leak
+        ("firm", "f4", 3),  # the same against what cannot be moved
+        ("substeps", "i4"),
+        ("relax_every", "i4"),  # after so many substeps contacts are solved once more, without the push
+    ],
+    align=True,
+)
+
+# An island, in the row of its first body.
+ISLAND = np.dtype(
+    [
+        ("still_time", "f8"),  # the shortest of its bodies' [s]
+        ("low", "f8"),  # its lowest and highest centre of mass along gravity [m]
+        ("high", "f8"),
+        ("extent", "f8"),  # sum of its bodies' [m]
+        ("body_count", "i4"),
+        ("wanted", "u1"),  # the strength that its contacts ask for
+        ("present", "u1"),  # the largest that its bodies had in the last step
+    ],
+    align=True,
+)
+
+# Batches [first, last) that belong together: a colour's.
+SPAN = np.dtype([("first", "i4"), ("last", "i4")])
+
+# Islands of one strength: their bodies in `held` and their colours in a table of SPANs.
+GROUP = np.dtype(
+    [
+        ("first_body", "i4"),
+        ("last_body", "i4"),
+        ("first_span", "i4"),
+        ("last_span", "i4"),
+        ("first_row", "i4"),  # of the table of ROWs: what may bounce
+        ("last_row", "i4"),
+    ]
+)
+
+
+# Contact points of a collider with several parts of a mesh that have one normal; twice the room of a manifold.
+CLUSTER = np.dtype(
+    [
+        ("normal", "f8", 3),
+        ("point", "f8", 6 * POINTS),
+        ("separation", "f8", 2 * POINTS),
+        ("feature", "i4", 2 * POINTS),
+        ("count", "i4"),
+        ("origin", "i4"),  # the pair in which it was found first
+        ("host", "i4"),  # the pair that keeps it
+    ],
+    align=True,
+)
+
+
+class Geometry(NamedTuple):
+    """Hulls, meshes and height fields of a world, and the room that the narrow phase works in."""
+
+    headers: Table  # GEOMETRY
+    faces: Table  # FACE
+    points: Table  # (N, 3) vertices of hulls, corners of faces [m]
+    nodes: Table  # (M, 6) trees over triangles, each with its root at first_node + 1
+    convex: Table  # (2,) CONVEX
+    simplex: Table  # (1,) SIMPLEX
+    clusters: Table  # (16,) CLUSTER
+
+
+class Joints(NamedTuple):
+    """All that solving joints needs."""
+
+    bodies: Table  # BODY
+    rows: Table  # JOINT
+    solver_rows: Table  # JOINT_ROW
+    groups: Table  # JOINT_GROUP, one for each strength
+    order: Table  # (J,) rows of awake joints, by strength
+    columns: Table  # JOINT_COLUMN
+    column_order: Table  # (C,) rows of those of awake joints, by strength
+    blocks: Table  # JOINT_BLOCK
+    updates: Table  # (U,) rows of blocks
+    loads: Table  # (N, 6) room, a row for each body
+    turned: Table  # (N, 3) rotation vectors that bodies have turned by since the step began [rad]
 
 
 def grown(table: Table, count: int) -> Table:

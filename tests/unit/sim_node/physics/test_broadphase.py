@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from elys.sim_node.physics.contacts import ContactStore
-from elys.sim_node.physics.kernels.tables import BODY, COLLIDER, DYNAMIC, STATIC
+from elys.sim_node.physics.geometry import GeometryStore
+from elys.sim_node.physics.kernels.tables import BODY, COLLIDER, DYNAMIC, HEIGHT_FIELD, STATIC
 
-NONE = np.zeros(0, np.int64)
+NO_GEOMETRY = GeometryStore().arrays
 
 
 def make_tables(rng, count):
@@ -16,6 +18,7 @@ def make_tables(rng, count):
     colliders = np.zeros(count, COLLIDER)
     colliders["body"] = np.arange(count)
     colliders["moved"] = 1
+    colliders["layer"] = colliders["mask"] = 1
     size = 10.0 ** rng.uniform(-1, 1, (count, 3))
     lower = rng.uniform(-10, 10, (count, 3))
     colliders["fat_box"] = np.concatenate([lower, lower + size], axis=1)
@@ -34,19 +37,26 @@ def found(store):
     return list(zip(store.live_pairs["a"].tolist(), store.live_pairs["b"].tolist(), strict=True))
 
 
+def update(store, bodies, colliders, geometry=NO_GEOMETRY):
+    if store.is_outdated:
+        store.list_active(bodies, colliders)
+    moved = np.flatnonzero(colliders["moved"]).astype(np.int32)
+    store.update_pairs(bodies, colliders, geometry, np.zeros(0, np.int64), moved, len(moved))
+
+
 def test_pairs_equal_brute_force_and_are_sorted_while_boxes_move():
     rng = np.random.default_rng(0)
     bodies, colliders = make_tables(rng, 300)
     store = ContactStore()
     store.set_collider_count(len(colliders))
-    store.update_pairs(bodies, colliders, NONE, len(colliders))
+    update(store, bodies, colliders)
     assert found(store) == brute_force(bodies, colliders)
     for moved_share in (0.02, 0.3, 1.0, 0.1, 0.0):
         moved = rng.random(300) < moved_share
         step = rng.normal(0, 2, (300, 3)) * moved[:, None]
         colliders["fat_box"] += np.concatenate([step, step], axis=1)
         colliders["moved"] = moved
-        store.update_pairs(bodies, colliders, NONE, int(moved.sum()))
+        update(store, bodies, colliders)
         assert found(store) == brute_force(bodies, colliders)
         slots = store.live_pairs["slot"]
         assert len(np.unique(slots)) == len(slots) and (slots >= 0).all()
@@ -57,14 +67,14 @@ def test_a_pair_keeps_its_manifold_while_others_come_and_go():
     bodies, colliders = make_tables(rng, 100)
     store = ContactStore()
     store.set_collider_count(100)
-    store.update_pairs(bodies, colliders, NONE, 100)
+    update(store, bodies, colliders)
     store.manifolds["twist_impulse"][store.live_pairs["slot"]] = np.arange(store.pair_count) + 1.0
     named = dict(zip(found(store), np.arange(store.pair_count) + 1.0, strict=True))
     moved = np.arange(100) % 10 == 0
     step = rng.normal(0, 3, (100, 3)) * moved[:, None]
     colliders["fat_box"] += np.concatenate([step, step], axis=1)
     colliders["moved"] = moved
-    store.update_pairs(bodies, colliders, NONE, 10)
+    update(store, bodies, colliders)
     for pair, slot in zip(found(store), store.live_pairs["slot"], strict=True):
         assert store.manifolds["twist_impulse"][slot] == named.get(pair, 0.0)
 
@@ -76,7 +86,7 @@ def test_colliders_of_one_body_do_not_pair():
     colliders["body"] = np.arange(50) // 2
     store = ContactStore()
     store.set_collider_count(50)
-    store.update_pairs(bodies, colliders, NONE, 50)
+    update(store, bodies, colliders)
     expected = [(a, b) for a, b in brute_force(bodies, colliders) if a // 2 != b // 2]
     assert found(store) == expected
 
@@ -86,7 +96,57 @@ def test_removed_colliders_end_their_pairs_and_the_others_follow():
     bodies, colliders = make_tables(rng, 80)
     store = ContactStore()
     store.set_collider_count(80)
-    store.update_pairs(bodies, colliders, NONE, 80)
+    update(store, bodies, colliders)
     keep = rng.random(80) < 0.7
     store.follow_colliders(np.where(keep, np.cumsum(keep) - 1, -1))
     assert found(store) == brute_force(bodies[keep], colliders[keep])
+
+
+def test_a_collider_pairs_with_the_triangles_near_it_and_only_with_them():
+    rng = np.random.default_rng(4)
+    store = GeometryStore()
+    handle = store.add_height_field(rng.uniform(-1, 1, (30, 40)), [30.0, 40.0])
+    turn = Rotation.random(random_state=rng)
+    bodies, colliders = make_tables(rng, 60)
+    bodies["motion"][0] = STATIC
+    mesh = colliders[0]
+    mesh["kind"], mesh["geometry"] = HEIGHT_FIELD, handle
+    mesh["axes"] = turn.as_matrix().T.ravel()
+    mesh["center"] = [1.0, -2.0, 0.5]
+    mesh["fat_box"] = [-100, -100, -100, 100, 100, 100]
+    contacts = ContactStore()
+    contacts.set_collider_count(60)
+    triangles = store.arrays.points.reshape(-1, 3, 3)
+    low, high = triangles.min(1), triangles.max(1)
+    for moved_share in (1.0, 0.3, 0.1):
+        moved = rng.random(60) < moved_share
+        moved[0] = moved_share == 1.0
+        step = rng.normal(0, 2, (60, 3)) * moved[:, None]
+        step[0] = 0.0
+        colliders["fat_box"] += np.concatenate([step, step], axis=1)
+        colliders["moved"] = moved
+        update(contacts, bodies, colliders, store.arrays)
+        expected = []
+        for b in np.flatnonzero(bodies["motion"] == DYNAMIC):
+            box = colliders["fat_box"][b]
+            middle = turn.apply(0.5 * (box[:3] + box[3:]) - mesh["center"], inverse=True)
+            reach = abs(turn.as_matrix().T) @ (0.5 * (box[3:] - box[:3]))
+            near = ((low <= middle + reach) & (high >= middle - reach)).all(1)
+            expected += [(0, int(b), int(part)) for part in np.flatnonzero(near)]
+        live = contacts.live_pairs
+        with_mesh = live[live["a"] == 0]
+        assert [(int(p["a"]), int(p["b"]), int(p["part"])) for p in with_mesh] == expected
+        assert len(expected) > 50
+
+
+def test_layers_that_do_not_meet_make_no_pairs():
+    rng = np.random.default_rng(5)
+    bodies, colliders = make_tables(rng, 60)
+    colliders["layer"] = 1 << rng.integers(0, 3, 60)
+    colliders["mask"] = rng.integers(0, 8, 60)
+    store = ContactStore()
+    store.set_collider_count(60)
+    update(store, bodies, colliders)
+    layer, mask = colliders["layer"].astype(int), colliders["mask"].astype(int)
+    expected = [(a, b) for a, b in brute_force(bodies, colliders) if layer[a] & mask[b] and layer[b] & mask[a]]
+    assert found(store) == expected

@@ -257,10 +257,10 @@ def test_a_profile_names_every_stage():
         "place_bodies",
         "update_pairs",
         "update_manifolds",
+        "build_islands",
+        "colour_contacts",
         "prepare_contacts",
-        "prepare_joints",
         "solve_contacts",
-        "finish_joints",
         "finish_step",
     ]
 

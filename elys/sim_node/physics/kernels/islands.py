@@ -1,0 +1,253 @@
+"""Islands: bodies that hold on to each other, and how strongly each island has to be solved.
+
+A contact that is solved in n substeps gives way like a spring whose stiffness grows with n^2. What presses on it is known
+from the last step; so each island is given the fewest substeps with which none of its contacts would give way more than
+is allowed. Most need the fewest there are; a column, or something heavy on something light, gets more, and pays for itself
+alone. An island of very many bodies is allowed ten times as much: a heap need not be exact to a fraction of a millimetre.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from elys.sim_node.compilation import inner, kernel
+from elys.sim_node.physics.kernels.tables import DYNAMIC, JOINTED, KINEMATIC, POINTS, STATIC
+
+LAYERS = 9.0  # up to which each contact of an island may give way by the allowed overlap: higher up it adds up
+SMALL = 512  # bodies up to which an island is solved exactly at all
+SIDE = 1.1547  # of a cube, whose corners are 1 from its middle
+COARSE = 10.0  # how much more contacts of a larger one may give way
+EASED = 0.9  # of the allowed overlap, below which a weaker solution would do
+PATIENCE = 60  # steps for which it must have been so: a change shakes what stands
+BELIEF = 1.1  # a contact's load is believed to grow so fast a step, and by the weight on it: a blow is not a load
+
+
+@inner
+def root_of(parent, i):
+    """The body that stands for an island; halves the way there for the next who asks."""
+    while parent[i] != i:
+        parent[i] = parent[parent[i]]
+        i = parent[i]
+    return i
+
+
+@inner
+def join(parent, a, b):
+    """Makes one island of two; the smaller row stands for both, whatever the order of joining."""
+    a = root_of(parent, a)
+    b = root_of(parent, b)
+    if a < b:
+        parent[b] = a
+    else:
+        parent[a] = b
+
+
+@inner
+def is_moving(body):
+    moves = False
+    for k in range(6):
+        moves = moves or body.velocity[k] != 0.0
+    return moves
+
+
+@inner
+def pressing(first, second, manifold, constants):
+    """The force that a contact has to hold [N]: what it held in the last steps, at least the weight of the upper body."""
+    g = constants.gravity
+    n = manifold.normal
+    along = g[0] * n[0] + g[1] * n[1] + g[2] * n[2]
+    upper = first if along > 0.0 else second
+    weight = abs(along * upper.gravity_scale) / upper.inverse_mass if upper.inverse_mass > 0.0 else 0.0
+    total = 0.0
+    for k in range(POINTS):
+        total += manifold.step_impulse[k]
+    load = min(total / constants.time, BELIEF * manifold.load + weight)
+    manifold.load = load
+    return max(load, weight)
+
+
+@inner
+def wanted_strength(first, second, manifold, allowed, present, strengths, constants):
+    """The weakest row of STRENGTH with which a contact gives way no more than is allowed."""
+    inverse_mass = first.inverse_mass + second.inverse_mass
+    softness = strengths[0].softness
+    if first.inverse_mass == 0.0 or second.inverse_mass == 0.0:
+        softness *= 0.25  # twice the frequency
+    overlap = softness * pressing(first, second, manifold, constants) * inverse_mass
+    chosen = 0
+    while chosen + 1 < strengths.shape[0]:
+        ratio = strengths[chosen].substep / strengths[0].substep
+        limit = EASED * allowed if chosen < present else allowed
+        if overlap * ratio * ratio <= limit:
+            break
+        chosen += 1
+    return chosen
+
+
+@inner
+def allowance(island):
+    """How much each contact of an island may give way: in a high one the overlaps add up, so less; in a huge one more."""
+    if island.body_count > SMALL:
+        return COARSE
+    layers = 1.0 + (island.high - island.low) * island.body_count / (SIDE * island.extent)
+    return min(LAYERS / layers, 1.0)
+
+
+@inner
+def link_islands(bodies, links, parent):
+    """Marks the awake bodies that joints hold and joins them into islands."""
+    for k in range(links.shape[0]):
+        a = links[k, 0]
+        b = links[k, 1]
+        for i in (a, b):
+            if i >= 0 and bodies[i].motion != STATIC and bodies[i].asleep == 0:
+                bodies[i].held = JOINTED
+        if a < 0 or b < 0 or bodies[a].asleep != 0 or bodies[b].asleep != 0:
+            continue
+        if bodies[a].motion == DYNAMIC and bodies[b].motion == DYNAMIC:
+            join(parent, a, b)
+        elif bodies[a].motion == KINEMATIC and is_moving(bodies[a]):
+            bodies[b].still_time = 0.0
+        elif bodies[b].motion == KINEMATIC and is_moving(bodies[b]):
+            bodies[a].still_time = 0.0
+
+
+@inner
+def find_islands(bodies, awake, awake_count, colliders, pairs, touching, touching_count, links, parent, islands, g):
+    """Marks the bodies that contacts and joints hold and joins them into islands; what something moves by itself touches stays awake."""
+    for index in range(awake_count):
+        i = awake[index]
+        bodies[i].held = 0
+        parent[i] = i
+        island = islands[i]
+        island.low = np.inf
+        island.high = -np.inf
+        island.extent = 0.0
+        island.body_count = 0
+        island.wanted = 0
+        island.present = 0
+    for t in range(touching_count):
+        pair = pairs[touching[t]]
+        a = colliders[pair.a].body
+        b = colliders[pair.b].body
+        first = bodies[a]
+        second = bodies[b]
+        if first.motion != STATIC:
+            first.held = 1
+        if second.motion != STATIC:
+            second.held = 1
+        if first.motion == DYNAMIC and second.motion == DYNAMIC:
+            join(parent, a, b)
+        elif first.motion == KINEMATIC and is_moving(first):
+            second.still_time = 0.0
+        elif second.motion == KINEMATIC and is_moving(second):
+            first.still_time = 0.0
+    link_islands(bodies, links, parent)
+    for index in range(awake_count):
+        i = awake[index]
+        if bodies[i].held != 0 and bodies[i].motion == DYNAMIC:
+            island = islands[root_of(parent, i)]
+            p = bodies[i].position
+            height = p[0] * g[0] + p[1] * g[1] + p[2] * g[2]
+            island.low = min(island.low, height)
+            island.high = max(island.high, height)
+            island.extent += bodies[i].extent
+            island.body_count += 1
+            island.present = max(island.present, bodies[i].strength)
+
+
+@inner
+def ask_contacts(bodies, colliders, pairs, touching, touching_count, manifolds, parent, islands, strengths, constants):
+    """Writes the strength that each island's contacts ask for."""
+    for t in range(touching_count):
+        pair = pairs[touching[t]]
+        a = colliders[pair.a].body
+        b = colliders[pair.b].body
+        first = bodies[a]
+        second = bodies[b]
+        island = islands[root_of(parent, a if first.motion == DYNAMIC else b)]
+        allowed = constants.overlap * allowance(island)
+        wanted = wanted_strength(first, second, manifolds[touching[t]], allowed, island.present, strengths, constants)
+        island.wanted = max(island.wanted, wanted)
+
+
+@kernel
+def build_islands(
+    bodies,
+    awake,
+    awake_count,
+    colliders,
+    pairs,
+    touching,
+    touching_count,
+    manifolds,
+    links,
+    parent,
+    islands,
+    strengths,
+    all_constants,
+):
+    """Marks the awake bodies that contacts and joints hold, and gives each the strength of its island; whether any strength has changed.
+
+    Parameters: links (L, 2) are the body rows that joints hold together, -1 for the world; parent (N,) int32 and islands
+    (N,) are room; afterwards root_of(parent, i) is the row of body i's island.
+    """
+    constants = all_constants[0]
+    down = constants.down
+    find_islands(bodies, awake, awake_count, colliders, pairs, touching, touching_count, links, parent, islands, down)
+    ask_contacts(
+        bodies, colliders, pairs, touching, touching_count, manifolds, parent, islands, strengths, constants
+    )
+    is_changed = False
+    for index in range(awake_count):
+        i = awake[index]
+        body = bodies[i]
+        before = body.strength
+        if body.held != 0 and body.motion == DYNAMIC:
+            root = root_of(parent, i)
+            island = islands[root]
+            if root == i:  # the first of its island to come by decides for all
+                is_calm = island.wanted < island.present
+                body.calm = min(body.calm + 1, PATIENCE) if is_calm else 0
+                if is_calm and body.calm < PATIENCE:
+                    island.wanted = island.present
+                elif is_calm:
+                    body.calm = 0
+            body.strength = island.wanted
+        else:
+            body.strength = 0
+            body.calm = 0
+        is_changed = is_changed or body.strength != before
+    return is_changed
+
+
+@kernel
+def list_held(bodies, awake, awake_count, held, groups):
+    """Lists the rows of held bodies by strength, those that no force moves last; fills the groups' ranges of `held` (N,).
+
+    Returns where the list of the latter ends; it begins where the last group ends.
+    """
+    for g in range(groups.shape[0]):
+        groups[g].last_body = 0
+    for index in range(awake_count):
+        i = awake[index]
+        if bodies[i].held != 0 and bodies[i].motion == DYNAMIC:
+            groups[bodies[i].strength].last_body += 1
+    at = 0
+    for g in range(groups.shape[0]):
+        groups[g].first_body = at
+        at += groups[g].last_body
+        groups[g].last_body = groups[g].first_body
+    end = at
+    for index in range(awake_count):
+        i = awake[index]
+        if bodies[i].held == 0:
+            continue
+        if bodies[i].motion == DYNAMIC:
+            group = groups[bodies[i].strength]
+            held[group.last_body] = i
+            group.last_body += 1
+        else:
+            held[end] = i
+            end += 1
+    return end

@@ -1,0 +1,96 @@
+"""The tables that the solver works in, and the room they need: nothing in them outlives a step."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from elys.sim_node.physics.kernels.batch import FLOATS
+from elys.sim_node.physics.kernels.colouring import KEYS, OVERFLOW
+from elys.sim_node.physics.kernels.simd import LANES
+from elys.sim_node.physics.kernels.tables import (
+    BODY,
+    COLLIDER,
+    GROUP,
+    ISLAND,
+    POINTS,
+    ROW,
+    ROW_POINT,
+    SOLVER_BODY,
+    SOLVER_DRIVE,
+    SPAN,
+    START,
+)
+from elys.sim_node.physics.settings import MOST_STRENGTHS
+
+Array = np.ndarray[Any, Any]
+
+_LINE = 64  # bytes of a line of the cache: what straddles two costs twice
+
+
+class SolverRoom:
+    """Room for the bodies and contacts of one step."""
+
+    def __init__(self) -> None:
+        self.groups = np.zeros(MOST_STRENGTHS, GROUP)
+        self.spans = np.zeros(MOST_STRENGTHS * (OVERFLOW + 1), SPAN)
+        self.starts = np.zeros(MOST_STRENGTHS * KEYS + 1, np.int32)
+        self.colour_counts = np.zeros(2 * MOST_STRENGTHS, np.int32)
+        self.places = np.zeros(2, BODY)
+        self.shapes = np.zeros(2, COLLIDER)
+        self._make_body_room(0)
+        self._make_contact_room(0)
+        self.make_batch_room(16)
+
+    def reserve(self, body_count: int, contact_count: int, strength_count: int) -> bool:
+        """Makes room, by doubling, for so many bodies and touching pairs, and just as many groups as there are strengths.
+
+        Returns whether anything was made anew: then contacts have to be dealt out again.
+        """
+        is_enough = body_count <= len(self.parent) and contact_count <= len(self.keys)
+        is_enough = is_enough and strength_count == len(self.groups)
+        if body_count > len(self.parent):
+            self._make_body_room(max(body_count, 2 * len(self.parent)))
+        if contact_count > len(self.keys):
+            self._make_contact_room(max(contact_count, 2 * len(self.keys)))
+        if strength_count != len(self.groups):
+            self.groups = np.zeros(strength_count, GROUP)
+            self.starts = np.zeros(strength_count * KEYS + 1, np.int32)
+        return not is_enough
+
+    def _make_body_room(self, count: int) -> None:
+        self.parent = np.zeros(count, np.int32)
+        self.islands = np.zeros(count, ISLAND)
+        self.held = np.zeros(count, np.int32)
+        self.masks = np.zeros(count, np.uint64)
+        self.starts_of_bodies = np.zeros(count, START)
+        self.fractions = np.ones(count)
+        self.last_asleep = np.zeros(count, np.int32)
+        # One row more, for everything that never moves.
+        self.solver_bodies = _aligned(count + 1, SOLVER_BODY)
+        self.solver = self.solver_bodies.view(np.float32)
+        self.drives = _aligned(count + 1, SOLVER_DRIVE)
+        self.drive = self.drives.view(np.float32)
+
+    def _make_contact_room(self, count: int) -> None:
+        self.keys = np.zeros(count, np.int32)
+        self.order = np.zeros(count, np.int32)
+        self.rows = np.zeros(count, ROW)
+        self.row_points = np.zeros(count * POINTS, ROW_POINT)
+
+    def make_batch_room(self, count: int) -> None:
+        """Makes room for so many batches, and some more."""
+        count += count // 2
+        self.body_a = np.zeros(count * LANES, np.int32)
+        self.body_b = np.zeros(count * LANES, np.int32)
+        self.slots = np.zeros(count * LANES, np.int32)
+        self.counts = np.zeros(count, np.int32)
+        self.batches = _aligned(count * FLOATS, np.dtype(np.float32))
+
+
+def _aligned(count: int, dtype: np.dtype[Any]) -> Array:
+    """Zeroed rows that begin on a line of the cache."""
+    raw = np.zeros(count * dtype.itemsize + _LINE, np.uint8)
+    start = -raw.ctypes.data % _LINE
+    return raw[start : start + count * dtype.itemsize].view(dtype)
