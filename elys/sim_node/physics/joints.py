@@ -78,6 +78,7 @@ class JointTable:
         self._order = np.zeros(0, np.int32)
         self._column_order = np.zeros(0, np.int32)
         self._loads = np.zeros((0, 6))
+        self._rest = np.zeros((0, 6))
         self._turned = np.zeros((0, 3))
         self._body_rows = np.zeros(0, BODY)
 
@@ -176,6 +177,7 @@ class JointTable:
         self._body_rows = bodies.rows
         if len(self._loads) != len(bodies.rows):
             self._loads = np.zeros((len(bodies.rows), 6))
+            self._rest = np.zeros((len(bodies.rows), 6))
             self._turned = np.zeros((len(bodies.rows), 3))
         self._update_plan(bodies)
         self._column_order = np.zeros(len(self._plan.columns), np.int32)
@@ -195,6 +197,7 @@ class JointTable:
             plan.blocks,
             plan.updates,
             self._loads,
+            self._rest,
             self._turned,
         )
 

@@ -97,6 +97,7 @@ def _kernels() -> tuple[tuple[Kernel, ...], tuple[Kernel, ...]]:
         np.zeros(1, tables.JOINT_BLOCK),
         indices,
         np.zeros((1, 6)),
+        np.zeros((1, 6)),
         vectors,
     )
     # The quick ones first, so that a progress bar moves early.

@@ -177,7 +177,8 @@ def turn_held(body, solved, h):
     """Turns a body that was held, by what the solver found, and gives it the angular velocity it then has.
 
     Part of the solver's velocity turned the body; with that it has flown freely, as Euler's equations say. The rest came
-    with the last impulses: its angular momentum stays as the body turns. Jointed bodies have flown so in every substep.
+    with the last impulses: its angular momentum stays as the body turns. Jointed bodies have
+    flown so in every substep, and have their velocities by now.
     """
     d = solved.displacement
     v = body.velocity
@@ -186,7 +187,10 @@ def turn_held(body, solved, h):
     ix, iy, iz = inverse[0], inverse[1], inverse[2]
     vx, vy, vz = float(d[3]), float(d[4]), float(d[5])
     wx, wy, wz = float(solved.velocity[3]), float(solved.velocity[4]), float(solved.velocity[5])
-    if body.held == JOINTED or ix * iy * iz == 0.0 or (ix == iy and iy == iz):
+    if body.held == JOINTED:
+        turn_body(body, vx, vy, vz)
+        return
+    if ix * iy * iz == 0.0 or (ix == iy and iy == iz):
         turn_body(body, vx, vy, vz)
         v[3], v[4], v[5] = wx, wy, wz
         return
@@ -207,7 +211,8 @@ def turn_held(body, solved, h):
 def move_held(body, solved, h):
     """Takes over what the solver found in a step of length h."""
     for k in range(3):
-        body.velocity[k] = solved.velocity[k]
+        if body.held != JOINTED:
+            body.velocity[k] = solved.velocity[k]
         body.position[k] += solved.displacement[k]
     turn_held(body, solved, h)
 

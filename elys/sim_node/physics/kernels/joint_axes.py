@@ -107,7 +107,7 @@ def solve_free(joint, rows, first, h, biased):
 
 
 @inner
-def solve_gear(bodies, joints, rows, gear, h, biased):
+def solve_gear(moving, joints, rows, gear, h, biased):
     """Couples two coordinates; returns the rate that was left."""
     j = gear.gear_row[0]
     k = gear.gear_row[1]
@@ -115,8 +115,8 @@ def solve_gear(bodies, joints, rows, gear, h, biased):
     two = joints[k]
     first = rows[JOINT_ROWS * j + AXIS]
     second = rows[JOINT_ROWS * k + AXIS]
-    load_velocity(bodies, one)
-    load_velocity(bodies, two)
+    load_velocity(moving, one)
+    load_velocity(moving, two)
     ratio = gear.ratio
     rate = row_rate(one, first) + first.lead
     rate = ratio * rate - row_rate(two, second) - second.lead
@@ -135,8 +135,8 @@ def solve_gear(bodies, joints, rows, gear, h, biased):
     one.gear_impulse += ratio * impulse
     two.gear_impulse -= impulse
     push_free(one, rows, JOINT_ROWS * j, first, ratio * impulse)
-    store_velocity(bodies, one)
-    load_velocity(bodies, two)  # the two may share a body
+    store_velocity(moving, one)
+    load_velocity(moving, two)  # the two may share a body
     push_free(two, rows, JOINT_ROWS * k, second, -impulse)
-    store_velocity(bodies, two)
+    store_velocity(moving, two)
     return abs(rate)

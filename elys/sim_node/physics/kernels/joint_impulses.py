@@ -1,4 +1,7 @@
-"""Impulses of joints: the bodies' velocities are copied into the joint, worked on there and written back."""
+"""Impulses of joints: the bodies' velocities are copied into the joint, worked on there and written back.
+
+`moving` is what moves: the solver's rows of bodies, and what their single precision has left over (N, 6).
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,7 @@ from elys.sim_node.physics.kernels.tables import AXIS, SWING
 
 
 @inner
-def load_motion(bodies, joint):
+def load_motion(moving, joint):
     """Copies velocities and displacements of both bodies into the joint; what never moves rests."""
     for side in range(2):
         row = joint.mover[side]
@@ -17,28 +20,33 @@ def load_motion(bodies, joint):
                 joint.velocity[at + c] = 0.0
                 joint.shift[at + c] = 0.0
             continue
+        bodies, rest = moving
         body = bodies[row]
         for c in range(6):
-            joint.velocity[at + c] = body.velocity[c]
+            joint.velocity[at + c] = body.velocity[c] + rest[row, c]
             joint.shift[at + c] = body.displacement[c]
 
 
 @inner
-def load_velocity(bodies, joint):
+def load_velocity(moving, joint):
+    bodies, rest = moving
     for side in range(2):
         row = joint.mover[side]
         if row >= 0:
             for c in range(6):
-                joint.velocity[6 * side + c] = bodies[row].velocity[c]
+                joint.velocity[6 * side + c] = bodies[row].velocity[c] + rest[row, c]
 
 
 @inner
-def store_velocity(bodies, joint):
+def store_velocity(moving, joint):
+    bodies, rest = moving
     for side in range(2):
         row = joint.mover[side]
         if row >= 0 and joint.inverse_mass[side] > 0.0:
             for c in range(6):
-                bodies[row].velocity[c] = joint.velocity[6 * side + c]
+                exact = joint.velocity[6 * side + c]
+                bodies[row].velocity[c] = exact
+                rest[row, c] = exact - bodies[row].velocity[c]
 
 
 @inner

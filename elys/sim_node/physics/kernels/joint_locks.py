@@ -97,13 +97,13 @@ def solve_drive(joint, rows, first, h):
 
 
 @inner
-def solve_direct(bodies, joints, rows, columns, order, first, last, blocks, h, biased, settled):
+def solve_direct(moving, joints, rows, columns, order, first, last, blocks, h, biased, settled):
     """The locked rows of joints that are solved together, in columns order[first:last]; returns the largest rate left."""
     most = 0.0
     for place in range(first, last):
         j = columns[order[place]].joint
         joint = joints[j]
-        load_velocity(bodies, joint)
+        load_velocity(moving, joint)
         locked_rates(joint, rows, JOINT_ROWS * j, h, biased)
         for k in range(joint.locked):
             joint.work[k] -= SOFTNESS * rows[JOINT_ROWS * j + k].own * joint.impulse[k]
@@ -113,7 +113,7 @@ def solve_direct(bodies, joints, rows, columns, order, first, last, blocks, h, b
     substitute(joints, columns, order, first, last, blocks)
     for place in range(first, last):
         j = columns[order[place]].joint
-        load_velocity(bodies, joints[j])
+        load_velocity(moving, joints[j])
         push_work(joints[j], rows, JOINT_ROWS * j)
-        store_velocity(bodies, joints[j])
+        store_velocity(moving, joints[j])
     return most

@@ -30,7 +30,7 @@ def keep_turn(q, x, y, z, w, displacement, turned):
 
 
 @inner
-def turn_jointed(body, solved, drive, turned, h):
+def turn_jointed(body, solved, drive, rest, turned, h):
     """Makes one turn of what was added to the rotation vector: in a substep of length h, or at its end where h is 0.
 
     In a substep the body flies freely. At its end it is turned back with the angular momentum it has.
@@ -69,7 +69,9 @@ def turn_jointed(body, solved, drive, turned, h):
     free = drive.free_velocity
     start = drive.start_velocity
     for k, change in ((3, px - ox), (4, py - oy), (5, pz - oz)):
-        v[k] += change
+        exact = v[k] + change
+        v[k] = exact
+        rest[k] += exact - v[k]
         free[k] += change
         start[k] += change
 
@@ -80,4 +82,4 @@ def turn_all(joints, held, first, last, solver_bodies, drives, h):
     for index in range(first, last):
         i = held[index]
         if joints.bodies[i].held == JOINTED:
-            turn_jointed(joints.bodies[i], solver_bodies[i], drives[i], joints.turned[i], h)
+            turn_jointed(joints.bodies[i], solver_bodies[i], drives[i], joints.rest[i], joints.turned[i], h)

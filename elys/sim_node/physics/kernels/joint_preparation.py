@@ -228,9 +228,12 @@ def prepare_joints(system, drives, strengths):
             if is_driven(joints[j]):
                 keep_awake(bodies, joints[j])
             for side in range(2):
-                if joints[j].mover[side] >= 0:
+                row = joints[j].mover[side]
+                if row >= 0:
                     for c in range(3):
-                        system.turned[joints[j].mover[side], c] = 0.0
+                        system.turned[row, c] = 0.0
+                    for c in range(6):
+                        system.rest[row, c] = bodies[row].velocity[c] - drives[row].free_velocity[c]
         spread_loads(joints, order, first, last, system.loads, h)
         for place in range(first, last):
             j = order[place]

@@ -37,9 +37,9 @@ SETTLED = 1e-6  # rates below it are not worth another sweep, at rest [m/s], [ra
 
 
 @inner
-def begin_substep(bodies, joint, rows, first):
-    """Where everything stands as the substep begins; `bodies` are rows of SOLVER_BODY."""
-    load_motion(bodies, joint)
+def begin_substep(moving, joint, rows, first):
+    """Where everything stands as the substep begins."""
+    load_motion(moving, joint)
     place_frames(joint, 0.0)
     measure(joint, rows, first)
     joint.spring_start = joint.coordinate
@@ -65,15 +65,15 @@ def begin_rows(joint, rows, first, h):
 
 
 @inner
-def solve_joint(bodies, joints, rows, j, h, biased):
+def solve_joint(moving, joints, rows, j, h, biased):
     """One joint once; returns the largest rate that was left before."""
     joint = joints[j]
     if joint.direct != 0 and joint.free == 0:
         return 0.0
     if joint.kind == GEAR:
-        return solve_gear(bodies, joints, rows, joint, h, biased)
+        return solve_gear(moving, joints, rows, joint, h, biased)
     first = JOINT_ROWS * j
-    load_velocity(bodies, joint)
+    load_velocity(moving, joint)
     most = 0.0
     if joint.kind == MOTOR:
         solve_drive(joint, rows, first, h)
@@ -83,14 +83,14 @@ def solve_joint(bodies, joints, rows, j, h, biased):
         most = solve_locked(joint, rows, first, h, biased)
     if joint.free > 0:
         most = max(most, solve_free(joint, rows, first, h, biased))
-    store_velocity(bodies, joint)
+    store_velocity(moving, joint)
     return most
 
 
 @inner
-def end_substep(bodies, joint, rows, first):
+def end_substep(moving, joint, rows, first):
     """Adds up what was applied, and keeps the rates that springs begin the next substep with."""
-    load_velocity(bodies, joint)
+    load_velocity(moving, joint)
     for k in range(joint.locked):
         rows[first + k].start_rate = row_rate(joint, rows[first + k])
     for k in range(AXIS, AXIS + joint.free):
@@ -136,7 +136,7 @@ def has_joints(system, g):
 
 
 @inner
-def begin_joints(system, g, bodies, h):
+def begin_joints(system, g, moving, h):
     """Rows and masses for a substep, and the impulses of the last one along the new rows."""
     joints, rows, order = system.rows, system.solver_rows, system.order
     group = system.groups[g]
@@ -144,34 +144,34 @@ def begin_joints(system, g, bodies, h):
     for place in range(first, last):
         j = order[place]
         if joints[j].kind != GEAR:
-            begin_substep(bodies, joints[j], rows, JOINT_ROWS * j)
+            begin_substep(moving, joints[j], rows, JOINT_ROWS * j)
     spread_loads(joints, order, first, last, system.loads, h)
     for place in range(first, last):
         j = order[place]
         if joints[j].kind != GEAR:
             begin_rows(joints[j], rows, JOINT_ROWS * j, h)
-    warm_start_joints(system, g, bodies)
+    push_again(system, g, moving)
     columns = (system.columns, system.column_order, group.first_column, group.last_column)
     factor_joints(joints, rows, *columns, system.blocks, system.updates)
 
 
 @inner
-def begin_relaxation(joints, rows, order, first, last, bodies):
+def begin_relaxation(joints, rows, order, first, last, moving):
     """Limits need to know what is left."""
     for place in range(first, last):
         j = order[place]
         if joints[j].kind != GEAR and joints[j].free > 0:
-            load_motion(bodies, joints[j])
+            load_motion(moving, joints[j])
             place_frames(joints[j], 0.0)
             measure(joints[j], rows, JOINT_ROWS * j)
 
 
 @inner
-def solve_joints(system, g, bodies, h, biased):
+def solve_joints(system, g, solver_bodies, h, biased):
     """All joints of a strength, until they agree: forwards and backwards, so that a chain is no better from one end.
 
     With `biased` errors of position are taken out, which the pass after the bodies have moved takes out of the velocities
-    again. The bodies, rows of SOLVER_BODY, must begin a substep with the impulses of the last one, as
+    again. The bodies must begin a substep with the impulses of the last one, as
     `integrate_velocities` lets them.
     """
     joints, rows, order = system.rows, system.solver_rows, system.order
@@ -179,46 +179,54 @@ def solve_joints(system, g, bodies, h, biased):
     first, last = group.first, group.last
     if first == last:
         return
+    moving = (solver_bodies, system.rest)
     if biased:
-        begin_joints(system, g, bodies, h)
+        begin_joints(system, g, moving, h)
     else:
-        begin_relaxation(joints, rows, order, first, last, bodies)
+        begin_relaxation(joints, rows, order, first, last, moving)
     columns = (system.columns, system.column_order, group.first_column, group.last_column)
     settled = SETTLED * (1.0 + 0.5 * fastest(joints, order, first, last))
     for sweep in range(sweep_count(joints, order, first, last)):
         most = 0.0
         for place in range(first, last):
             j = order[place] if sweep % 2 == 0 else order[first + last - 1 - place]
-            most = max(most, solve_joint(bodies, joints, rows, j, h, biased))
+            most = max(most, solve_joint(moving, joints, rows, j, h, biased))
         # Last, so that what is locked is exact and what limits or drives it gives way.
-        most = max(most, solve_direct(bodies, joints, rows, *columns, system.blocks, h, biased, settled))
+        most = max(most, solve_direct(moving, joints, rows, *columns, system.blocks, h, biased, settled))
         if most <= settled:
             break
     if not biased:
         for place in range(first, last):
             j = order[place]
             if joints[j].kind != GEAR:
-                end_substep(bodies, joints[j], rows, JOINT_ROWS * j)
+                end_substep(moving, joints[j], rows, JOINT_ROWS * j)
 
 
 @inner
-def warm_start_joints(system, g, bodies):
+def warm_start_joints(system, g, solver_bodies):
+    """Begins the step with the impulses of the last one."""
+    push_again(system, g, (solver_bodies, system.rest))
+
+
+@inner
+def push_again(system, g, moving):
     """Applies the impulses of the last substep along the rows as they stand."""
     for place in range(system.groups[g].first, system.groups[g].last):
         j = system.order[place]
         joint = system.rows[j]
         if joint.kind != GEAR:
-            load_velocity(bodies, joint)
+            load_velocity(moving, joint)
             push_all(joint, system.solver_rows, JOINT_ROWS * j)
-            store_velocity(bodies, joint)
+            store_velocity(moving, joint)
 
 
 @kernel
-def finish_joints(system, bodies, all_constants, broken):
-    """Forces and coordinates as the step ends; joints whose force was too large break.
+def finish_joints(system, solver_bodies, all_constants, broken):
+    """Forces and coordinates as the step ends, and the velocities of jointed bodies; joints whose force was too large break.
 
-    Returns how many did; their rows are listed in `broken` (J,). `bodies` are rows of SOLVER_BODY.
+    Returns how many did; their rows are listed in `broken` (J,).
     """
+    moving = (solver_bodies, system.rest)
     rate = 1.0 / all_constants[0].time
     count = 0
     for j in range(system.rows.shape[0]):
@@ -226,7 +234,11 @@ def finish_joints(system, bodies, all_constants, broken):
         if joint.live == 0 or joint.kind == GEAR:
             continue
         rows = system.solver_rows
-        load_motion(bodies, joint)
+        load_motion(moving, joint)
+        for side in range(2):
+            if joint.inverse_mass[side] > 0.0:
+                for c in range(6):
+                    system.bodies[joint.mover[side]].velocity[c] = joint.velocity[6 * side + c]
         place_frames(joint, 0.0)
         measure(joint, rows, JOINT_ROWS * j)
         write_free(joint, rows, JOINT_ROWS * j)

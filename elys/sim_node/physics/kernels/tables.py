@@ -494,6 +494,7 @@ class Joints(NamedTuple):
     blocks: Table  # JOINT_BLOCK
     updates: Table  # (U,) rows of blocks
     loads: Table  # (N, 6) room, a row for each body
+    rest: Table  # (N, 6) what single precision has left over of the solver's velocities
     turned: Table  # (N, 3) rotation vectors that bodies have turned by since the step began [rad]
 
 
