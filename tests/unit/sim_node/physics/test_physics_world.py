@@ -262,6 +262,7 @@ def test_a_profile_names_every_stage():
         "prepare_contacts",
         "solve_contacts",
         "finish_step",
+        "put_to_sleep",
     ]
 
 
