@@ -1,5 +1,8 @@
 """Rigid bodies: `PhysicsWorld` holds them, `PhysicsSettings` says how they are simulated."""
 
+from elys.sim_node.physics.joint_checks import JOINT_KINDS
+from elys.sim_node.physics.joint_making import JointDescription
+from elys.sim_node.physics.joints import BrokenJoint, JointStates
 from elys.sim_node.physics.kernels.tables import (
     BOX,
     CAPSULE,
@@ -41,6 +44,7 @@ __all__ = [
     "DYNAMIC",
     "HEIGHT_FIELD",
     "HULL",
+    "JOINT_KINDS",
     "KINEMATIC",
     "MESH",
     "NOTICES_ALL",
@@ -50,11 +54,14 @@ __all__ = [
     "STATIC",
     "Attractor",
     "BodyStates",
+    "BrokenJoint",
     "ContactEvents",
     "ContactPoints",
     "Energy",
     "EventChanges",
     "Hits",
+    "JointDescription",
+    "JointStates",
     "Meetings",
     "Momentum",
     "Overlaps",

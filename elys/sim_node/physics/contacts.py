@@ -138,13 +138,18 @@ class ContactStore:
         self.is_outdated = False
         self.is_changed = True
 
-    def update_pairs(self, bodies: Array, colliders: Array, geometry: Geometry, moved: Array, moved_count: int) -> None:
-        """Finds the pairs of colliders with new fat boxes, those listed first in `moved`, and ends those that parted."""
+    def update_pairs(
+        self, bodies: Array, colliders: Array, geometry: Geometry, unpaired: Array, moved: Array, moved_count: int
+    ) -> None:
+        """Finds the pairs of colliders with new fat boxes, those listed first in `moved`, and ends those that parted.
+
+        `unpaired` are the sorted keys of pairs of bodies that do not collide, see `JointTable`.
+        """
         tree = self.tree
         tree.follow(colliders["fat_box"], moved, moved_count)
         while True:
             walk = (tree.leaves, tree.blocks, tree.levels, tree.level_count)
-            known = (geometry, self.pairs, self._table, self._new, tree.stack)
+            known = (geometry, self.pairs, self._table, unpaired, self._new, tree.stack)
             found = find_new_pairs(bodies, colliders, moved, moved_count, *walk, *known)
             if found <= len(self._new):
                 break

@@ -13,9 +13,12 @@ from elys.sim_node.physics.bodies import BodyTable
 from elys.sim_node.physics.colliders import ColliderTable
 from elys.sim_node.physics.contacts import ContactStore
 from elys.sim_node.physics.events import EventLog
+from elys.sim_node.physics.joints import JointTable
 from elys.sim_node.physics.kernels.colouring import colour_contacts
 from elys.sim_node.physics.kernels.integrator import finish_step
 from elys.sim_node.physics.kernels.islands import build_islands, list_held
+from elys.sim_node.physics.kernels.joint_preparation import prepare_joints
+from elys.sim_node.physics.kernels.joints import finish_joints
 from elys.sim_node.physics.kernels.narrow_phase import update_manifolds, update_simple_manifolds
 from elys.sim_node.physics.kernels.overlaps import find_deep_overlaps
 from elys.sim_node.physics.kernels.placement import fatten_boxes, place_colliders
@@ -39,6 +42,7 @@ class Step:
         bodies: BodyTable,
         colliders: ColliderTable,
         contacts: ContactStore,
+        joints: JointTable,
         activity: Activity,
         events: EventLog | None,
         room: SolverRoom,
@@ -50,6 +54,7 @@ class Step:
         self._bodies = bodies
         self._colliders = colliders
         self._contacts = contacts
+        self._joints = joints
         self._activity = activity
         self._events = events
         self._sleeping = sleeping
@@ -60,8 +65,9 @@ class Step:
         self._fast_count = 0
         self.deep: tuple[Array, Array] = (_NONE, np.zeros(0))  # slots of pairs, depths [m]
 
-    def run(self, profile: dict[str, float]) -> Array:
-        """Moves everything; returns the rows of bodies whose numbers are not finite any more."""
+    def run(self, profile: dict[str, float]) -> tuple[Array, Array]:
+        """Moves everything; returns the rows of bodies whose numbers are not finite any more, and of joints that broke."""
+        broken = _NONE
         while True:
             _timed(profile, "place_bodies", self._place_bodies)
             _timed(profile, "update_pairs", self._update_pairs)
@@ -73,7 +79,11 @@ class Step:
         _timed(profile, "build_islands", self._build_islands)
         _timed(profile, "colour_contacts", self._colour_contacts)
         _timed(profile, "prepare_contacts", self._prepare_contacts)
+        if len(self._joints.rows):
+            _timed(profile, "prepare_joints", self._prepare_joints)
         _timed(profile, "solve_contacts", self._solve_contacts)
+        if len(self._joints.rows):
+            broken = _timed(profile, "finish_joints", self._finish_joints)
         if self._events is not None:
             _timed(profile, "track_contacts", self._track_contacts)
         faulty = _timed(profile, "finish_step", self._finish_step)
@@ -83,7 +93,7 @@ class Step:
             _timed(profile, "track_triggers", self._track_triggers)
         if self._sleeping:
             _timed(profile, "put_to_sleep", self._put_to_sleep)
-        return faulty
+        return faulty, broken
 
     def _place_bodies(self) -> None:
         activity = self._activity
@@ -100,7 +110,8 @@ class Step:
             bodies, colliders, activity.colliders, activity.collider_count, activity.moved, self._constants
         )
         if count:
-            contacts.update_pairs(bodies, colliders, self._colliders.geometry.arrays, activity.moved, count)
+            geometry, unpaired = self._colliders.geometry.arrays, self._joints.unpaired
+            contacts.update_pairs(bodies, colliders, geometry, unpaired, activity.moved, count)
 
     def _update_manifolds(self) -> bool:
         """Returns whether anything was touched in its sleep: then it wakes first."""
@@ -151,6 +162,7 @@ class Step:
             contacts.touching,
             contacts.touching_count,
             contacts.manifolds,
+            self._joints.links,
             room.parent,
             room.islands,
             self._strengths,
@@ -232,6 +244,15 @@ class Step:
             self._constants,
         )
 
+    def _prepare_joints(self) -> None:
+        self._joints.prepare(self._bodies, len(self._strengths))
+        prepare_joints(self._joints.tables, self._room.drives, self._strengths)
+
+    def _finish_joints(self) -> Array:
+        joints = self._joints
+        count = finish_joints(joints.tables, self._room.solver_bodies, self._constants, joints.broken_room)
+        return joints.broken_room[:count].copy() if count else _NONE
+
     def _solve_contacts(self) -> None:
         room, contacts = self._room, self._contacts
         solve_contacts(
@@ -252,6 +273,7 @@ class Step:
             contacts.flat_manifolds,
             room.rows,
             room.row_points,
+            self._joints.tables if len(self._joints.rows) else None,
             self._strengths,
             self._constants,
         )

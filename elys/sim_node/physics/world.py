@@ -17,17 +17,15 @@ from numpy.typing import ArrayLike
 
 from elys.common.errors import PhysicsError
 from elys.sim_node.physics import checks, diagnostics, forces
-from elys.sim_node.physics.activity import Activity
-from elys.sim_node.physics.bodies import BodyTable, new_rows
-from elys.sim_node.physics.colliders import EVERY_LAYER, ColliderTable, new_colliders
-from elys.sim_node.physics.contacts import ContactStore
+from elys.sim_node.physics.bodies import new_rows
+from elys.sim_node.physics.colliders import EVERY_LAYER, new_colliders
 from elys.sim_node.physics.debug_geometry import Lines, Tables, debug_lines
 from elys.sim_node.physics.events import EventLog
+from elys.sim_node.physics.joint_world import WorldJoints
 from elys.sim_node.physics.kernels.state_hash import hash_bodies
 from elys.sim_node.physics.kernels.tables import BOX, DYNAMIC, SOLID, STATIC
 from elys.sim_node.physics.mass_properties import mass_properties
 from elys.sim_node.physics.measures import energy_of, momentum_of
-from elys.sim_node.physics.queries import WorldQueries
 from elys.sim_node.physics.settings import PhysicsSettings, SceneTraits, step_constants, step_strengths
 from elys.sim_node.physics.solving import SolverRoom
 from elys.sim_node.physics.states import BodyStates, ContactPoints, Energy, EventChanges, Momentum, Problem, WorldEvents
@@ -36,14 +34,12 @@ from elys.sim_node.physics.stepping import Step
 Array = np.ndarray[Any, Any]
 
 
-class PhysicsWorld(WorldQueries):
-    """Rigid bodies, their shapes and their contacts. Methods take entity ids and arrays with one row for each."""
+class PhysicsWorld(WorldJoints):
+    """Rigid bodies, their shapes, contacts and joints. Methods take entity ids and arrays with one row for each."""
 
     def __init__(self, settings: PhysicsSettings | None = None) -> None:
         self.settings = settings or PhysicsSettings()
-        super().__init__(BodyTable(), ColliderTable())
-        self._contacts = ContactStore()
-        self._activity = Activity(self._bodies, self._colliders, self._contacts)
+        super().__init__()
         self._events = EventLog(self._contacts)
         self._room = SolverRoom()
         self._step: Step | None = None
@@ -143,17 +139,21 @@ class PhysicsWorld(WorldQueries):
         moments = np.zeros((len(column), 3)) if inertia is None else checks.inertia_column(inertia, weights, column)
         place = self._bodies.add(column, rows, weights, moments)
         self._colliders.follow_bodies(place)
+        self._joints.follow_bodies(place)
         added = self._bodies.rows_of(column)
         self._update_mass(added)
         self._bodies.mark_fresh(added)
 
     def remove_bodies(self, entities: ArrayLike) -> None:
-        """Removes bodies with their shapes and contacts; PhysicsError for an entity without a body."""
+        """Removes bodies with their shapes, contacts and joints; PhysicsError for an entity without a body."""
         rows = self._bodies.rows_of(checks.entity_column(entities))
-        self._activity.wake(rows)
+        self._wake(rows)
         self._activity.wake_touching(rows)
         self._remove_colliders(self._colliders.rows_on(rows))
-        self._colliders.follow_bodies(self._bodies.remove(rows))
+        self._joints.remove(self._joints.rows_on(rows))
+        place = self._bodies.remove(rows)
+        self._colliders.follow_bodies(place)
+        self._joints.follow_bodies(place)
         self._activity.outdate()
         self._query_tree.outdate()
 
@@ -394,9 +394,11 @@ class PhysicsWorld(WorldQueries):
             raise PhysicsError(f"A step must take a finite time above 0 s, not {dt!r}")
         profile = {} if profile is None else profile
         step = self._step_of(dt)
-        faulty = step.run(profile)
+        faulty, broken = step.run(profile)
         self._query_tree.outdate()
         self._tell(step, dt)
+        if len(broken):
+            self._break_joints(broken)
         if len(faulty):
             self._stop(faulty)
 
@@ -415,6 +417,7 @@ class PhysicsWorld(WorldQueries):
                 self._bodies,
                 self._colliders,
                 self._contacts,
+                self._joints,
                 self._activity,
                 self._events if self.settings.events else None,
                 self._room,
@@ -461,10 +464,13 @@ class PhysicsWorld(WorldQueries):
         return momentum_of(self._bodies)
 
     def state_hash(self) -> int:
-        """64 bits over ids, poses and velocities of all bodies: equal states, and practically only they, are equal in it."""
+        """64 bits over ids, poses and velocities of all bodies and what joints remember: equal states are equal in it."""
         rows = self._bodies.rows
         words = rows.view(np.uint64).reshape(len(rows), rows.itemsize // 8)
-        return int(hash_bodies(self._bodies.entities, words))
+        total = int(hash_bodies(self._bodies.entities, words))
+        if not len(self._joints.rows):
+            return total
+        return total ^ int(hash_bodies(self._joints.living, self._joints.memory()))
 
     def debug_lines(self, kind: str) -> Lines:
         """How physics sees the world, as lines of one kind: boxes, fat_boxes, contacts, islands, sleeping or axes."""
@@ -483,6 +489,7 @@ class PhysicsWorld(WorldQueries):
             "forces": self._bodies.forces.copy(),
             "colliders": self._colliders.rows.copy(),
             "shapes": self._colliders.shapes.copy(),
+            "joints": self._joints.rows.copy(),
             **self._colliders.geometry.saved(),
             **self._contacts.saved(),
             **self._events.saved(),
@@ -498,15 +505,11 @@ class PhysicsWorld(WorldQueries):
         self._colliders.load(snapshot)
         self._contacts.load(snapshot, len(self._colliders.rows))
         self._events.load(snapshot)
+        self._joints.load(snapshot)
         self._activity.outdate()
         self._query_tree.outdate()
 
     # ---------------------------------------------------------------- within
-
-    def _wake(self, rows: Array) -> None:
-        """Wakes bodies that are changed from outside, and lets them stay awake for a while."""
-        self._activity.wake(rows)
-        self._bodies.rows["still_time"][rows] = 0.0
 
     def _vectors(self, name: str, entities: ArrayLike, vectors: ArrayLike) -> tuple[Array, Array]:
         column = checks.entity_column(entities)
@@ -528,6 +531,7 @@ class PhysicsWorld(WorldQueries):
         on = self._bodies.poses[self._colliders.rows["body"][rows]]
         self._colliders.attach(rows, on["center"], on["axes"])
         self._bodies.set_extents(bodies, *self._colliders.extents(solid))
+        self._joints.attach(self._bodies, self._joints.rows_on(bodies))
         self._changed()
 
     def _remove_colliders(self, rows: Array) -> None:
@@ -545,5 +549,6 @@ class PhysicsWorld(WorldQueries):
 
     def _changed(self) -> None:
         self._activity.outdate()
+        self._joints.outdate()
         self._bodies.publish()
         self._query_tree.outdate()

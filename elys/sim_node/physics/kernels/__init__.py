@@ -17,6 +17,8 @@ from elys.sim_node.physics.kernels.colouring import colour_contacts
 from elys.sim_node.physics.kernels.events import describe_contacts, track_contacts, track_triggers
 from elys.sim_node.physics.kernels.integrator import finish_step, publish_poses
 from elys.sim_node.physics.kernels.islands import build_islands, list_held
+from elys.sim_node.physics.kernels.joint_preparation import prepare_joints
+from elys.sim_node.physics.kernels.joints import finish_joints
 from elys.sim_node.physics.kernels.narrow_phase import update_manifolds, update_simple_manifolds
 from elys.sim_node.physics.kernels.nearby import find_closest, find_overlaps
 from elys.sim_node.physics.kernels.overlaps import find_deep_overlaps
@@ -48,7 +50,7 @@ LATER: tuple[Any, ...] = (
 )
 
 
-def _kernels() -> tuple[Kernel, ...]:
+def _kernels() -> tuple[tuple[Kernel, ...], tuple[Kernel, ...]]:
     bodies, poses, colliders, pairs, manifolds, rows, row_points, leaves, found, constants, groups, spans, strengths = (
         np.zeros(1, dtype)
         for dtype in (
@@ -99,6 +101,25 @@ def _kernels() -> tuple[Kernel, ...]:
     rays = (vectors, vectors, numbers)
     probes = (np.zeros(1, tables.CONVEX), vectors, np.zeros(1, TOUCH))
     answer = (places, indices, entities, numbers, vectors, vectors)
+    links = np.zeros((1, 2), np.int32)
+    solved = (
+        *(groups, spans, indices, 0, *lanes, floats, solver, floats, drives, floats),
+        *(manifolds, floats, rows, row_points),
+    )
+    joints = tables.Joints(
+        bodies,
+        np.zeros(1, tables.JOINT),
+        np.zeros(1, tables.JOINT_ROW),
+        np.zeros(1, tables.JOINT_GROUP),
+        indices,
+        np.zeros(1, tables.JOINT_COLUMN),
+        indices,
+        np.zeros(1, tables.JOINT_BLOCK),
+        indices,
+        np.zeros((1, 6)),
+        np.zeros((1, 6)),
+        vectors,
+    )
     # The quick ones first, so that a progress bar moves early.
     listed: list[tuple[Any, tuple[Any, ...]]] = [
         (refit_query_tree, (boxes, query_nodes)),
@@ -145,13 +166,13 @@ def _kernels() -> tuple[Kernel, ...]:
             find_new_pairs,
             (
                 *(bodies, colliders, indices, 0, leaves, floats, indices, 0),
-                *(geometry, pairs, indices, pairs, indices),
+                *(geometry, pairs, indices, places, pairs, indices),
             ),
         ),
         (list_awake, (bodies, colliders, indices, indices)),
         (wake_marked, (bodies,)),
         (put_to_sleep, (bodies, poses, indices, 0, indices, islands, indices, constants)),
-        (build_islands, (bodies, indices, 0, *touching[1:], indices, islands, strengths, constants)),
+        (build_islands, (bodies, indices, 0, *touching[1:], links, indices, islands, strengths, constants)),
         (list_held, (bodies, indices, 0, indices, groups)),
         (colour_contacts, (*touching, masks, indices, indices, indices, indices, groups, spans, *lanes)),
         (prepare_bodies, (bodies, forces, indices, 0, groups, solver, drives, strengths, constants)),
@@ -162,17 +183,21 @@ def _kernels() -> tuple[Kernel, ...]:
             (bodies, colliders, pairs, indices, 0, manifolds, found, constants, *lanes),
         ),
         (update_manifolds, (bodies, colliders, pairs, indices, 0, manifolds, found, geometry, constants, *lanes)),
-        (
-            solve_contacts,
-            (
-                *(groups, spans, indices, 0, *lanes, floats, solver, floats, drives, floats),
-                *(manifolds, floats, rows, row_points, strengths, constants),
-            ),
-        ),
+        (solve_contacts, (*solved, None, strengths, constants)),
     ]
+    # What only worlds with joints need.
+    later: list[tuple[Any, tuple[Any, ...]]] = [
+        (prepare_joints, (joints, drives, strengths)),
+        (finish_joints, (joints, solver, constants, indices)),
+        (solve_contacts, (*solved, joints, strengths, constants)),
+    ]
+    return _named(listed), _named(later)
+
+
+def _named(listed: list[tuple[Any, tuple[Any, ...]]]) -> tuple[Kernel, ...]:
     return tuple((f"physics.{function.__name__}", function, (signature_of(*a),)) for function, a in listed)
 
 
-_ALL = _kernels()
-KERNELS = tuple(entry for entry in _ALL if entry[1] not in LATER)
-LATER_KERNELS = tuple(entry for entry in _ALL if entry[1] in LATER)
+_LISTED, _JOINTED = _kernels()
+KERNELS = tuple(entry for entry in _LISTED if entry[1] not in LATER)
+LATER_KERNELS = tuple(entry for entry in _LISTED if entry[1] in LATER) + _JOINTED

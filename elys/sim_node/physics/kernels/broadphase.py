@@ -6,6 +6,8 @@ tree and the table look like: the order of impulses must not depend on them.
 
 from __future__ import annotations
 
+import numpy as np
+
 from elys.sim_node.compilation import inner, kernel
 from elys.sim_node.physics.kernels.midphase import has_parts, local_interval, meets_part, next_part, still_near
 from elys.sim_node.physics.kernels.pair_table import EMPTY, find_pair, insert_pair, remove_pair
@@ -48,6 +50,23 @@ def may_collide(bodies, a, b):
 
 
 @inner
+def is_unpaired(unpaired, first, second):
+    """Whether two bodies are held by a joint that lets them not collide: a search in sorted keys."""
+    if unpaired.shape[0] == 0:
+        return False
+    key = (np.int64(min(first, second)) << 32) + max(first, second)
+    low = 0
+    high = unpaired.shape[0]
+    while low < high:
+        middle = (low + high) // 2
+        if unpaired[middle] < key:
+            low = middle + 1
+        else:
+            high = middle
+    return low < unpaired.shape[0] and unpaired[low] == key
+
+
+@inner
 def add_new(pairs, table, a, b, part, new, found):
     """Notes a pair unless it is known; returns how many are noted now."""
     if find_pair(pairs, table, a, b, part) != EMPTY:
@@ -82,13 +101,15 @@ def add_parts(colliders, mesh_row, other_row, pairs, table, new, found, geometry
 
 
 @inner
-def meet(bodies, colliders, i, j, geometry, pairs, table, new, found, stack, top):
+def meet(bodies, colliders, i, j, geometry, pairs, table, unpaired, new, found, stack, top):
     """Notes the pairs of two colliders whose boxes may overlap, the first of which moved; returns how many there are now."""
     collider = colliders[i]
     other = colliders[j]
     if j == i or (j < i and other.moved != 0):  # two that moved are found from the smaller one
         return found
     if not boxes_overlap(other.fat_box, collider.fat_box) or not may_collide(bodies, collider, other):
+        return found
+    if is_unpaired(unpaired, collider.body, other.body):
         return found
     if has_parts(other):
         return add_parts(colliders, j, i, pairs, table, new, found, geometry, stack, top)
@@ -101,12 +122,25 @@ def meet(bodies, colliders, i, j, geometry, pairs, table, new, found, stack, top
 
 @kernel
 def find_new_pairs(
-    bodies, colliders, moved, moved_count, leaves, blocks, levels, level_count, geometry, pairs, table, new, stack
+    bodies,
+    colliders,
+    moved,
+    moved_count,
+    leaves,
+    blocks,
+    levels,
+    level_count,
+    geometry,
+    pairs,
+    table,
+    unpaired,
+    new,
+    stack,
 ):
     """Writes the pairs that moved colliders have gained, in any order; returns how many there are.
 
     When there are more than `new` can take the rest is only counted: the caller makes room and calls again. `leaves`,
-    `blocks` and `levels` are the wide tree over all fat boxes.
+    `blocks` and `levels` are the wide tree over all fat boxes, `unpaired` the sorted keys of bodies that do not collide.
     """
     found = 0
     for m in range(moved_count):
@@ -130,7 +164,7 @@ def find_new_pairs(
                     top += 1
                 else:
                     j = leaves[child].order
-                    found = meet(bodies, colliders, i, j, geometry, pairs, table, new, found, stack, top)
+                    found = meet(bodies, colliders, i, j, geometry, pairs, table, unpaired, new, found, stack, top)
     return found
 
 

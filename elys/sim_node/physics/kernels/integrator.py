@@ -27,7 +27,7 @@ from elys.sim_node.physics.kernels.locks import (
 from elys.sim_node.physics.kernels.placement import write_world_inertia
 from elys.sim_node.physics.kernels.rotation import multiplied, normalized, rotated, spun, turn_by
 from elys.sim_node.physics.kernels.simd import load, splat, store
-from elys.sim_node.physics.kernels.tables import DYNAMIC, SOLVER_DRIVE, float_place
+from elys.sim_node.physics.kernels.tables import DYNAMIC, JOINTED, SOLVER_DRIVE, float_place
 
 SPINNING = 1e-6  # squared turn in a step [rad^2] above which a body's moments make a difference
 
@@ -208,10 +208,11 @@ def principal_spin(body, x, y, z):
 
 @inner
 def turn_held(body, solved, h):
-    """Turns a body that contacts held, by what the solver found, and gives it the angular velocity it then has.
+    """Turns a body that was held, by what the solver found, and gives it the angular velocity it then has.
 
     Part of the solver's velocity turned the body; with that it has flown freely, as Euler's equations say. The rest came
-    with the last impulses: its angular momentum stays as the body turns.
+    with the last impulses: its angular momentum stays as the body turns. Jointed bodies have
+    flown so in every substep, and have their velocities by now.
     """
     d = solved.displacement
     v = body.velocity
@@ -220,6 +221,9 @@ def turn_held(body, solved, h):
     ix, iy, iz = inverse[0], inverse[1], inverse[2]
     vx, vy, vz = float(d[3]), float(d[4]), float(d[5])
     wx, wy, wz = float(solved.velocity[3]), float(solved.velocity[4]), float(solved.velocity[5])
+    if body.held == JOINTED:
+        turn_body(body, vx, vy, vz)
+        return
     if ix * iy * iz == 0.0 or (ix == iy and iy == iz) or body.locked & TURNS:
         turn_body(body, vx, vy, vz)
         v[3], v[4], v[5] = wx, wy, wz
@@ -241,7 +245,8 @@ def turn_held(body, solved, h):
 def move_held(body, solved, h):
     """Takes over what the solver found in a step of length h."""
     for k in range(3):
-        body.velocity[k] = solved.velocity[k]
+        if body.held != JOINTED:
+            body.velocity[k] = solved.velocity[k]
         body.position[k] += solved.displacement[k]
     turn_held(body, solved, h)
 

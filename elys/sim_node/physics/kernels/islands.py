@@ -12,7 +12,7 @@ import numpy as np
 
 from elys.sim_node.compilation import inner, kernel
 from elys.sim_node.physics.kernels.fields import field_at
-from elys.sim_node.physics.kernels.tables import DYNAMIC, KINEMATIC, POINTS, STATIC
+from elys.sim_node.physics.kernels.tables import DYNAMIC, JOINTED, KINEMATIC, POINTS, STATIC
 
 LAYERS = 9.0  # up to which each contact of an island may give way by the allowed overlap: higher up it adds up
 SMALL = 512  # bodies up to which an island is solved exactly at all
@@ -95,8 +95,27 @@ def allowance(island):
 
 
 @inner
-def find_islands(bodies, awake, awake_count, colliders, pairs, touching, touching_count, parent, islands, g):
-    """Marks the bodies that contacts hold and joins them into islands; what something moves by itself touches stays awake."""
+def link_islands(bodies, links, parent):
+    """Marks the awake bodies that joints hold and joins them into islands."""
+    for k in range(links.shape[0]):
+        a = links[k, 0]
+        b = links[k, 1]
+        for i in (a, b):
+            if i >= 0 and bodies[i].motion != STATIC and bodies[i].asleep == 0:
+                bodies[i].held = JOINTED
+        if a < 0 or b < 0 or bodies[a].asleep != 0 or bodies[b].asleep != 0:
+            continue
+        if bodies[a].motion == DYNAMIC and bodies[b].motion == DYNAMIC:
+            join(parent, a, b)
+        elif bodies[a].motion == KINEMATIC and is_moving(bodies[a]):
+            bodies[b].still_time = 0.0
+        elif bodies[b].motion == KINEMATIC and is_moving(bodies[b]):
+            bodies[a].still_time = 0.0
+
+
+@inner
+def find_islands(bodies, awake, awake_count, colliders, pairs, touching, touching_count, links, parent, islands, g):
+    """Marks the bodies that contacts and joints hold and joins them into islands; what something moves by itself touches stays awake."""
     for index in range(awake_count):
         i = awake[index]
         bodies[i].held = 0
@@ -124,6 +143,7 @@ def find_islands(bodies, awake, awake_count, colliders, pairs, touching, touchin
             second.still_time = 0.0
         elif second.motion == KINEMATIC and is_moving(second):
             first.still_time = 0.0
+    link_islands(bodies, links, parent)
     for index in range(awake_count):
         i = awake[index]
         if bodies[i].held != 0 and bodies[i].motion == DYNAMIC:
@@ -162,18 +182,20 @@ def build_islands(
     touching,
     touching_count,
     manifolds,
+    links,
     parent,
     islands,
     strengths,
     all_constants,
 ):
-    """Marks the awake bodies that contacts hold, and gives each the strength of its island; whether any strength has changed.
+    """Marks the awake bodies that contacts and joints hold, and gives each the strength of its island; whether any strength has changed.
 
-    Parameters: parent (N,) int32 and islands (N,) are room; afterwards root_of(parent, i) is the row of body i's island.
+    Parameters: links (L, 2) are the body rows that joints hold together, -1 for the world; parent (N,) int32 and islands
+    (N,) are room; afterwards root_of(parent, i) is the row of body i's island.
     """
     constants = all_constants[0]
     down = constants.down
-    find_islands(bodies, awake, awake_count, colliders, pairs, touching, touching_count, parent, islands, down)
+    find_islands(bodies, awake, awake_count, colliders, pairs, touching, touching_count, links, parent, islands, down)
     ask_contacts(bodies, colliders, pairs, touching, touching_count, manifolds, parent, islands, strengths, constants)
     is_changed = False
     for index in range(awake_count):

@@ -49,6 +49,8 @@ from elys.sim_node.physics.kernels.batch import (
 )
 from elys.sim_node.physics.kernels.impact import bounce_contacts
 from elys.sim_node.physics.kernels.integrator import integrate_positions, integrate_velocities, take_back, turn_over
+from elys.sim_node.physics.kernels.joint_motion import turn_all
+from elys.sim_node.physics.kernels.joints import has_joints, solve_joints, warm_start_joints
 from elys.sim_node.physics.kernels.simd import (
     gather_rows,
     larger,
@@ -380,12 +382,14 @@ def solve_contacts(
     manifolds,
     rows,
     row_points,
+    joints,
     strengths,
     all_constants,
 ):
-    """All substeps of a step, group by group: velocities and displacements of the held bodies, impulses of the contacts.
+    """All substeps of a step, group by group: velocities and displacements of the held bodies, impulses of contacts and joints.
 
-    `solver`, `drive` and `manifolds` are flat float32 views of the tables named before them. The passes stand in a loop
+    `solver`, `drive` and `manifolds` are flat float32 views of the tables named before them; `joints` is None in a world
+    without any: that is compiled apart, without all that is of joints. The passes stand in a loop
     because a call with True and one with False would be compiled twice.
     """
     constants = all_constants[0]
@@ -398,15 +402,18 @@ def solve_contacts(
         if first == last:
             continue
         can_bounce = group.last_row > group.first_row
+        is_jointed = has_joints(joints, g)
         for index in range(fixed_first, held_end):  # they move along in every group
             for k in range(6):
                 solver_bodies[held[index]].displacement[k] = 0.0
         for substep in range(strength.substeps):
-            if substep > 0 and not can_bounce:
+            if substep > 0 and not can_bounce and not is_jointed:
                 turn_over(held, first, last, solver_bodies, solver, drive, h)
             else:
                 if substep > 0:
                     take_back(held, first, last, solver_bodies, solver, drive, h)
+                    if joints is not None and is_jointed:
+                        turn_all(joints, held, first, last, solver_bodies, drives, 0.0)
                 bounce_contacts(
                     solver_bodies, drives, rows, row_points, group.first_row, group.last_row, h, constants.bounce_speed
                 )
@@ -415,8 +422,14 @@ def solve_contacts(
                 for s in range(group.first_span, group.last_span):
                     for batch in range(spans[s].first, spans[s].last):
                         warm_start(batches, body_a, body_b, batch, counts[batch], solver, constants)
+                if joints is not None:
+                    warm_start_joints(joints, g, solver_bodies)
             passes = 2 if (substep + 1) % strength.relax_every == 0 else 1
-            for number in range(passes):
+            for number in range(2 if is_jointed else passes):
+                if joints is not None:
+                    solve_joints(joints, g, solver_bodies, h, number == 0)
+                if number == passes:  # joints alone are relaxed in every substep
+                    break
                 for s in range(group.first_span, group.last_span):
                     for batch in range(spans[s].first, spans[s].last):
                         solve_batch(
@@ -434,7 +447,11 @@ def solve_contacts(
                 if number == 0:
                     integrate_positions(held, first, last, solver, drive, h, can_bounce)
                     integrate_positions(held, fixed_first, held_end, solver, drive, h, False)
+                    if joints is not None and is_jointed:
+                        turn_all(joints, held, first, last, solver_bodies, drives, h)
         take_back(held, first, last, solver_bodies, solver, drive, h)
+        if joints is not None and is_jointed:
+            turn_all(joints, held, first, last, solver_bodies, drives, 0.0)
         if group.last_span > group.first_span:
             first, last = spans[group.first_span].first, spans[group.last_span - 1].last
             finish_contacts(

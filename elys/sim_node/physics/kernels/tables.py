@@ -17,6 +17,7 @@ import numpy as np
 Table = np.ndarray[Any, Any]
 
 DYNAMIC, KINEMATIC, STATIC = 0, 1, 2
+JOINTED = 2  # in `held`: a joint may act on a body
 BOX, SPHERE, CAPSULE, CYLINDER, HULL, MESH, PLANE, HEIGHT_FIELD = 0, 1, 2, 3, 4, 5, 6, 7
 ROUNDED = (SPHERE, CAPSULE)  # a core with a radius around it
 TRIANGLE = 8  # a part of a mesh or a height field; no collider is of this kind
@@ -46,7 +47,7 @@ BODY = np.dtype(
         ("asleep", "u1"),  # AWAKE, ASLEEP or WAKING
         ("strength", "u1"),  # which row of STRENGTH its contacts asked for in the last step
         ("calm", "u1"),  # for how many steps its island has been solved more strongly than it asked for
-        ("held", "u1"),  # a contact may act on it in this step
+        ("held", "u1"),  # 1 where a contact may act on it in this step, JOINTED where a joint may, else 0
         ("locked", "u1"),  # bits: axes of the world along which (0 to 2) and about which (3 to 5) it never moves
         ("pushed", "u1"),  # its row of FORCE is not zero
         ("told", "u1"),  # bits of what has been told about it, TOLD_SPEED to TOLD_SPIN, and FRESH
@@ -319,6 +320,121 @@ ROW_POINT = np.dtype(
     align=True,
 )
 
+# What a joint holds together: two bodies, or a body and the world (row -1). Where a field has room for both sides, body a
+# comes first. A joint has LOCKED rows that are held, one row for its free coordinate (the angle of a hinge or a twist, the
+# way of a slider, a length) and one for the angle by which a cone has swung.
+FIXED, BALL, HINGE, SLIDER, DISTANCE, CONE, GEAR, MOTOR = range(8)
+LOCKED, AXIS, SWING, JOINT_ROWS = 6, 6, 7, 8  # row r of joint j is row 8 j + r of the joint rows
+CORRECTION = 0.25  # share of a joint's error that a substep takes away
+LARGEST_ERROR = 0.2  # what is farther off comes back as if it were not [m], [rad]
+JOINT = np.dtype(
+    [
+        # what was asked for
+        ("id", "u4"),
+        ("entity", "u4", 2),  # 0 for the world
+        ("geared", "u4", 2),  # the joints that a gear couples
+        ("kind", "u1"),
+        ("collide_connected", "u1"),
+        ("anchor", "f8", 6),  # in the spaces of the entities [m]
+        ("rotation", "f8", 8),  # entity_from_joint, twice
+        ("lower", "f8"),  # limits of the coordinate [m] or [rad]
+        ("upper", "f8"),
+        ("swing_limit", "f8"),  # [rad]
+        ("frequency", "f8"),  # of the locked rows [Hz]; 0 for rigid
+        ("damping_ratio", "f8"),
+        ("spring_frequency", "f8"),  # of the coordinate about `spring_rest` [Hz]; 0 for no spring
+        ("spring_damping", "f8"),  # damping ratio
+        ("spring_rest", "f8"),
+        ("spring_limit", "f8"),  # most force [N] or torque [N m]
+        ("motor_speed", "f8"),  # [m/s] or [rad/s]
+        ("motor_limit", "f8"),  # most force [N] or torque [N m]; 0 for no motor
+        ("drive_velocity", "f8", 6),  # that a MOTOR gives b against a, in the frame of a: linear, angular
+        ("drive_limit", "f8", 2),  # most force [N] and torque [N m] of a MOTOR
+        ("ratio", "f8"),  # of a gear: its second coordinate changes by `ratio` where the first changes by one
+        ("break_force", "f8"),  # [N]
+        ("break_torque", "f8"),  # [N m]
+        # what it remembers
+        ("broken", "u1"),
+        ("impulse", "f8", LOCKED),  # of the last substep, for each locked row
+        ("spring_impulse", "f8"),
+        ("motor_impulse", "f8"),
+        ("lower_impulse", "f8"),
+        ("upper_impulse", "f8"),
+        ("gear_impulse", "f8"),  # of all gears on the coordinate
+        ("swing_impulse", "f8"),
+        ("coordinate", "f8"),  # angles are counted over turns
+        ("gear_offset", "f8"),
+        ("impulse_time", "f8"),  # of which substep the impulses above are [s]; 0 where none was yet
+        ("stiffness", "f8"),  # of the spring, [N/m] or [N m/rad]; negative: not known yet
+        ("spring_friction", "f8"),  # of the spring, [N s/m] or [N m s/rad]
+        # what it tells
+        ("speed", "f8"),
+        ("force", "f8"),  # between the bodies, mean over the last step [N]
+        ("torque", "f8"),  # at the anchor [N m]
+        # the place of things
+        ("body", "i4", 2),
+        ("gear_row", "i4", 2),
+        ("local_anchor", "f8", 6),  # in the bodies' frames
+        ("local_rotation", "f8", 8),  # principal_from_joint
+        # work of a step
+        ("live", "u1"),  # holds something that is awake
+        ("strength", "u1"),  # of its island
+        ("mover", "i4", 2),  # rows of the solver's bodies, -1 for what never moves
+        ("geared_by", "u1"),  # a gear acts on its coordinate
+        ("free", "u1"),  # how many of the free rows anything acts on
+        ("direct", "u1"),  # its locked rows are solved together with those of other joints
+        ("locked", "i4"),  # how many rows are locked
+        ("inverse_mass", "f8", 2),
+        ("start_inertia", "f8", 12),  # world inverse inertia as the step began
+        ("start_arm", "f8", 6),  # from the centres of mass to the anchors
+        ("start_frame", "f8", 8),  # world_from_joint
+        ("start_offset", "f8", 3),  # from anchor to anchor
+        ("shift", "f8", 12),  # displacements of both bodies
+        ("velocity", "f8", 12),
+        ("turn", "f8", 8),  # of both bodies since the step began
+        ("inertia", "f8", 12),
+        ("arm", "f8", 6),
+        ("frame", "f8", 8),
+        ("offset", "f8", 3),
+        ("axis_a", "f8", 9),  # the axes of a's frame, one after another
+        ("axis_b", "f8", 3),  # the first axis of b's frame
+        ("swing", "f8"),  # [rad]
+        ("spring_start", "f8"),  # coordinate as the substep began
+        ("factor", "f8", LOCKED * LOCKED),  # of the locked rows' inverse effective mass
+        ("work", "f8", LOCKED),
+        ("applied", "f8", 9),  # impulse in this substep: on b, and the angular ones on a and b
+        ("given", "f8", 12),  # what it changed in the velocities
+        ("step_impulse", "f8", 6),  # of the whole step: on b, and at the anchor
+    ],
+    align=True,
+)
+JOINT_ROW = np.dtype(
+    [
+        ("direction", "f8", 3),
+        ("arm", "f8", 6),  # how the angular velocities count, minus on a and plus on b
+        ("turn", "f8", 6),  # inverse inertia times that
+        ("error", "f8"),  # [m] or [rad]
+        ("lead", "f8"),  # how much faster the row will be at the end of the substep, because it turns
+        ("start_rate", "f8"),  # as the substep began
+        ("own", "f8"),  # how much a unit impulse changes the rate, without regard to other rows
+        ("effective_mass", "f8"),  # with the locked rows held
+        ("answer", "f8", LOCKED),  # impulses of the locked rows that answer a unit of this one
+    ],
+    align=True,
+)
+# Joints whose locked rows are solved directly, in the order of elimination, and what stands below the diagonal of each.
+JOINT_COLUMN = np.dtype([("joint", "i4"), ("first", "i4"), ("count", "i4"), ("update", "i4")], align=True)
+# The joints of one strength: ranges of the lists that joints and columns are sorted into.
+JOINT_GROUP = np.dtype([("first", "i4"), ("last", "i4"), ("first_column", "i4"), ("last_column", "i4")], align=True)
+JOINT_BLOCK = np.dtype(
+    [
+        ("joint", "i4"),  # whose rows stand here; it is eliminated later
+        ("response", "f8", LOCKED * LOCKED),  # of its rows to impulses of the column's rows
+        ("gain", "f8", LOCKED * LOCKED),  # that times the inverse of the block on the diagonal
+    ],
+    align=True,
+)
+
 # What is the same for all bodies and contacts of a step; a table of one row.
 CONSTANTS = np.dtype(
     [
@@ -422,6 +538,23 @@ def float_place(dtype: np.dtype[Any], field: str) -> int:
     """Where a field of a table stands in a row of the table's flat float32 view."""
     assert dtype.fields is not None
     return dtype.fields[field][1] // 4
+
+
+class Joints(NamedTuple):
+    """All that solving joints needs."""
+
+    bodies: Table  # BODY
+    rows: Table  # JOINT
+    solver_rows: Table  # JOINT_ROW
+    groups: Table  # JOINT_GROUP, one for each strength
+    order: Table  # (J,) rows of awake joints, by strength
+    columns: Table  # JOINT_COLUMN
+    column_order: Table  # (C,) rows of those of awake joints, by strength
+    blocks: Table  # JOINT_BLOCK
+    updates: Table  # (U,) rows of blocks
+    loads: Table  # (N, 6) room, a row for each body
+    rest: Table  # (N, 6) what single precision has left over of the solver's velocities
+    turned: Table  # (N, 3) rotation vectors that bodies have turned by since the step began [rad]
 
 
 def grown(table: Table, count: int) -> Table:

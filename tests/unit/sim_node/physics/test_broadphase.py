@@ -41,7 +41,7 @@ def update(store, bodies, colliders, geometry=NO_GEOMETRY):
     if store.is_outdated:
         store.list_active(bodies, colliders)
     moved = np.flatnonzero(colliders["moved"]).astype(np.int32)
-    store.update_pairs(bodies, colliders, geometry, moved, len(moved))
+    store.update_pairs(bodies, colliders, geometry, np.zeros(0, np.int64), moved, len(moved))
 
 
 def test_pairs_equal_brute_force_and_are_sorted_while_boxes_move():

@@ -1,0 +1,253 @@
+"""Joints, solved by accumulated impulses beside the contacts.
+
+The locked rows of a joint are solved as one block; limits, motors and springs act on its free coordinate with the locked
+rows held, so that none of them has to be undone by the others. The bodies' velocities are copied into the joint, worked on
+in double precision and written back, whatever precision the bodies have.
+
+A substep keeps energy over minutes because it is the same forwards and backwards in time: impulses act along the rows as
+they stand in the MIDDLE of the substep and make the velocities fit the rows as they stand at its END. The integrator moves
+bodies by the mean of the old and the new velocity (`take_back`), so that the middle is where the impulses do no work: the
+implicit midpoint rule for constrained motion, Hairer, Lubich & Wanner, "Geometric Numerical Integration" (2006), VII.1.
+"""
+
+from __future__ import annotations
+
+import math
+
+from elys.sim_node.compilation import inner, kernel
+from elys.sim_node.physics.kernels.joint_axes import solve_free, solve_gear
+from elys.sim_node.physics.kernels.joint_direct import factor_joints
+from elys.sim_node.physics.kernels.joint_impulses import load_motion, load_velocity, push_all, store_velocity
+from elys.sim_node.physics.kernels.joint_loads import spread_loads
+from elys.sim_node.physics.kernels.joint_locks import solve_direct, solve_drive, solve_locked, solve_soft
+from elys.sim_node.physics.kernels.joint_mass import prepare_masses, turn_inertia
+from elys.sim_node.physics.kernels.joint_rows import (
+    has_coordinate,
+    measure,
+    place_frames,
+    row_rate,
+    write_free,
+    write_rows,
+)
+from elys.sim_node.physics.kernels.rotation import cross
+from elys.sim_node.physics.kernels.tables import AXIS, GEAR, JOINT_ROWS, MOTOR
+
+SWEEPS = 4  # over all joints in one pass of the solver, at most
+SETTLED = 1e-6  # rates below it are not worth another sweep, at rest [m/s], [rad/s]
+
+
+@inner
+def begin_substep(moving, joint, rows, first):
+    """Where everything stands as the substep begins."""
+    load_motion(moving, joint)
+    place_frames(joint, 0.0)
+    measure(joint, rows, first)
+    joint.spring_start = joint.coordinate
+    turn_inertia(joint)  # impulses act before the bodies turn: with any other inertia they would change the spin
+
+
+@inner
+def begin_rows(joint, rows, first, h):
+    """Writes the rows as they will stand in the middle of the substep, and how they differ from those at its end."""
+    place_frames(joint, h)
+    write_rows(joint, rows, first)
+    for k in range(joint.locked):
+        rows[first + k].lead = row_rate(joint, rows[first + k])
+    for k in range(AXIS, AXIS + joint.free):
+        rows[first + k].lead = row_rate(joint, rows[first + k])
+    place_frames(joint, 0.5 * h)
+    write_rows(joint, rows, first)
+    for k in range(joint.locked):
+        rows[first + k].lead -= row_rate(joint, rows[first + k])
+    for k in range(AXIS, AXIS + joint.free):
+        rows[first + k].lead -= row_rate(joint, rows[first + k])
+    prepare_masses(joint, rows, first)
+
+
+@inner
+def solve_joint(moving, joints, rows, j, h, biased):
+    """One joint once; returns the largest rate that was left before."""
+    joint = joints[j]
+    if joint.direct != 0 and joint.free == 0:
+        return 0.0
+    if joint.kind == GEAR:
+        return solve_gear(moving, joints, rows, joint, h, biased)
+    first = JOINT_ROWS * j
+    load_velocity(moving, joint)
+    most = 0.0
+    if joint.kind == MOTOR:
+        solve_drive(joint, rows, first, h)
+    elif joint.frequency > 0.0:
+        solve_soft(joint, rows, first, h)
+    elif joint.direct == 0:
+        most = solve_locked(joint, rows, first, h, biased)
+    if joint.free > 0:
+        most = max(most, solve_free(joint, rows, first, h, biased))
+    store_velocity(moving, joint)
+    return most
+
+
+@inner
+def end_substep(moving, joint, rows, first):
+    """Adds up what was applied, and keeps the rates that springs begin the next substep with."""
+    load_velocity(moving, joint)
+    for k in range(joint.locked):
+        rows[first + k].start_rate = row_rate(joint, rows[first + k])
+    for k in range(AXIS, AXIS + joint.free):
+        rows[first + k].start_rate = row_rate(joint, rows[first + k])
+    total = joint.step_impulse
+    p = joint.applied
+    r = joint.arm
+    x, y, z = cross(r[3], r[4], r[5], p[0], p[1], p[2])
+    for c in range(3):
+        total[c] += p[c]
+    total[3] += p[6] - x
+    total[4] += p[7] - y
+    total[5] += p[8] - z
+
+
+@inner
+def sweep_count(joints, order, first, last):
+    """How often joints are gone over at most: once where all of them are solved together."""
+    for place in range(first, last):
+        joint = joints[order[place]]
+        if joint.direct == 0 or joint.free > 0:
+            return SWEEPS
+    return 1
+
+
+@inner
+def fastest(joints, order, first, last):
+    """The largest velocity among jointed bodies, of which single precision keeps a ten-millionth."""
+    most = 0.0
+    for place in range(first, last):
+        velocity = joints[order[place]].velocity
+        for c in range(12):
+            most = max(most, abs(velocity[c]))
+    return most
+
+
+@inner
+def has_joints(system, g):
+    """Whether there are joints of a strength; `system` is a Joints or None."""
+    if system is None:
+        return False
+    return system.groups[g].last > system.groups[g].first
+
+
+@inner
+def begin_joints(system, g, moving, h):
+    """Rows and masses for a substep, and the impulses of the last one along the new rows."""
+    joints, rows, order = system.rows, system.solver_rows, system.order
+    group = system.groups[g]
+    first, last = group.first, group.last
+    for place in range(first, last):
+        j = order[place]
+        if joints[j].kind != GEAR:
+            begin_substep(moving, joints[j], rows, JOINT_ROWS * j)
+    spread_loads(joints, order, first, last, system.loads, h)
+    for place in range(first, last):
+        j = order[place]
+        if joints[j].kind != GEAR:
+            begin_rows(joints[j], rows, JOINT_ROWS * j, h)
+    push_again(system, g, moving)
+    columns = (system.columns, system.column_order, group.first_column, group.last_column)
+    factor_joints(joints, rows, *columns, system.blocks, system.updates)
+
+
+@inner
+def begin_relaxation(joints, rows, order, first, last, moving):
+    """Limits need to know what is left."""
+    for place in range(first, last):
+        j = order[place]
+        if joints[j].kind != GEAR and joints[j].free > 0:
+            load_motion(moving, joints[j])
+            place_frames(joints[j], 0.0)
+            measure(joints[j], rows, JOINT_ROWS * j)
+
+
+@inner
+def solve_joints(system, g, solver_bodies, h, biased):
+    """All joints of a strength, until they agree: forwards and backwards, so that a chain is no better from one end.
+
+    With `biased` errors of position are taken out, which the pass after the bodies have moved takes out of the velocities
+    again. The bodies must begin a substep with the impulses of the last one, as
+    `integrate_velocities` lets them.
+    """
+    joints, rows, order = system.rows, system.solver_rows, system.order
+    group = system.groups[g]
+    first, last = group.first, group.last
+    if first == last:
+        return
+    moving = (solver_bodies, system.rest)
+    if biased:
+        begin_joints(system, g, moving, h)
+    else:
+        begin_relaxation(joints, rows, order, first, last, moving)
+    columns = (system.columns, system.column_order, group.first_column, group.last_column)
+    settled = SETTLED * (1.0 + 0.5 * fastest(joints, order, first, last))
+    for sweep in range(sweep_count(joints, order, first, last)):
+        most = 0.0
+        for place in range(first, last):
+            j = order[place] if sweep % 2 == 0 else order[first + last - 1 - place]
+            most = max(most, solve_joint(moving, joints, rows, j, h, biased))
+        # Last, so that what is locked is exact and what limits or drives it gives way.
+        most = max(most, solve_direct(moving, joints, rows, *columns, system.blocks, h, biased, settled))
+        if most <= settled:
+            break
+    if not biased:
+        for place in range(first, last):
+            j = order[place]
+            if joints[j].kind != GEAR:
+                end_substep(moving, joints[j], rows, JOINT_ROWS * j)
+
+
+@inner
+def warm_start_joints(system, g, solver_bodies):
+    """Begins the step with the impulses of the last one."""
+    push_again(system, g, (solver_bodies, system.rest))
+
+
+@inner
+def push_again(system, g, moving):
+    """Applies the impulses of the last substep along the rows as they stand."""
+    for place in range(system.groups[g].first, system.groups[g].last):
+        j = system.order[place]
+        joint = system.rows[j]
+        if joint.kind != GEAR:
+            load_velocity(moving, joint)
+            push_all(joint, system.solver_rows, JOINT_ROWS * j)
+            store_velocity(moving, joint)
+
+
+@kernel
+def finish_joints(system, solver_bodies, all_constants, broken):
+    """Forces and coordinates as the step ends, and the velocities of jointed bodies; joints whose force was too large break.
+
+    Returns how many did; their rows are listed in `broken` (J,).
+    """
+    moving = (solver_bodies, system.rest)
+    rate = 1.0 / all_constants[0].time
+    count = 0
+    for j in range(system.rows.shape[0]):
+        joint = system.rows[j]
+        if joint.live == 0 or joint.kind == GEAR:
+            continue
+        rows = system.solver_rows
+        load_motion(moving, joint)
+        for side in range(2):
+            if joint.inverse_mass[side] > 0.0:
+                for c in range(6):
+                    system.bodies[joint.mover[side]].velocity[c] = joint.velocity[6 * side + c]
+        place_frames(joint, 0.0)
+        measure(joint, rows, JOINT_ROWS * j)
+        write_free(joint, rows, JOINT_ROWS * j)
+        joint.speed = row_rate(joint, rows[JOINT_ROWS * j + AXIS]) if has_coordinate(joint.kind) else 0.0
+        p = joint.step_impulse
+        joint.force = rate * math.sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2])
+        joint.torque = rate * math.sqrt(p[3] * p[3] + p[4] * p[4] + p[5] * p[5])
+        if joint.force > joint.break_force or joint.torque > joint.break_torque:
+            joint.broken = 1
+            broken[count] = j
+            count += 1
+    return count
