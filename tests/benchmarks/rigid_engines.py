@@ -54,6 +54,7 @@ class Elys:
         self._count = 0
         choices: dict[str, Any] = {"gravity": scene.gravity}
         known = PhysicsSettings.__struct_fields__
+        choices["events"] = False  # as Rapier, which is asked for none
         if "sleeping" in known:
             choices["sleeping"] = sleeping
         if "threads" in known:

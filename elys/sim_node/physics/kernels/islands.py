@@ -115,7 +115,10 @@ def link_islands(bodies, links, parent):
 
 @inner
 def find_islands(bodies, awake, awake_count, colliders, pairs, touching, touching_count, links, parent, islands, g):
-    """Marks the bodies that contacts and joints hold and joins them into islands; what something moves by itself touches stays awake."""
+    """Marks the bodies that contacts and joints hold and joins them into islands.
+
+    What is touched by something that moves of its own accord stays awake.
+    """
     for index in range(awake_count):
         i = awake[index]
         bodies[i].held = 0
@@ -188,7 +191,9 @@ def build_islands(
     strengths,
     all_constants,
 ):
-    """Marks the awake bodies that contacts and joints hold, and gives each the strength of its island; whether any strength has changed.
+    """Marks the awake bodies that contacts and joints hold, and gives each the strength of its island.
+
+    Returns whether any strength has changed.
 
     Parameters: links (L, 2) are the body rows that joints hold together, -1 for the world; parent (N,) int32 and islands
     (N,) are room; afterwards root_of(parent, i) is the row of body i's island.
