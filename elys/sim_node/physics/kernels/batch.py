@@ -38,6 +38,8 @@ ROLLING_IMPULSE = ROLLING_MASS + 3  # 2: about both tangents
 VECTORS = ROLLING_IMPULSE + 2
 FLOATS = VECTORS * LANES
 
+WEDGE = 1e-3  # share of a body's inverse mass below which a normal counts as locked
+
 GAP = 6
 IMPULSE = 7
 
@@ -196,11 +198,38 @@ def write_axis_masses(batches, o, mass_a, mass_b, locked_a, locked_b):
 
 
 @inner
-def response_along(batches, o, ux, uy, uz, vx, vy, vz):
-    """u M v with the inverse masses along the axes, of both bodies together."""
-    x, y, z = load3(batches, o + 8 * AXIS_MASS)
-    u, v, w = load3(batches, o + 8 * (AXIS_MASS + 3))
-    return dotted((x + u) * ux, (y + v) * uy, (z + w) * uz, vx, vy, vz)
+def response_along(batches, o, side, ux, uy, uz, vx, vy, vz):
+    """u M v with the inverse masses along the axes of one body."""
+    x, y, z = load3(batches, o + 8 * (AXIS_MASS + 3 * side))
+    return dotted(x * ux, y * uy, z * uz, vx, vy, vz)
+
+
+@inner
+def normal_response(batches, o, side, mass, nx, ny, nz):
+    """n M n of one body; nothing where n is all but locked: a wedge so thin would shoot away sideways."""
+    response = response_along(batches, o, side, nx, ny, nz, nx, ny, nz)
+    return where(response > splat(WEDGE) * mass, response, splat(0.0))
+
+
+@inner
+def write_inverse(batches, at, k11, k12, k22):
+    """Stores the inverse of a symmetric 2 x 2 block as 11, 12, 22.
+
+    Locked axes can leave but one direction that gives way: then the pseudo-inverse of a matrix of rank one.
+    """
+    product = k11 * k22
+    determinant = product - k12 * k12
+    trace = k11 + k22
+    single = inverse_or_zero(trace * trace)
+    is_regular = (determinant > splat(1e-6) * product) & (determinant > splat(1e-30))
+    inverse = inverse_or_zero(determinant)
+    store3(
+        batches,
+        at,
+        where(is_regular, k22 * inverse, k11 * single),
+        where(is_regular, -k12 * inverse, k12 * single),
+        where(is_regular, k11 * inverse, k22 * single),
+    )
 
 
 @inner
@@ -222,8 +251,7 @@ def write_rolling(batches, o, scale, slots, lanes, manifolds):
     x, y, z = turned(batches, o + 8 * INERTIA_A, sx, sy, sz)
     u, v, w = turned(batches, o + 8 * INERTIA_B, sx, sy, sz)
     k22 = dotted(x + u, y + v, z + w, sx, sy, sz)
-    inverse = inverse_or_zero(k11 * k22 - k12 * k12)
-    store3(batches, o + 8 * ROLLING_MASS, k22 * inverse, -k12 * inverse, k11 * inverse)
+    write_inverse(batches, o + 8 * ROLLING_MASS, k11, k12, k22)
 
 
 @inner
@@ -251,8 +279,7 @@ def write_friction(batches, o, along1, across, along2, cax, cay, caz, cbx, cby, 
     x, y, z = turned(batches, o + 8 * INERTIA_A, ex, ey, ez)
     u, v, w = turned(batches, o + 8 * INERTIA_B, fx, fy, fz)
     k22 = along2 + dotted(x, y, z, ex, ey, ez) + dotted(u, v, w, fx, fy, fz)
-    inverse = inverse_or_zero(k11 * k22 - k12 * k12)
-    store3(batches, o + 8 * FRICTION_MASS, k22 * inverse, -k12 * inverse, k11 * inverse)
+    write_inverse(batches, o + 8 * FRICTION_MASS, k11, k12, k22)
     x, y, z = turned(batches, o + 8 * INERTIA_A, nx, ny, nz)
     u, v, w = turned(batches, o + 8 * INERTIA_B, nx, ny, nz)
     store(batches, o + 8 * TWIST_MASS, inverse_or_zero(dotted(x, y, z, nx, ny, nz) + dotted(u, v, w, nx, ny, nz)))
@@ -306,10 +333,12 @@ def write_batch(batches, batch, count, body_a, body_b, slots, solver, drive, man
         nx, ny, nz = head[0], head[1], head[2]
         tx, ty, tz = load3(batches, o + 8 * TANGENT)
         sx, sy, sz = crossed(nx, ny, nz, tx, ty, tz)
-        mass = response_along(batches, o, nx, ny, nz, nx, ny, nz)
-        along1 = response_along(batches, o, tx, ty, tz, tx, ty, tz)
-        across = response_along(batches, o, tx, ty, tz, sx, sy, sz)
-        along2 = response_along(batches, o, sx, sy, sz, sx, sy, sz)
+        mass = normal_response(batches, o, 0, va[6], nx, ny, nz) + normal_response(batches, o, 1, vb[6], nx, ny, nz)
+        along1 = across = along2 = zero
+        for side in range(2):
+            along1 = along1 + response_along(batches, o, side, tx, ty, tz, tx, ty, tz)
+            across = across + response_along(batches, o, side, tx, ty, tz, sx, sy, sz)
+            along2 = along2 + response_along(batches, o, side, sx, sy, sz, sx, sy, sz)
     write_responses(batches, o, count, live, mass)
     write_friction(batches, o, along1, across, along2, cax, cay, caz, cbx, cby, cbz)
     # An impulse belongs to a length of time: where substeps have become shorter or longer it is another one.

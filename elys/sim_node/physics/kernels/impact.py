@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 
 from elys.sim_node.compilation import inner
+from elys.sim_node.physics.kernels.batch import WEDGE
 from elys.sim_node.physics.kernels.tables import POINTS
 
 SWEEPS = 24  # over all manifolds: how far a blow is handed on within a substep
@@ -40,6 +41,8 @@ def response_along(body, drive, u, at, v, to):
     for c in range(3):
         if not locked >> c & 1:
             total += u[at + c] * v[to + c]
+    if at == to and total < WEDGE:
+        return body.inverse_mass * 0.0
     return body.inverse_mass * total
 
 

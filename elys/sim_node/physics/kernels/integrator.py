@@ -310,7 +310,10 @@ def turn_free(body, room, h, keep):
 
 @inner
 def move_free(body, force, room, constants):
-    """The whole step at once: a parabola, and a free body's turn. Damping and torque are taken in halves, before and after."""
+    """The whole step at once: a parabola, and a free body's turn. Damping and torque are taken in halves, before and after.
+
+    Returns what was too fast to begin with, as bits: a spin without limits could not be integrated.
+    """
     h = constants.time
     v = body.velocity
     dynamic = body.motion == DYNAMIC
@@ -325,9 +328,11 @@ def move_free(body, force, room, constants):
         v[k] *= linear
     if dynamic and body.pushed != 0:
         twist_free(body, force, room, 0.5 * h)
+    cut = limit_pair(v, constants.max_linear_speed, constants.max_angular_speed) if dynamic else 0
     turn_free(body, room, h, angular)
     if dynamic and body.pushed != 0:
         twist_free(body, force, room, 0.5 * h)
+    return cut
 
 
 @inner
@@ -395,9 +400,7 @@ def finish_step(bodies, forces, awake, awake_count, poses, starts, solver_bodies
             cut = limit_pair(solver_bodies[i].displacement, constants.time * fastest, constants.time * quickest)
             move_held(body, solver_bodies[i], constants.time)
         else:
-            if dynamic:
-                cut = limit_pair(v, fastest, quickest)
-            move_free(body, forces[i], room, constants)
+            cut = move_free(body, forces[i], room, constants)
         if not is_finite(body):
             faulty[faults] = i
             faults += 1

@@ -141,7 +141,8 @@ def prepare_friction(row, a, b, drive_a, drive_b, cx, cy, cz, dx, dy, dz):
     k12 = response_along(a, drive_a, t, 0, t, 3) + response_along(b, drive_b, t, 0, t, 3)
     for c in range(6):
         k12 += arm[c] * turn[6 + c]
-    inverse = inverse_or_zero(k11 * k22 - k12 * k12)
+    determinant = k11 * k22 - k12 * k12
+    inverse = inverse_or_zero(determinant) if determinant > 1e-12 * k11 * k22 else 0.0  # only one direction gives way
     mass[0], mass[1], mass[2] = k22 * inverse, -k12 * inverse, k11 * inverse
 
 

@@ -296,3 +296,20 @@ def test_a_snapshot_keeps_forces_locks_and_rolling():
     for expected in hashes:
         other.step(DT)
         assert other.state_hash() == expected
+
+
+def test_a_locked_body_is_not_shot_away_by_a_ground_that_is_all_but_level():
+    world = PhysicsWorld()
+    tilt = Rotation.from_euler("z", 1e-4).as_quat()
+    world.add_bodies(
+        [1, 2],
+        motion=[STATIC, 0],
+        position=[[0, -0.5, 0], [0, 0.45, 0]],
+        rotation=[tilt, [0, 0, 0, 1]],
+        locked=[[False] * 6, [False, True, False, True, True, True]],
+    )
+    world.add_colliders([1, 2], size=[[20, 1, 20], [1, 1, 1]], friction=0.5, rolling_friction=0.01)
+    for _ in range(60):
+        world.step(DT)
+        assert np.abs(world.bodies.linear_velocity).max() < 0.1
+    assert world.bodies.position[1, 1] == 0.45
