@@ -16,7 +16,7 @@ from typing import NamedTuple
 from elys.common.errors import ElysError
 from elys.sim_node.cpu_level import cpu_level
 from elys.sim_node.kernel_directory import SHIPPED_ROOT, cache_directory, cache_root, kernel_packages, shipped_directory
-from elys.sim_node.kernel_list import Kernel, all_kernels, make_callable
+from elys.sim_node.kernel_list import Kernel, all_kernels, first_kernels, make_callable
 from elys.sim_node.kernel_workers import compile_in_processes, process_count
 
 Progress = Callable[[str, int, int], None]  # name of the kernel that is ready, how many are, how many there are
@@ -41,8 +41,10 @@ def kernels_are_warm() -> bool:
     return all(_is_complete(package) for package in kernel_packages())
 
 
-def warm_kernels(progress: Progress | None = None, *, processes: int | None = None) -> None:
-    """Compiles every kernel of the simulation, or loads it from a cache.
+def warm_kernels(
+    progress: Progress | None = None, *, processes: int | None = None, every: bool = False
+) -> None:
+    """Compiles the kernels that every world needs, or loads them from a cache; with `every` those that only some need too.
 
     On a first start several processes share the work, one for each processor unless said otherwise. `progress` is told of each
     kernel as it becomes ready.
@@ -50,7 +52,7 @@ def warm_kernels(progress: Progress | None = None, *, processes: int | None = No
     Raises:
         ElysError: the cache's folder cannot be written, or ELYS_CPU_LEVEL names no level that this processor has.
     """
-    kernels = all_kernels()
+    kernels = all_kernels() if every else first_kernels()
     done = 0
     lock = threading.Lock()
 
@@ -61,7 +63,7 @@ def warm_kernels(progress: Progress | None = None, *, processes: int | None = No
             if progress is not None:
                 progress(name, done, len(kernels))
 
-    if kernels_are_warm():
+    if kernels_are_warm() and not every:
         for kernel in kernels:
             make_callable(kernel)
             ready(kernel.name)
@@ -78,7 +80,7 @@ def ship_kernels(folder: str) -> None:
 
     Meant for a build that runs one process for each level; so this one compiles alone.
     """
-    warm_kernels(processes=1)
+    warm_kernels(processes=1, every=True)
     for package in kernel_packages():
         source = cache_directory(package)
         shutil.copytree(source, Path(folder) / source.name, ignore=shutil.ignore_patterns("*.tmp.*"))
@@ -88,7 +90,7 @@ def kernel_cache_report() -> KernelCacheReport:
     """What `elys doctor` shows: where the kernels are, which of them are there and how large they are."""
     places = [(shipped_directory(package), cache_directory(package)) for package in kernel_packages()]
     files = [file for pair in places for folder in pair if folder.exists() for file in folder.iterdir()]
-    kernels = all_kernels()
+    kernels = first_kernels()
     missing = tuple(kernel.name for kernel in kernels if not any(_holds(file, kernel) for file in files))
     size = sum(file.stat().st_size for file in files)
     is_shipped = all(_is_stamped(shipped) for shipped, _ in places)

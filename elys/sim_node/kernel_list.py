@@ -17,10 +17,19 @@ class Kernel(NamedTuple):
     signatures: tuple[tuple[Any, ...], ...]
 
 
+def first_kernels() -> tuple[Kernel, ...]:
+    """The kernels of all packages that every world needs, as their `KERNELS` list them."""
+    return tuple(Kernel(*entry) for module in _kernel_modules() for entry in module.KERNELS)
+
+
 def all_kernels() -> tuple[Kernel, ...]:
-    """The kernels of all packages, as their `KERNELS` list them."""
-    modules = [importlib.import_module(f"elys.sim_node.{package}.kernels") for package in kernel_packages()]
-    return tuple(Kernel(*entry) for module in modules for entry in module.KERNELS)
+    """Those and the ones that some worlds need, as `LATER_KERNELS` lists them."""
+    later = (entry for module in _kernel_modules() for entry in getattr(module, "LATER_KERNELS", ()))
+    return (*first_kernels(), *(Kernel(*entry) for entry in later))
+
+
+def _kernel_modules() -> list[Any]:
+    return [importlib.import_module(f"elys.sim_node.{package}.kernels") for package in kernel_packages()]
 
 
 def make_callable(kernel: Kernel) -> None:

@@ -8,7 +8,18 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from elys.sim_node.physics import BOX, CAPSULE, CYLINDER, HEIGHT_FIELD, HULL, MESH, PLANE, SPHERE, PhysicsWorld
+from elys.sim_node.physics import (
+    BOX,
+    CAPSULE,
+    CYLINDER,
+    HEIGHT_FIELD,
+    HULL,
+    MESH,
+    PLANE,
+    SPHERE,
+    PhysicsSettings,
+    PhysicsWorld,
+)
 
 DT = 1.0 / 60.0
 GRAVITY = 9.81
@@ -63,7 +74,7 @@ def run(world, seconds):
 @pytest.mark.parametrize("where", GROUNDS)
 @pytest.mark.parametrize("what", SHAPES)
 def test_each_shape_rests_on_each_ground(what, where):
-    world = PhysicsWorld()
+    world = PhysicsWorld(PhysicsSettings(sleeping=False))
     ground(world, where)
     height = SHAPES[what][2]
     body(world, what, position=[0.3, height, 0.2])

@@ -45,6 +45,7 @@ class ColliderTable:
         self.shapes = np.zeros(0, SHAPE)
         self.geometry = GeometryStore()
         self.can_bounce = False
+        self.is_simple = True  # boxes and balls alone
 
     def rows_on(self, bodies: Array) -> Array:
         """The rows of all colliders on body rows (M,), ascending."""
@@ -139,6 +140,7 @@ class ColliderTable:
 
     def _changed(self) -> None:
         self.can_bounce = bool((self.rows["restitution"] > 0.0).any())
+        self.is_simple = bool((self.rows["kind"] <= SPHERE).all())
 
 
 def new_colliders(

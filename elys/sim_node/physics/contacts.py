@@ -138,8 +138,9 @@ class ContactStore:
         tree = self.tree
         tree.follow(colliders["fat_box"], moved, moved_count)
         while True:
-            walk = (tree.leaves, tree.blocks, tree.levels, tree.level_count, geometry, self.pairs, self._table, unpaired, self._new, tree.stack)
-            found = find_new_pairs(bodies, colliders, moved, moved_count, *walk)
+            walk = (tree.leaves, tree.blocks, tree.levels, tree.level_count)
+            known = (geometry, self.pairs, self._table, unpaired, self._new, tree.stack)
+            found = find_new_pairs(bodies, colliders, moved, moved_count, *walk, *known)
             if found <= len(self._new):
                 break
             self._new = grown(self._new, max(2 * len(self._new), found))
@@ -186,8 +187,9 @@ class ContactStore:
         fill_table(self.pairs, self._table)
 
     def contact_points(self, bodies: Array, colliders: Array) -> ContactPoints:
-        """The points of the last step that touch or carried an impulse."""
-        slots = self.touching[: self.touching_count]
+        """The points that touch or carried an impulse in the last step, or in the last before their bodies fell asleep."""
+        slots = self.live_pairs["slot"]
+        slots = slots[self.manifolds["point_count"][slots] > 0]
         pairs, manifolds = self.pairs[slots], self.manifolds[slots]
         real = (manifolds["separation"] <= 0.0) | (manifolds["step_impulse"] > 0.0)
         real &= np.arange(POINTS) < manifolds["point_count"][:, None]

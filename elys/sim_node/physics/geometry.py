@@ -271,7 +271,5 @@ def _tree_over(corners: Array) -> tuple[Array, Array, int]:
     # The same layout as the colliders' boxes, for which the kernel is compiled.
     strided = np.zeros(len(boxes), np.dtype([("box", "f8", 6), ("pad", "f8", 6)]))
     strided["box"] = boxes
-    build_tree(
-        strided["box"], leaves, np.zeros(len(boxes), np.int32), nodes, np.zeros(1025, np.int32), np.zeros(6), True
-    )
+    build_tree(strided["box"], leaves, nodes, np.zeros(1025, np.int32), np.zeros(6), True)
     return leaves["order"].copy(), nodes, leaf_count

@@ -236,7 +236,7 @@ class WorldQueries:
         include_triggers: bool = False,
     ) -> tuple[Array, Array]:
         """The own body's row (R,) of each question, and which colliders count (C,). Brings the tree up to date."""
-        self._query_tree.follow(self._bodies.rows, self._colliders.rows)
+        self._query_tree.follow(self._bodies.rows, self._colliders.rows, self._colliders.geometry.arrays)
         colliders = self._colliders.rows
         entities = np.asarray(own_body)
         if entities.shape not in ((), (1,), (count,)):

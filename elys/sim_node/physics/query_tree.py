@@ -8,6 +8,7 @@ import numpy as np
 
 from elys.sim_node.physics.kernels.placement import place_colliders
 from elys.sim_node.physics.kernels.query_tree import BINS, QUERY_NODE, build_query_tree, refit_query_tree
+from elys.sim_node.physics.kernels.tables import Geometry
 
 Array = np.ndarray[Any, Any]
 
@@ -32,7 +33,7 @@ class QueryTree:
         """Something moved, came or went."""
         self._is_current = False
 
-    def follow(self, bodies: Array, colliders: Array) -> None:
+    def follow(self, bodies: Array, colliders: Array, geometry: Geometry) -> None:
         """Brings colliders' places up to date, as the next step would, and the tree with them.
 
         Boxes that moved a little keep their tree; it is built anew when it has become a quarter worse.
@@ -40,7 +41,7 @@ class QueryTree:
         if self._is_current:
             return
         self._is_current = True
-        place_colliders(bodies, colliders, np.arange(len(colliders), dtype=np.int32), len(colliders))
+        place_colliders(bodies, colliders, np.arange(len(colliders), dtype=np.int32), len(colliders), geometry)
         count = len(colliders)
         if count == 0:
             return

@@ -18,7 +18,7 @@ from elys.sim_node.physics.kernels.integrator import finish_step
 from elys.sim_node.physics.kernels.islands import build_islands, list_held
 from elys.sim_node.physics.kernels.joint_preparation import prepare_joints
 from elys.sim_node.physics.kernels.joints import finish_joints
-from elys.sim_node.physics.kernels.narrow_phase import update_manifolds
+from elys.sim_node.physics.kernels.narrow_phase import update_manifolds, update_simple_manifolds
 from elys.sim_node.physics.kernels.placement import fatten_boxes, place_colliders
 from elys.sim_node.physics.kernels.preparation import prepare_bodies, prepare_contacts, prepare_impacts
 from elys.sim_node.physics.kernels.solver import solve_contacts
@@ -87,7 +87,8 @@ class Step:
     def _place_bodies(self) -> None:
         activity = self._activity
         activity.update()
-        place_colliders(self._bodies.rows, self._colliders.rows, activity.colliders, activity.collider_count)
+        geometry = self._colliders.geometry.arrays
+        place_colliders(self._bodies.rows, self._colliders.rows, activity.colliders, activity.collider_count, geometry)
 
     def _update_pairs(self) -> None:
         activity, contacts = self._activity, self._contacts
@@ -104,19 +105,14 @@ class Step:
     def _update_manifolds(self) -> bool:
         """Returns whether anything was touched in its sleep: then it wakes first."""
         contacts = self._contacts
-        contacts.touching_count, is_changed, self._fast_count, is_woken = update_manifolds(
-            self._bodies.rows,
-            self._colliders.rows,
-            contacts.pairs,
-            contacts.active,
-            contacts.active_count,
-            contacts.manifolds,
-            contacts.found,
-            self._colliders.geometry.arrays,
-            self._constants,
-            contacts.touching,
-            contacts.fast,
-        )
+        pairs = (contacts.pairs, contacts.active, contacts.active_count, contacts.manifolds, contacts.found)
+        results = (self._constants, contacts.touching, contacts.fast)
+        bodies, colliders = self._bodies.rows, self._colliders.rows
+        if self._colliders.is_simple:
+            facts = update_simple_manifolds(bodies, colliders, *pairs, *results)
+        else:
+            facts = update_manifolds(bodies, colliders, *pairs, self._colliders.geometry.arrays, *results)
+        contacts.touching_count, is_changed, self._fast_count, is_woken = facts
         contacts.is_changed |= is_changed
         return bool(is_woken)
 

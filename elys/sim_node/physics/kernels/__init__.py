@@ -1,4 +1,7 @@
-"""The kernels of physics, and how they are compiled ahead: `KERNELS` lists name, function and explicit signatures."""
+"""The kernels of physics, and how they are compiled ahead: name, function and explicit signatures.
+
+`KERNELS` are compiled before the first step, `LATER_KERNELS` when they are first called; a wheel carries all of them.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,7 @@ from elys.sim_node.physics.kernels.integrator import finish_step, publish_poses
 from elys.sim_node.physics.kernels.islands import build_islands, list_held
 from elys.sim_node.physics.kernels.joint_preparation import prepare_joints
 from elys.sim_node.physics.kernels.joints import finish_joints
-from elys.sim_node.physics.kernels.narrow_phase import update_manifolds
+from elys.sim_node.physics.kernels.narrow_phase import update_manifolds, update_simple_manifolds
 from elys.sim_node.physics.kernels.nearby import find_closest, find_overlaps
 from elys.sim_node.physics.kernels.pair_table import fill_table
 from elys.sim_node.physics.kernels.placement import fatten_boxes, place_colliders
@@ -30,6 +33,19 @@ from elys.sim_node.physics.kernels.tree import build_tree
 from elys.sim_node.physics.kernels.wide_tree import build_wide_tree, refit_wide_tree
 
 Kernel = tuple[str, Any, tuple[tuple[Any, ...], ...]]
+
+
+# What only some worlds need, and what only questions need: compiled when it is first called.
+LATER: tuple[Any, ...] = (
+    update_manifolds,
+    stop_at_impacts,
+    cast_rays,
+    cast_shapes,
+    find_overlaps,
+    find_closest,
+    build_query_tree,
+    refit_query_tree,
+)
 
 
 def _kernels() -> tuple[tuple[Kernel, ...], tuple[Kernel, ...]]:
@@ -125,7 +141,7 @@ def _kernels() -> tuple[tuple[Kernel, ...], tuple[Kernel, ...]]:
             (bodies, colliders, pairs, indices, 0, starts, numbers, poses, bodies, colliders, geometry, constants),
         ),
         (fatten_boxes, (bodies, colliders, indices, 0, indices, constants)),
-        (place_colliders, (bodies, colliders, indices, 0)),
+        (place_colliders, (bodies, colliders, indices, 0, geometry)),
         (build_tree, (boxes, leaves, nodes, indices, numbers, True)),
         (build_wide_tree, (boxes, leaves, indices, floats, indices, 0, indices, numbers, True)),
         (refit_wide_tree, (boxes, indices, 0, indices, floats, indices, 0)),
@@ -151,20 +167,27 @@ def _kernels() -> tuple[tuple[Kernel, ...], tuple[Kernel, ...]]:
         (prepare_bodies, (bodies, indices, 0, groups, solver, drives, strengths, constants)),
         (prepare_contacts, (groups, spans, *lanes, floats, floats, floats, floats, strengths, constants)),
         (prepare_impacts, (*touching, rows, row_points, groups, solver, drives, constants)),
+        (
+            update_simple_manifolds,
+            (bodies, colliders, pairs, indices, 0, manifolds, found, constants, indices, indices),
+        ),
         (update_manifolds, (bodies, colliders, pairs, indices, 0, manifolds, found, geometry, constants, indices, indices)),
         (solve_contacts, (*solved, None, strengths, constants)),
     ]
-    # What only worlds with joints need.
-    later: list[tuple[Any, tuple[Any, ...]]] = [
-        (prepare_joints, (joints, drives, strengths)),
-        (finish_joints, (joints, solver, constants, indices)),
-        (solve_contacts, (*solved, joints, strengths, constants)),
+    # What only worlds with joints need: they have the solver compiled once more.
+    jointed: list[tuple[str, Any, tuple[Any, ...]]] = [
+        ("prepare_joints", prepare_joints, (joints, drives, strengths)),
+        ("finish_joints", finish_joints, (joints, solver, constants, indices)),
+        ("solve_jointed_contacts", solve_contacts, (*solved, joints, strengths, constants)),
     ]
-    return _named(listed), _named(later)
+    named = [(function.__name__, function, arguments) for function, arguments in listed]
+    return _signed(named), _signed(jointed)
 
 
-def _named(listed: list[tuple[Any, tuple[Any, ...]]]) -> tuple[Kernel, ...]:
-    return tuple((f"physics.{function.__name__}", function, (signature_of(*a),)) for function, a in listed)
+def _signed(listed: list[tuple[str, Any, tuple[Any, ...]]]) -> tuple[Kernel, ...]:
+    return tuple((f"physics.{name}", function, (signature_of(*a),)) for name, function, a in listed)
 
 
-KERNELS, LATER_KERNELS = _kernels()
+_ALL, _JOINTED = _kernels()
+KERNELS = tuple(entry for entry in _ALL if entry[1] not in LATER)
+LATER_KERNELS = (*(entry for entry in _ALL if entry[1] in LATER), *_JOINTED)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from elys.sim_node.compilation import inner
 from elys.sim_node.physics.kernels.simd import LANES, gather_rows, larger, load, splat, square_root, store, where
-from elys.sim_node.physics.kernels.tables import MANIFOLD, POINTS, SOLVER_BODY, SOLVER_DRIVE
+from elys.sim_node.physics.kernels.tables import MANIFOLD, POINTS, SOLVER_BODY, SOLVER_DRIVE, float_place
 
 NORMAL = 0  # 3
 TANGENT = 3  # 3, the first; the second is normal x tangent
@@ -38,13 +38,13 @@ IMPULSE = 7
 
 BODY_FLOATS = SOLVER_BODY.itemsize // 4
 DRIVE_FLOATS = SOLVER_DRIVE.itemsize // 4
-INERTIA_AT = SOLVER_DRIVE.fields["inverse_inertia"][1] // 4
+INERTIA_AT = float_place(SOLVER_DRIVE, "inverse_inertia")
 MANIFOLD_FLOATS = MANIFOLD.itemsize // 4
-MADE_AT = MANIFOLD.fields["made_separation"][1] // 4
-ANCHORS_AT = MANIFOLD.fields["anchors"][1] // 4
-TURNS_AT = MANIFOLD.fields["turn_a"][1] // 4
-IMPULSES_AT = MANIFOLD.fields["normal_impulse"][1] // 4
-RESULTS_AT = MANIFOLD.fields["separation"][1] // 4
+MADE_AT = float_place(MANIFOLD, "made_separation")
+ANCHORS_AT = float_place(MANIFOLD, "anchors")
+TURNS_AT = float_place(MANIFOLD, "turn_a")
+IMPULSES_AT = float_place(MANIFOLD, "normal_impulse")
+RESULTS_AT = float_place(MANIFOLD, "separation")
 
 
 @inner

@@ -18,7 +18,7 @@ from elys.sim_node.physics.kernels.rotation import cross
 from elys.sim_node.physics.kernels.support import face_count, face_normal, gap_along, support
 
 FAR = 1e300
-ROUNDS = 48  # support points tried at most; flat cores need less than ten, rims a few more
+ROUNDS = 20  # support points tried at most; flat cores need less than ten, rims against rims would go on for long
 TOUCHING = 1e-8  # cores closer than this, measured by their extent, count as overlapping
 CONVERGED = 1e-10  # how much closer the next support point could bring us, as a share of the squared distance
 ROUNDING = 1e-14  # the same as a share of the extent: no support point is known better
@@ -307,7 +307,8 @@ def core_overlap(a, b, gap, nx, ny, nz, opening, points, simplex):
         on_b = simplex.on_b  # goes back with b
         on_b[0], on_b[1], on_b[2] = on_b[0] - way * nx, on_b[1] - way * ny, on_b[2] - way * nz
         n = simplex.direction
-        better = distance - way * (n[0] * nx + n[1] * ny + n[2] * nz)
+        # By support points, and not by the distance, which at a rim may not have converged: a depth is never too small.
+        better = gap_along(a, b, points, n[0], n[1], n[2])
         if better <= gap + 1e-4 * opening:
             break
         gap, nx, ny, nz = better, n[0], n[1], n[2]

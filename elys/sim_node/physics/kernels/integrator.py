@@ -16,16 +16,16 @@ from elys.sim_node.physics.kernels.batch import BODY_FLOATS, DRIVE_FLOATS
 from elys.sim_node.physics.kernels.placement import write_world_inertia
 from elys.sim_node.physics.kernels.rotation import multiplied, normalized, rotated, spun, turn_by
 from elys.sim_node.physics.kernels.simd import load, splat, store
-from elys.sim_node.physics.kernels.tables import DYNAMIC, JOINTED, SOLVER_DRIVE
+from elys.sim_node.physics.kernels.tables import DYNAMIC, JOINTED, SOLVER_DRIVE, float_place
 
 SPINNING = 1e-6  # squared turn in a step [rad^2] above which a body's moments make a difference
 LARGEST = 1e38  # above it a number does not fit the 32 bits in which velocities are published, as if it were not finite
 
-FREE_AT = SOLVER_DRIVE.fields["free_velocity"][1] // 4
-START_AT = SOLVER_DRIVE.fields["start_velocity"][1] // 4
-KICK_AT = SOLVER_DRIVE.fields["kick"][1] // 4
-KEEP_AT = SOLVER_DRIVE.fields["keep"][1] // 4
-SHIFT_AT = SOLVER_DRIVE.fields["impact_shift"][1] // 4
+FREE_AT = float_place(SOLVER_DRIVE, "free_velocity")
+START_AT = float_place(SOLVER_DRIVE, "start_velocity")
+KICK_AT = float_place(SOLVER_DRIVE, "kick")
+KEEP_AT = float_place(SOLVER_DRIVE, "keep")
+SHIFT_AT = float_place(SOLVER_DRIVE, "impact_shift")
 
 
 @inner

@@ -200,6 +200,69 @@ def wake_touched(first, second):
     return False
 
 
+@inner
+def must_collide(first, second, a, b, manifold, margin, constants):
+    """Whether the manifold of a pair has to be made anew; of colliders far from each other it is emptied at once."""
+    if boxes_apart(a.box, b.box, margin):
+        if manifold.point_count > 0:
+            forget_contact(manifold)
+        manifold.margin = -1.0
+        return False
+    return must_refresh(first, second, a, b, manifold, margin, constants)
+
+
+@inner
+def box_or_sphere(colliders, a, b, margin, found):
+    """`collide` for worlds of boxes and balls alone."""
+    first = colliders[a]
+    second = colliders[b]
+    if first.kind == BOX and second.kind == BOX:
+        return box_box(colliders, a, b, margin, found)
+    if first.kind == BOX:
+        return box_sphere(first, second, margin, found)
+    if second.kind == SPHERE:
+        return sphere_sphere(first, second, margin, found)
+    count = box_sphere(second, first, margin, found)
+    turn_round(found.normal)
+    return count
+
+
+@kernel
+def update_simple_manifolds(
+    bodies, colliders, pairs, active, active_count, manifolds, all_found, all_constants, touching, fast
+):
+    """`update_manifolds` for worlds of boxes and balls alone: it is compiled three times as fast."""
+    constants = all_constants[0]
+    found = all_found[0]
+    touching_count = 0
+    is_changed = False
+    is_woken = False
+    fast_count = 0
+    for p in range(active_count):
+        slot = active[p]
+        pair = pairs[slot]
+        a = colliders[pair.a]
+        b = colliders[pair.b]
+        first = bodies[a.body]
+        second = bodies[b.body]
+        manifold = manifolds[slot]
+        margin, is_fast = pair_margin(first, second, a, b, constants)
+        if is_fast:
+            fast[fast_count] = slot
+            fast_count += 1
+        before = manifold.point_count
+        if must_collide(first, second, a, b, manifold, margin, constants):
+            count = box_or_sphere(colliders, pair.a, pair.b, margin, found)
+            write_manifold(first, second, a, b, manifold, found, count, margin, constants)
+        is_changed = is_changed or manifold.point_count != before
+        if manifold.point_count > 0:
+            is_woken = wake_touched(first, second) or is_woken
+            if is_held(first) or is_held(second):
+                touching[touching_count] = slot
+                touching_count += 1
+    return touching_count, is_changed, fast_count, is_woken
+
+
 @kernel
 def update_manifolds(
     bodies, colliders, pairs, active, active_count, manifolds, all_found, geometry, all_constants, touching, fast
@@ -228,6 +291,7 @@ def update_manifolds(
         if is_fast:
             fast[fast_count] = slot
             fast_count += 1
+        before = manifold.point_count
         if has_parts(a) or has_parts(b):
             if p >= parts_end:
                 parts_end = run_end(pairs, active, p, active_count)
@@ -235,17 +299,11 @@ def update_manifolds(
                     first, second, colliders, pairs, active, p, parts_end, manifolds, found, geometry, margin, constants
                 )
                 is_changed = is_changed or part_changed
-        elif boxes_apart(a.box, b.box, margin):
-            if manifold.point_count > 0:
-                is_changed = True
-                forget_contact(manifold)
-            manifold.margin = -1.0
-        elif must_refresh(first, second, a, b, manifold, margin, constants):
-            before = manifold.point_count
+        elif must_collide(first, second, a, b, manifold, margin, constants):
             set_hint(found, manifold)
             count = collide(colliders, pair.a, pair.b, pair.part, margin, found, geometry)
             write_manifold(first, second, a, b, manifold, found, count, margin, constants)
-            is_changed = is_changed or count != before
+        is_changed = is_changed or manifold.point_count != before
         if manifold.point_count > 0:
             is_woken = wake_touched(first, second) or is_woken
             if is_held(first) or is_held(second):

@@ -89,7 +89,7 @@ def keep_four(cluster, margin):
             c1 = deepest
     written = 0
     for k in range(count):
-        if k == c0 or k == c1 or k == c2 or k == c3:
+        if k in (c0, c1, c2, c3):
             copy_point(cluster, k, written)
             written += 1
     cluster.count = written

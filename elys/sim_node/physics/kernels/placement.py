@@ -6,7 +6,7 @@ import math
 
 from elys.sim_node.compilation import inner, kernel
 from elys.sim_node.physics.kernels.rotation import multiplied, rotated
-from elys.sim_node.physics.kernels.tables import CAPSULE, CYLINDER, PLANE, SPHERE, STATIC
+from elys.sim_node.physics.kernels.tables import CAPSULE, CYLINDER, HULL, PLANE, SPHERE, STATIC
 
 
 @inner
@@ -70,14 +70,33 @@ def place_collider(body, collider):
         write_axes(collider.axes, x, y, z, w)
 
 
+@inner
+def bound_hull(collider, header, points, box):
+    """The smallest box around a hull's corners: around one that is nearly round, a third of what its turned box takes."""
+    u = collider.axes
+    first = header.first_point
+    for k in range(3):
+        x, y, z = u[k], u[3 + k], u[6 + k]
+        low = high = points[first, 0] * x + points[first, 1] * y + points[first, 2] * z
+        for i in range(first + 1, first + header.point_count):
+            along = points[i, 0] * x + points[i, 1] * y + points[i, 2] * z
+            low = min(low, along)
+            high = max(high, along)
+        box[k] = collider.center[k] + low
+        box[3 + k] = collider.center[k] + high
+
+
 @kernel
-def place_colliders(bodies, colliders, listed, count):
+def place_colliders(bodies, colliders, listed, count, geometry):
     """Writes centre, axes and tight box of the first `count` listed colliders from their bodies' poses."""
     for index in range(count):
         collider = colliders[listed[index]]
         place_collider(bodies[collider.body], collider)
         center = collider.center
         box = collider.box
+        if collider.kind == HULL:
+            bound_hull(collider, geometry.headers[collider.geometry], geometry.points, box)
+            continue
         for k in range(3):
             is_same_all_around = collider.kind == SPHERE or collider.kind == PLANE
             reach = collider.half_extents[k] if is_same_all_around else axis_reach(collider, k)

@@ -498,6 +498,12 @@ class Joints(NamedTuple):
     turned: Table  # (N, 3) rotation vectors that bodies have turned by since the step began [rad]
 
 
+def float_place(dtype: np.dtype[Any], field: str) -> int:
+    """Where a field of a table stands in a row of the table's flat float32 view."""
+    assert dtype.fields is not None
+    return dtype.fields[field][1] // 4
+
+
 def grown(table: Table, count: int) -> Table:
     """The same rows with room for `count`; what is added is zero."""
     larger = np.zeros((count, *table.shape[1:]), table.dtype)

@@ -68,52 +68,26 @@ def sort_pass(leaves, histogram, shift):
         leaf.order = leaf.other_order
 
 
-@inner
-def fit_leaf(boxes, leaves, nodes, leaf, n):
-    """Makes the node of a leaf hold its boxes."""
-    node = nodes.shape[0] // 2 + leaf
-    for k in range(3):
-        low = FAR
-        high = -FAR
-        for place in range(leaf * LEAF, min(n, leaf * LEAF + LEAF)):
-            i = leaves[place].order
-            low = min(low, boxes[i, k])
-            high = max(high, boxes[i, 3 + k])
-        nodes[node, k] = low
-        nodes[node, 3 + k] = high
-
-
 @kernel
-def refit_tree(boxes, moved, moved_count, leaves, places, nodes):
-    """Makes the nodes above a few moved boxes hold them again: what does not move costs nothing."""
-    leaf_count = nodes.shape[0] // 2
-    for m in range(moved_count):
-        leaf = places[moved[m]] // LEAF
-        fit_leaf(boxes, leaves, nodes, leaf, boxes.shape[0])
-        node = (leaf_count + leaf) // 2
-        while node > 0:
-            for k in range(3):
-                nodes[node, k] = min(nodes[2 * node, k], nodes[2 * node + 1, k])
-                nodes[node, 3 + k] = max(nodes[2 * node, 3 + k], nodes[2 * node + 1, 3 + k])
-            node //= 2
-
-
-@kernel
-def build_tree(boxes, leaves, places, nodes, histogram, corners, sort):
-    """Builds the tree over boxes (C, 6); without `sort` the last order is kept and only the nodes (2 L, 6) are made anew.
-
-    `places` (C,) gets where each box stands in the order.
-    """
+def build_tree(boxes, leaves, nodes, histogram, corners, sort):
+    """Builds the tree over boxes (C, 6); without `sort` the last order is kept and only the nodes (2 L, 6) are made anew."""
     if sort:
         write_codes(boxes, leaves, corners)
         for shift in range(0, 30, 10):
             sort_pass(leaves, histogram, shift)
-        for place in range(leaves.shape[0]):
-            places[leaves[place].order] = place
     leaf_count = nodes.shape[0] // 2
     n = boxes.shape[0]
     for leaf in range(leaf_count):
-        fit_leaf(boxes, leaves, nodes, leaf, n)
+        node = leaf_count + leaf
+        for k in range(3):
+            low = FAR
+            high = -FAR
+            for place in range(leaf * LEAF, min(n, leaf * LEAF + LEAF)):
+                i = leaves[place].order
+                low = min(low, boxes[i, k])
+                high = max(high, boxes[i, 3 + k])
+            nodes[node, k] = low
+            nodes[node, 3 + k] = high
     for node in range(leaf_count - 1, 0, -1):
         for k in range(3):
             nodes[node, k] = min(nodes[2 * node, k], nodes[2 * node + 1, k])

@@ -13,6 +13,7 @@ from elys.sim_node.physics.hull import MOST_CORNERS, convex_hull
 
 AWAY = np.array([5.0, -3.0, 1.0])
 FAR_AWAY = np.array([1e4, 0.0, 0.0])
+HALF_RIGHT = np.array([0.5, 0.0, 0.0])
 HALF_UP = np.array([0.0, 0.5, 0.0])
 
 
@@ -146,3 +147,15 @@ def test_a_collider_without_its_geometry_is_refused():
     world.add_bodies([7])
     with pytest.raises(PhysicsError, match="entity 7 has a hull without its geometry"):
         world.add_colliders([7], shape=HULL)
+
+
+def test_the_box_of_a_turned_hull_is_the_smallest_around_its_corners():
+    world = PhysicsWorld()
+    points = clouds()["cloud"]
+    turn = Rotation.from_euler("xyz", [0.3, 1.1, -2.0])
+    world.add_bodies([1], motion=2, position=[AWAY], rotation=[turn.as_quat()])
+    world.add_colliders([1], shape=HULL, geometry=world.add_hull(points), position=HALF_RIGHT)
+    world.step(1.0 / 60.0)
+    there = turn.apply(points + HALF_RIGHT) + AWAY
+    (box,) = world._colliders.rows["box"]
+    np.testing.assert_allclose(box, [*there.min(0), *there.max(0)], atol=1e-9)

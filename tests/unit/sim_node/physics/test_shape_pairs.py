@@ -185,7 +185,8 @@ def test_turning_and_moving_the_world_turns_and_moves_the_manifolds(kinds):
             middle = turn.apply(points.mean(0)) + AWAY
             if len(points) < 3 and CYLINDER not in kinds:  # of more, and of a rim, others may be chosen
                 np.testing.assert_allclose(middle, other_points.mean(0), atol=2e-3)
-    assert same >= 0.9 * len(before)
+    # Rims end their search early, and deep ones differ by where they began.
+    assert same >= (0.7 if CYLINDER in kinds else 0.9) * len(before)
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=NAMES.get)
