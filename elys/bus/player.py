@@ -28,7 +28,7 @@ from elys.bus.messages.commands import (
     StepTicks,
 )
 from elys.bus.messages.scene import SceneDelta, Snapshot, SnapshotRequest
-from elys.bus.messages.session import EventBatch, SessionStatus
+from elys.bus.messages.session import SessionStatus
 from elys.bus.messages.state_frame import HEADER, PLAYING
 from elys.bus.recording import Recording
 from elys.bus.session import Session
@@ -205,11 +205,11 @@ class Player:
             return  # the player says itself how it goes
         topic = topics.topic_named(message.channel)
         body = message.body
-        if topic is topics.EVENTS:
+        if topic is topics.EVENTS or topic is topics.CONTACTS:
             try:
-                events = codec.decode_body(body, EventBatch, Encoding.JSON)
+                events = codec.decode_body(body, topic.message, Encoding.JSON)
             except MessageError as error:
-                _log.warning("events at tick %d are left out: %s", self.tick, error)
+                _log.warning("%s at tick %d are left out: %s", topic.name, self.tick, error)
                 return
             body = codec.encode_body(msgspec.structs.replace(events, epoch=self.session.epoch), Encoding.JSON)
         self.session.publish_payload(topic, codec.with_prefix(body, topic.encoding))

@@ -119,6 +119,10 @@ class Session:
         if self.tap is not None:
             self.tap(topic, key, payload)
 
+    def has_listener(self, topic: Topic[Any], *, key: str = "") -> bool:
+        """Whether anybody subscribes to a topic now, so that what costs something to make need not be made for nobody."""
+        return not self._closed and self.transport.has_listener(topics.key_of(self.name, topic, key))
+
     def subscribe(self, topic: Topic[M], callback: Callable[[M, str], None], *, key: str = "*") -> Closer:
         """Calls `callback(message, key)` on the loop. LATEST topics skip to the newest; the malformed is refused and counted."""
 

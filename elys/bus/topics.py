@@ -10,7 +10,7 @@ import re
 from dataclasses import dataclass
 from typing import Any, Final, Generic, TypeVar
 
-from elys.bus.messages import commands, scene, session, state_frame, views
+from elys.bus.messages import commands, physics, scene, session, state_frame, views
 from elys.common.errors import BusError
 
 M = TypeVar("M")
@@ -32,7 +32,7 @@ class Encoding(enum.Enum):
     """How a message becomes bytes, after the protocol prefix."""
 
     JSON = "json"  # readable in every tool, exact for floats
-    MSGPACK = "msgpack"  # where pictures travel along
+    MSGPACK = "msgpack"  # where pictures or arrays travel along
     STATE = "state"  # the packed state frame
     RAW = "raw"  # bytes as they are
 
@@ -88,6 +88,12 @@ EVENTS: Final = Topic(
     text="what happened in a tick",
     delivery=Delivery.SEQUENCED,
 )
+CONTACTS: Final = Topic(
+    name="contacts",
+    message=physics.ContactBatch,
+    text="contacts and visits to triggers that a tick began or ended",
+    delivery=Delivery.SEQUENCED,
+)
 COMMANDS: Final = Topic(
     name="commands",
     message=commands.CommandRecord,
@@ -105,6 +111,15 @@ PROFILE: Final = Topic(
     message=session.TickProfile,
     text="what a tick cost, by stage",
     delivery=Delivery.LATEST,
+)
+DEBUG_LINES: Final = Topic(
+    name="debug_lines",
+    message=physics.DebugLines,
+    text="how physics sees the world, in lines of the kind named by the key (boxes, contacts, ...); only while somebody listens",
+    delivery=Delivery.LATEST,
+    encoding=Encoding.MSGPACK,
+    keyed=True,
+    recorded=False,
 )
 VIEW_REQUEST: Final = Topic(
     name="view/request",
@@ -164,9 +179,11 @@ TOPICS: Final[tuple[Topic[Any], ...]] = (
     DELTA,
     STATUS,
     EVENTS,
+    CONTACTS,
     COMMANDS,
     LOG,
     PROFILE,
+    DEBUG_LINES,
     VIEW_REQUEST,
     VIEW_FRAME,
 )

@@ -7,7 +7,7 @@ Spawn command carries.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, Literal
 
 import msgspec
 from msgspec import Meta
@@ -33,6 +33,9 @@ class SceneSettings(msgspec.Struct, frozen=True, kw_only=True):
         int, Meta(ge=1, le=10_000, description="Ticks in a second of simulation.", extra={"unit": "Hz"})
     ] = 60
     substeps: Annotated[int, Meta(ge=1, le=64, description="Steps of the contact solver in a tick.")] = 8
+    on_problem: Annotated[
+        Literal["continue", "pause"], Meta(description="Whether time stops when physics finds something to be wrong.")
+    ] = "continue"
     background: Annotated[
         tuple[Radiance, Radiance, Radiance], Meta(description="Colour behind everything, linear.")
     ] = (0.3, 0.42, 0.6)

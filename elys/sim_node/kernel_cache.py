@@ -41,9 +41,7 @@ def kernels_are_warm() -> bool:
     return all(_is_complete(package) for package in kernel_packages())
 
 
-def warm_kernels(
-    progress: Progress | None = None, *, processes: int | None = None, every: bool = False
-) -> None:
+def warm_kernels(progress: Progress | None = None, *, processes: int | None = None, every: bool = False) -> None:
     """Compiles the kernels that every world needs, or loads them from a cache; with `every` those that only some need too.
 
     On a first start several processes share the work, one for each processor unless said otherwise. `progress` is told of each

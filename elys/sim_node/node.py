@@ -28,7 +28,13 @@ from elys.common.errors import ElysError, RequestError
 from elys.sim_node.scene.snapshot import take_snapshot
 from elys.sim_node.simulation import Simulation
 from elys.sim_node.systems.apply_commands import apply_command
-from elys.sim_node.systems.publish_state import publish_profile, scene_delta, state_frame
+from elys.sim_node.systems.publish_state import (
+    contact_batch,
+    publish_debug_lines,
+    publish_profile,
+    scene_delta,
+    state_frame,
+)
 from elys.sim_node.timing import StageTimes, process_age
 
 STATUS_INTERVAL: Final = 0.25  # [s]
@@ -142,6 +148,9 @@ class SimulationNode:
         if stepping or replies:
             self._publish_frame()
         self._publish_events()
+        if stepping:
+            self._publish_contacts()
+        publish_debug_lines(self.session, self.simulation)
         stages.done("publish_state")
         for waiting, reply in replies:
             if not waiting.reply.done():
@@ -158,6 +167,11 @@ class SimulationNode:
         self._clock.advance()
         self.steps_done += 1
         self._steps_asked = max(self._steps_asked - 1, 0)
+        if self.simulation.take_stop():
+            self._clock.pause()
+            self._steps_asked = 0
+            self._events.append(Event(kind="paused"))
+            self._publish_status()
 
     # --- commands --------------------------------------------------------------------------------------------------
 
@@ -277,6 +291,11 @@ class SimulationNode:
             batch = EventBatch(epoch=self.session.epoch, tick=self.simulation.tick, events=tuple(self._events))
             self.session.publish(topics.EVENTS, batch)
             self._events.clear()
+
+    def _publish_contacts(self) -> None:
+        batch = contact_batch(self.simulation, epoch=self.session.epoch)
+        if batch is not None:
+            self.session.publish(topics.CONTACTS, batch)
 
     def _publish_status(self) -> None:
         simulation = self.simulation

@@ -27,6 +27,7 @@ from elys.sim_node.ecs.changes import WorldChanges
 from elys.sim_node.ecs.schedule import System, run
 from elys.sim_node.ecs.world import World
 from elys.sim_node.physics.settings import PhysicsSettings
+from elys.sim_node.physics.states import WorldEvents
 from elys.sim_node.physics.world import PhysicsWorld
 from elys.sim_node.scene.loading import load_records
 from elys.sim_node.systems.simulate_physics import MovingBodies, RigidBodies
@@ -59,6 +60,7 @@ class Simulation:
         self._bodies = RigidBodies(self.world, self.physics, self.assets)
         self._changes: list[WorldChanges] = []
         self._events: list[Event] = []
+        self._is_stopped = False
 
     @classmethod
     def load(cls, opened: OpenedScene, assets: AssetStore) -> Simulation:
@@ -118,7 +120,9 @@ class Simulation:
             self._changes.append(self.world.drain_changes())
 
     def _report_problems(self) -> None:
-        for problem in (*self._bodies.take_problems(), *self.physics.take_problems()):
+        in_step = self.physics.take_problems()
+        self._is_stopped |= bool(in_step) and self.physics.settings.on_problem == "pause"
+        for problem in (*self._bodies.take_problems(), *in_step):
             _log.error("%s", problem.text)
             self._events.append(Event(kind="physics", entity=problem.entity, values={"text": problem.text}))
 
@@ -134,10 +138,20 @@ class Simulation:
         """Where all bodies that can move are."""
         return self._bodies.moving()
 
+    @property
+    def events(self) -> WorldEvents:
+        """Contacts and visits to triggers that the last tick began or ended, and those that go on."""
+        return self.physics.events
+
     def take_changes(self) -> list[WorldChanges]:
         """What changed in the scene since this was last asked, oldest first."""
         changes, self._changes = self._changes, []
         return changes
+
+    def take_stop(self) -> bool:
+        """Whether time shall stop because physics found a problem since this was last asked."""
+        is_stopped, self._is_stopped = self._is_stopped, False
+        return is_stopped
 
     def take_events(self) -> list[Event]:
         """What happened since this was last asked, in order."""
@@ -147,4 +161,4 @@ class Simulation:
 
 def physics_settings(settings: SceneSettings) -> PhysicsSettings:
     """What the scene's settings mean for physics."""
-    return PhysicsSettings(gravity=settings.gravity, substeps=settings.substeps)
+    return PhysicsSettings(gravity=settings.gravity, substeps=settings.substeps, on_problem=settings.on_problem)

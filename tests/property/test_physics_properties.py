@@ -74,7 +74,8 @@ def test_momentum_is_kept(scene):
 @given(scenes)
 def test_energy_is_not_gained(scene):
     # Perfectly elastic corners that strike several at once are bounced one after the other, which can give a little more than
-    # there was: at most 11 % in 150 such scenes, next to nothing in most. With any loss at all nothing is gained but what float32 rounds.
+    # there was: at most 11 % in 150 such scenes, next to nothing in most. With any loss at all nothing is gained but what
+    # float32 rounds.
     allowed = 1.2 if scene["restitution"] == 1.0 and scene["friction"] == 0.0 else 1.0 + 1e-5
     world = build(scene)
     before = world.energy().kinetic

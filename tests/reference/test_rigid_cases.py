@@ -11,11 +11,11 @@ from tests.benchmarks.rigid_engines import Elys, record
 
 
 def _checks() -> list[object]:
-    checks = []
-    for case in RIGID_CASES.values():
-        for measure in case.measures:
-            checks.append(pytest.param(case.name, measure, id=f"{case.name}-{measure.name}"))
-    return checks
+    return [
+        pytest.param(case.name, measure, id=f"{case.name}-{measure.name}")
+        for case in RIGID_CASES.values()
+        for measure in case.measures
+    ]
 
 
 @functools.cache

@@ -158,6 +158,10 @@ class LoopbackTransport:
         for subscription in self._broker._matching(self._broker._subscriptions, key):
             subscription.callback(key, payload)
 
+    def has_listener(self, key: str) -> bool:
+        """Whether anybody subscribes to a key now."""
+        return bool(self._broker._matching(self._broker._subscriptions, key))
+
     def subscribe(self, key_expression: str, on_sample: Callable[[str, bytes], None]) -> Closer:
         """Calls `on_sample(key, payload)` on the publisher's thread."""
         self._require_open()

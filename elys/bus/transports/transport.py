@@ -35,6 +35,9 @@ class Transport(Protocol):
     def publish(self, key: str, payload: bytes, delivery: Delivery) -> None:
         """Sends to all who subscribe; never waits for a reader."""
 
+    def has_listener(self, key: str) -> bool:
+        """Whether anybody subscribes to a key now: what costs something to make may be left out if not."""
+
     def subscribe(self, key_expression: str, on_sample: Callable[[str, bytes], None]) -> Closer:
         """Calls `on_sample(key, payload)` for what others and this side publish."""
 

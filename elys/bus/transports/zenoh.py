@@ -53,6 +53,7 @@ class ZenohTransport:
         self._answering = ThreadPoolExecutor(_ANSWERING_THREADS, thread_name_prefix="elys-answers")
         self._unanswered: weakref.WeakSet[ZenohQuery] = weakref.WeakSet()
         self._lock = threading.Lock()
+        self._matched: dict[str, zenoh.Publisher] = {}  # declared to hear who listens
         self._closers: set[Closer] = set()
         self._closed = False
 
@@ -123,6 +124,14 @@ class ZenohTransport:
                 congestion_control=zenoh.CongestionControl.DROP,
                 priority=_PRIORITIES[delivery],
             )
+
+    def has_listener(self, key: str) -> bool:
+        """Whether anybody subscribes to a key now; the first question about a key comes too early to know of others' nodes."""
+        with self._closed_said():
+            if key not in self._matched:
+                self._matched[key] = self._session.declare_publisher(key)
+            status: Any = self._matched[key].matching_status  # its stub says bool
+            return bool(status.matching)
 
     def subscribe(self, key_expression: str, on_sample: Callable[[str, bytes], None]) -> Closer:
         """Calls `on_sample(key, payload)` on zenoh's receiving thread: it must only hand over."""

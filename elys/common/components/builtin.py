@@ -35,6 +35,12 @@ class RigidBody(Component, frozen=True):
     linear_damping: Annotated[float, about("Share of the velocity lost.", unit="1/s", minimum=0.0, step=0.01)] = 0.0
     angular_damping: Annotated[float, about("Share of the spin lost.", unit="1/s", minimum=0.0, step=0.01)] = 0.0
     gravity_scale: Annotated[float, about("How much of the scene's gravity acts on it.")] = 1.0
+    lock_move_x: Annotated[bool, about("Never moves along the world's x axis.")] = False
+    lock_move_y: Annotated[bool, about("Never moves along the world's y axis.")] = False
+    lock_move_z: Annotated[bool, about("Never moves along the world's z axis.")] = False
+    lock_turn_x: Annotated[bool, about("Never turns about the world's x axis.")] = False
+    lock_turn_y: Annotated[bool, about("Never turns about the world's y axis.")] = False
+    lock_turn_z: Annotated[bool, about("Never turns about the world's z axis.")] = False
 
 
 @component
@@ -70,6 +76,14 @@ class Collider(Component, frozen=True):
     ] = 0.5
     restitution: Annotated[
         float, about("Bounce; a pair takes the smaller one.", minimum=0.0, maximum=1.0, step=0.01)
+    ] = 0.0
+    rolling_friction: Annotated[
+        float,
+        about("Arm of the load that resists rolling; a pair takes the larger one.", unit="m", minimum=0.0, step=0.001),
+    ] = 0.0
+    spin_friction: Annotated[
+        float,
+        about("Arm of the load that resists spinning; a pair takes the larger one.", unit="m", minimum=0.0, step=0.001),
     ] = 0.0
     density: Annotated[
         float,

@@ -12,12 +12,29 @@ from elys.sim_node.physics.kernels.tables import (
     HULL,
     KINEMATIC,
     MESH,
+    NOTICES_ALL,
+    NOTICES_MOVING,
     PLANE,
     SPHERE,
     STATIC,
 )
-from elys.sim_node.physics.settings import PhysicsSettings
-from elys.sim_node.physics.states import BodyStates, ContactPoints, Energy, Hits, Momentum, Overlaps, Problem
+from elys.sim_node.physics.settings import Attractor, PhysicsSettings
+from elys.sim_node.physics.states import (
+    BodyStates,
+    ContactEvents,
+    ContactPoints,
+    Energy,
+    EventChanges,
+    Hits,
+    Meetings,
+    Momentum,
+    Overlaps,
+    Problem,
+    Touches,
+    TriggerEvents,
+    Visits,
+    WorldEvents,
+)
 from elys.sim_node.physics.world import PhysicsWorld
 
 __all__ = [
@@ -30,19 +47,29 @@ __all__ = [
     "JOINT_KINDS",
     "KINEMATIC",
     "MESH",
+    "NOTICES_ALL",
+    "NOTICES_MOVING",
     "PLANE",
     "SPHERE",
     "STATIC",
+    "Attractor",
     "BodyStates",
     "BrokenJoint",
+    "ContactEvents",
     "ContactPoints",
     "Energy",
+    "EventChanges",
     "Hits",
     "JointDescription",
     "JointStates",
+    "Meetings",
     "Momentum",
     "Overlaps",
     "PhysicsSettings",
     "PhysicsWorld",
     "Problem",
+    "Touches",
+    "TriggerEvents",
+    "Visits",
+    "WorldEvents",
 ]

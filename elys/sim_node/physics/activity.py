@@ -75,8 +75,6 @@ class Activity:
     def put_to_sleep(self, parent: Array, islands: Array, last: Array, constants: Table) -> None:
         """Puts islands to sleep that have been at rest for long enough."""
         bodies = self._bodies
-        fallen = put_to_sleep(
-            bodies.rows, bodies.poses, self.bodies, self.body_count, parent, islands, last, constants
-        )
+        fallen = put_to_sleep(bodies.rows, bodies.poses, self.bodies, self.body_count, parent, islands, last, constants)
         if fallen:
             self.outdate()

@@ -16,7 +16,7 @@ from elys.common.ids import MAX_ENTITIES
 from elys.common.math import quaternion
 from elys.sim_node.physics import checks
 from elys.sim_node.physics.kernels.integrator import publish_poses
-from elys.sim_node.physics.kernels.tables import BODY, DYNAMIC, KINEMATIC, POSE, STATIC
+from elys.sim_node.physics.kernels.tables import BODY, DYNAMIC, FORCE, FRESH, KINEMATIC, POSE, STATIC, STEP_REPORT
 from elys.sim_node.physics.mass_properties import SHAPELESS_RADIUS, MassProperties
 
 Array = np.ndarray[Any, Any]
@@ -30,6 +30,11 @@ class BodyTable:
         self.poses = np.zeros(0, POSE)
         self.mass = np.zeros(0)
         self.inertia = np.zeros((0, 3))  # principal moments for 1 kg [m^2]
+        self.given_inertia = np.zeros((0, 3))  # the same where it was asked for, along the entity's axes; else 0
+        self.forces = np.zeros(0, FORCE)
+        self.can_lock = False  # some body has a locked axis
+        self.has_fresh = False  # some body has come since the last step
+        self.report = np.zeros(1, STEP_REPORT)
         self.faulty_room = np.zeros(0, np.int32)
         self._index = np.zeros(0, np.int64)  # the entities' indices, ascending
 
@@ -56,7 +61,7 @@ class BodyTable:
             return np.zeros(len(entities), bool)
         return np.asarray(self.rows["entity"][rows] == entities)
 
-    def add(self, entities: Array, rows: Array, mass: Array) -> Array:
+    def add(self, entities: Array, rows: Array, mass: Array, given_inertia: Array) -> Array:
         """Inserts rows of new bodies; returns where each old row is now."""
         taken = np.isin(entities & MAX_ENTITIES, self._index)
         if taken.any():
@@ -74,6 +79,9 @@ class BodyTable:
         self.poses = np.concatenate([self.poses, poses])[order]
         self.mass = np.concatenate([self.mass, mass])[order]
         self.inertia = np.concatenate([self.inertia, np.ones((len(entities), 3))])[order]
+        self.given_inertia = np.concatenate([self.given_inertia, given_inertia])[order]
+        self.forces = np.concatenate([self.forces, np.zeros(len(entities), FORCE)])[order]
+        self._look_for_locks()
         place = np.empty(len(order), np.int64)
         place[order] = np.arange(len(order))
         self._follow_rings(place)
@@ -85,9 +93,29 @@ class BodyTable:
         keep[removed] = False
         self.rows, self.poses, self.mass = self.rows[keep], self.poses[keep], self.mass[keep]
         self.inertia, self._index = self.inertia[keep], self._index[keep]
+        self.given_inertia, self.forces = self.given_inertia[keep], self.forces[keep]
+        self._look_for_locks()
         place = np.where(keep, np.cumsum(keep) - 1, -1)
         self._follow_rings(place)
         return place
+
+    def set_locked(self, rows: Array, locked: Array) -> None:
+        """Locks axes of bodies in rows (M,): bits (M,) as in BODY, and nothing else."""
+        self.rows["locked"][rows] = locked
+        self._look_for_locks()
+
+    def mark_fresh(self, rows: Array) -> None:
+        """Has the next step look whether bodies in rows were put deep into others."""
+        self.rows["told"][rows] |= FRESH
+        self.has_fresh = True
+
+    def mark_pushed(self, rows: Array) -> None:
+        """Notes in bodies in rows whether anything in `forces` acts on them."""
+        forces = self.forces[rows]
+        self.rows["pushed"][rows] = (forces["once"] != 0.0).any(1) | (forces["lasting"] != 0.0).any(1)
+
+    def _look_for_locks(self) -> None:
+        self.can_lock = bool((self.rows["locked"] != 0).any())
 
     def _follow_rings(self, place: Array) -> None:
         """Sleeping islands are rings of rows, and rows have changed: `place` (old N,) says where they are."""
@@ -108,9 +136,11 @@ class BodyTable:
     def set_mass_properties(self, rows: Array, properties: MassProperties) -> None:
         """Moves the bodies' frames to new centres of mass and axes; the entities stay where they are."""
         position, rotation = self.entity_poses(rows)
+        given = self.given_inertia[rows]
+        is_given = np.asarray((given > 0.0).all(1))[:, None]
         self.poses["center"][rows] = properties.center
-        self.poses["axes"][rows] = properties.axes
-        self.inertia[rows] = properties.inertia
+        self.poses["axes"][rows] = np.where(is_given, quaternion.IDENTITY, properties.axes)
+        self.inertia[rows] = np.where(is_given, given, properties.inertia)
         self.place(rows, position, rotation)
         self.update_inverses(rows)
 
@@ -136,6 +166,10 @@ class BodyTable:
         self.faulty_room = np.zeros(len(self.rows), np.int32)
         self.mass = snapshot["mass"].copy()
         self.inertia = snapshot["inertia"].copy()
+        self.given_inertia = snapshot["given_inertia"].copy()
+        self.forces = checks.saved_table(snapshot, "forces", FORCE)
+        self.has_fresh = bool((self.rows["told"] & FRESH).any())
+        self._look_for_locks()
         self._index = (self.rows["entity"] & MAX_ENTITIES).astype(np.int64)
 
     def publish(self) -> None:
@@ -154,6 +188,7 @@ def new_rows(
     linear_damping: ArrayLike,
     angular_damping: ArrayLike,
     gravity_scale: ArrayLike,
+    locked: ArrayLike,
 ) -> Array:
     """Checked rows of bodies that have no mass yet; PhysicsError names the entity with a bad value."""
     rows = np.zeros(len(entities), BODY)
@@ -166,4 +201,5 @@ def new_rows(
     rows["linear_damping"] = checks.number_column("linear_damping", linear_damping, entities, minimum=0.0)
     rows["angular_damping"] = checks.number_column("angular_damping", angular_damping, entities, minimum=0.0)
     rows["gravity_scale"] = checks.number_column("gravity_scale", gravity_scale, entities)
+    rows["locked"] = checks.switch_column("locked", locked, entities, 6)
     return rows

@@ -76,6 +76,25 @@ def choice_column(name: str, values: ArrayLike, entities: Array, count: int) -> 
     return column.astype(np.uint8)
 
 
+def switch_column(name: str, values: ArrayLike, entities: Array, width: int) -> Array:
+    """Truth values (N, width), or one row for all, as bits (N,) uint8; the first is the lowest bit."""
+    column = np.asarray(values)
+    if column.dtype != np.bool_ or column.shape not in ((width,), (len(entities), width)):
+        raise PhysicsError(
+            f"{name} must be {width} truth values for each entity, not an array of shape {column.shape} and {column.dtype}"
+        )
+    return np.asarray((np.broadcast_to(column, (len(entities), width)) << np.arange(width)).sum(1), np.uint8)
+
+
+def inertia_column(values: ArrayLike, mass: Array, entities: Array) -> Array:
+    """Moments of inertia about an entity's axes (N, 3) [kg m^2], for 1 kg each; PhysicsError where no body can have them."""
+    moments = number_column("inertia", values, entities, width=3, minimum=0.0, above=True)
+    excess = 2.0 * moments.max(1) - moments.sum(1)
+    rule = "inertia breaks the triangle inequality: each moment must be at most the sum of the two others"
+    refuse(excess > 1e-9 * moments.sum(1), entities, moments, rule)
+    return np.asarray(moments / mass[:, None])
+
+
 def bits_column(name: str, values: ArrayLike, entities: Array) -> Array:
     """Sets of 32 layers as bits, (N,) uint32."""
     column = np.broadcast_to(np.asarray(values), (len(entities),))

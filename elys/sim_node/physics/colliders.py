@@ -46,6 +46,7 @@ class ColliderTable:
         self.geometry = GeometryStore()
         self.can_bounce = False
         self.is_simple = True  # boxes and balls alone
+        self.can_roll = False  # some collider resists rolling or spinning
 
     def rows_on(self, bodies: Array) -> Array:
         """The rows of all colliders on body rows (M,), ascending."""
@@ -141,6 +142,7 @@ class ColliderTable:
     def _changed(self) -> None:
         self.can_bounce = bool((self.rows["restitution"] > 0.0).any())
         self.is_simple = bool((self.rows["kind"] <= SPHERE).all())
+        self.can_roll = bool(((self.rows["rolling_friction"] > 0.0) | (self.rows["spin_friction"] > 0.0)).any())
 
 
 def new_colliders(
@@ -158,6 +160,8 @@ def new_colliders(
     rotation: ArrayLike,
     friction: ArrayLike,
     restitution: ArrayLike,
+    rolling_friction: ArrayLike,
+    spin_friction: ArrayLike,
     density: ArrayLike,
     layer: ArrayLike,
     mask: ArrayLike,
@@ -175,12 +179,14 @@ def new_colliders(
     _set_lengths(rows, entities, size, radius, half_length)
     _set_geometry(rows, shapes, store, entities, geometry)
     rows["friction"] = checks.number_column("friction", friction, entities, minimum=0.0)
+    rows["rolling_friction"] = checks.number_column("rolling_friction", rolling_friction, entities, minimum=0.0)
+    rows["spin_friction"] = checks.number_column("spin_friction", spin_friction, entities, minimum=0.0)
     restitution = checks.number_column("restitution", restitution, entities, minimum=0.0)
     checks.refuse(restitution > 1.0, entities, restitution, "restitution must be at most 1")
     rows["restitution"] = restitution
     rows["layer"] = checks.bits_column("layer", layer, entities)
     rows["mask"] = checks.bits_column("mask", mask, entities)
-    rows["trigger"] = checks.choice_column("trigger", np.asarray(trigger, np.int64), entities, 2)
+    rows["trigger"] = checks.choice_column("trigger", np.asarray(trigger, np.int64), entities, 3)
     rows["fat_box"][:, :3] = FAR  # no box yet: the next step finds the pairs
     rows["fat_box"][:, 3:] = -FAR
     return rows, shapes

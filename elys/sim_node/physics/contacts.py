@@ -57,6 +57,12 @@ class BoxTree:
         build_wide_tree(boxes, self.leaves, *tree, self._histogram, self._corners, sort)
 
 
+def _empty_pairs(count: int) -> Array:
+    pairs = np.zeros(count, PAIR)
+    pairs["a"] = -1
+    return pairs
+
+
 class ContactStore:
     """Pairs by slot, each with a manifold; those that are awake are listed in `active`, sorted by collider rows."""
 
@@ -65,11 +71,15 @@ class ContactStore:
         self.touching_count = 0
         self.is_changed = True  # since contacts were last dealt out to the solver
         self.is_outdated = True  # `active`: something fell asleep, woke, came or went
-        self.pairs = np.full(64, -1, PAIR)
+        self.watched_count = 0
+        self.trigger_count = 0
+        self.pairs = _empty_pairs(64)
         self.manifolds = np.zeros(64, MANIFOLD)
         self.active = np.zeros(64, np.int32)
         self.touching = np.zeros(64, np.int32)
         self.fast = np.zeros(64, np.int32)
+        self.watched = np.zeros(64, np.int32)  # what touches or did in the last step
+        self.triggers = np.zeros(64, np.int32)
         self.found = np.zeros(1, FOUND)
         self.tree = BoxTree(0)
         self._table = np.zeros(256, np.int32)
@@ -119,7 +129,7 @@ class ContactStore:
         self._free[count : count + len(slots)] = slots
         self._free_count[0] = count + len(slots)
         fill_table(self.pairs, self._table)
-        self.touching_count = 0
+        self.touching_count = self.watched_count = self.trigger_count = 0
         self.is_outdated = True
 
     def list_active(self, bodies: Array, colliders: Array) -> None:
@@ -171,11 +181,11 @@ class ContactStore:
         if pair_count < old:
             return
         count = max(2 * old, pair_count + 1)
-        more = np.full(count, -1, PAIR)
+        more = _empty_pairs(count)
         more[:old] = self.pairs
         self.pairs = more
         self.manifolds = grown(self.manifolds, count)
-        for name in ("active", "touching", "fast", "_free", "_slots", "_room"):
+        for name in ("active", "touching", "fast", "watched", "triggers", "_free", "_slots", "_room"):
             setattr(self, name, grown(getattr(self, name), count))
         free = int(self._free_count[0])
         self._free[free : free + count - old] = np.arange(count - 1, old - 1, -1)

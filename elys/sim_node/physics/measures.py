@@ -10,19 +10,24 @@ from elys.common.components import Vec3
 from elys.common.math import quaternion
 from elys.sim_node.physics.bodies import BodyTable
 from elys.sim_node.physics.kernels.tables import DYNAMIC
+from elys.sim_node.physics.settings import Attractor
 from elys.sim_node.physics.states import Energy, Momentum
 
 Array = np.ndarray[Any, Any]
 
 
-def energy_of(bodies: BodyTable, gravity: Vec3) -> Energy:
+def energy_of(bodies: BodyTable, gravity: Vec3, attractors: tuple[Attractor, ...]) -> Energy:
     """Kinetic and potential energy of all dynamic bodies."""
     rows, mass, moments = _dynamic(bodies)
     v = rows["velocity"]
     spin = quaternion.rotate(quaternion.conjugate(rows["rotation"]), v[:, 3:])
     kinetic = 0.5 * float((mass * (v[:, :3] ** 2).sum(1)).sum() + (moments * spin**2).sum())
     height = rows["position"] @ np.asarray(gravity)
-    return Energy(kinetic, -float((mass * rows["gravity_scale"] * height).sum()))
+    potential = -height
+    for attractor in attractors:
+        away = rows["position"] - np.asarray(attractor.position)
+        potential -= attractor.strength / np.sqrt((away**2).sum(1) + attractor.softening**2)
+    return Energy(kinetic, float((mass * rows["gravity_scale"] * potential).sum()))
 
 
 def momentum_of(bodies: BodyTable) -> Momentum:

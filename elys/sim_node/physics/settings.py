@@ -3,20 +3,37 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Literal, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import msgspec
 import numpy as np
 
 from elys.common.components import Vec3
 from elys.common.errors import PhysicsError
-from elys.sim_node.physics.kernels.tables import CONSTANTS, STRENGTH, Table
+from elys.sim_node.physics.kernels.tables import CONSTANTS, MOST_ATTRACTORS, STRENGTH, Table
 
 MOST_STRENGTHS = 8
 
 
 Rule = Literal["geometric_mean", "minimum", "maximum", "average", "multiply"]
 RULES: tuple[Rule, ...] = get_args(Rule)
+
+
+OnProblem = Literal["continue", "pause"]
+
+
+class Attractor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A point that attracts all bodies, by their gravity_scale: a = strength r / (r^2 + softening^2)^(3/2)."""
+
+    position: Vec3 = (0.0, 0.0, 0.0)  # [m]
+    strength: float = 0.0  # G M [m^3/s^2]: surface gravity times the squared radius of a planet; negative repels
+    softening: float = 0.0  # within about this distance the pull fades instead of growing without end [m]
+
+    def __post_init__(self) -> None:
+        if not all(math.isfinite(number) for number in (*self.position, self.strength, self.softening)):
+            raise PhysicsError(f"An Attractor must be made of finite numbers, not {self!r}")
+        if self.softening < 0.0:
+            raise PhysicsError(f"Attractor.softening must be 0 or more, not {self.softening!r}")
 
 
 class PhysicsSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -31,6 +48,7 @@ class PhysicsSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     )
     contact_damping: float = 5.0  # damping ratio of that push; half of it against what cannot move
     push_speed: float = 3.0  # overlap is never removed faster [m/s]
+    events: bool = True  # whether contacts and visits to triggers are told: about 40 ns for each contact and step
     sleeping: bool = True  # whether islands at rest fall asleep
     sleep_speed: float = 0.05  # what moves more slowly [m/s]
     sleep_spin: float = 0.1  # and turns more slowly [rad/s]
@@ -41,6 +59,14 @@ class PhysicsSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     restitution_rule: Rule = "minimum"
     recycle_distance: float = 0.01  # a manifold is kept while its bodies moved less against each other [m]
     recycle_angle: float = 0.01  # and each turned less [rad]
+    attractors: tuple[Attractor, ...] = ()  # point gravity, beside the gravity that is the same everywhere
+    # Limits that are never silent. Faster than 2000 m/s is no bullet and no shell; what is so fast has nearly always
+    # exploded. Up to 1000 rad/s, 160 turns a second, a step at 60 Hz still turns a body to eight digits.
+    max_linear_speed: float = 2000.0  # [m/s]
+    max_angular_speed: float = 1000.0  # [rad/s]
+    on_problem: OnProblem = (
+        "continue"  # or pause: whether a running simulation stops its clock when a step finds a problem
+    )
 
     def __post_init__(self) -> None:
         numbers = {
@@ -56,6 +82,12 @@ class PhysicsSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
                 raise PhysicsError(f"PhysicsSettings.{name} must be a finite number of 0 or more, not {value!r}")
         if not all(math.isfinite(g) for g in self.gravity):
             raise PhysicsError(f"PhysicsSettings.gravity must be three finite numbers, not {self.gravity!r}")
+        if len(self.attractors) > MOST_ATTRACTORS:
+            raise PhysicsError(
+                f"PhysicsSettings.attractors may be up to {MOST_ATTRACTORS}, not {len(self.attractors)}: leave out the weakest"
+            )
+        if self.on_problem not in get_args(OnProblem):
+            raise PhysicsError(f"PhysicsSettings.on_problem must be continue or pause, not {self.on_problem!r}")
         if not 1 <= self.substeps <= 64:
             raise PhysicsError(f"PhysicsSettings.substeps must be from 1 to 64, not {self.substeps}")
         if not 1 <= self.strengths <= MOST_STRENGTHS:
@@ -81,7 +113,15 @@ def soft_constraint(frequency: float, damping_ratio: float, time_step: float) ->
     return omega / a1, a2 * a3, a3
 
 
-def step_constants(settings: PhysicsSettings, dt: float, *, can_bounce: bool) -> Table:
+class SceneTraits(NamedTuple):
+    """What occurs in a world at all: what does not costs nothing."""
+
+    can_bounce: bool  # some collider has restitution
+    can_roll: bool  # some collider resists rolling or spinning
+    can_lock: bool  # some body has a locked axis
+
+
+def step_constants(settings: PhysicsSettings, dt: float, traits: SceneTraits) -> Table:
     """The settings as the kernels read them, for a step of `dt` seconds."""
     constants: np.ndarray[Any, Any] = np.zeros(1, CONSTANTS)
     row = constants[0]
@@ -100,7 +140,13 @@ def step_constants(settings: PhysicsSettings, dt: float, *, can_bounce: bool) ->
     row["overlap"] = settings.contact_overlap
     row["friction_rule"] = RULES.index(settings.friction_rule)
     row["restitution_rule"] = RULES.index(settings.restitution_rule)
-    row["can_bounce"] = can_bounce
+    row["can_bounce"], row["can_roll"], row["can_lock"] = traits
+    row["attractor_count"] = len(settings.attractors)
+    for place, attractor in enumerate(settings.attractors):
+        numbers = (*attractor.position, attractor.strength, attractor.softening**2)
+        row["attractors"][5 * place : 5 * place + 5] = numbers
+    row["max_linear_speed"] = settings.max_linear_speed
+    row["max_angular_speed"] = settings.max_angular_speed
     return constants
 
 

@@ -38,6 +38,7 @@ class SolverRoom:
         self.starts = np.zeros(MOST_STRENGTHS * KEYS + 1, np.int32)
         self.colour_counts = np.zeros(2 * MOST_STRENGTHS, np.int32)
         self.places = np.zeros(2, BODY)
+        self.inertia = np.zeros(6)
         self.shapes = np.zeros(2, COLLIDER)
         self._make_body_room(0)
         self._make_contact_room(0)

@@ -31,6 +31,70 @@ class ContactPoints(NamedTuple):
     normal_impulse: Array  # (M,) of the whole step [N s]
 
 
+class Meetings(NamedTuple):
+    """Two colliders each that met or parted: M rows, in the order of the colliders' bodies and then of the colliders."""
+
+    entity_a: Array  # (M,) uint32: the entities that carry the colliders
+    entity_b: Array
+    body_a: Array  # (M,) uint32: the entities whose bodies they are on
+    body_b: Array
+
+
+class Touches(NamedTuple):
+    """The same with where and how hard."""
+
+    entity_a: Array  # (M,) uint32: the entities that carry the colliders
+    entity_b: Array
+    body_a: Array  # (M,) uint32: the entities whose bodies they are on
+    body_b: Array
+    point: Array  # (M, 3) the deepest, in the middle between the surfaces [m]
+    normal: Array  # (M, 3) from a to b
+    depth: Array  # (M,) overlap there after the step, negative for a gap [m]
+    normal_impulse: Array  # (M,) of the whole step and all points [N s]
+    speed: Array  # (M,) at which the surfaces closed as they first touched; 0 for a contact that goes on [m/s]
+
+
+class Visits(NamedTuple):
+    """Triggers and what they notice: M rows."""
+
+    trigger: Array  # (M,) uint32: the entity that carries the trigger
+    entity: Array  # (M,) uint32: the one that carries what is in it
+    trigger_body: Array  # (M,) uint32: the entities whose bodies they are on
+    body: Array
+
+
+class ContactEvents(NamedTuple):
+    """Contacts, as the last step left them. One that sleeps goes on."""
+
+    begun: Touches
+    persisting: Touches
+    ended: Meetings
+
+
+class TriggerEvents(NamedTuple):
+    """Visits to triggers, as the last step left them. One that sleeps in a trigger stays."""
+
+    entered: Visits
+    stayed: Visits
+    exited: Visits
+
+
+class WorldEvents(NamedTuple):
+    """What the last step began, what goes on, and what ended."""
+
+    contacts: ContactEvents
+    triggers: TriggerEvents
+
+
+class EventChanges(NamedTuple):
+    """What the last step began and ended."""
+
+    begun: Touches
+    ended: Meetings
+    entered: Visits
+    exited: Visits
+
+
 class Hits(NamedTuple):
     """What questions met: one row for each of R questions; with `all_hits` a row for every collider met, by question, nearest
     first, and of equally far ones in the order of their bodies."""
@@ -67,4 +131,5 @@ class Problem(NamedTuple):
     """Something that went wrong inside a step, while the world went on."""
 
     entity: int
-    text: str
+    text: str  # who, why, and what to do
+    cause: str = ""  # not_finite, too_fast, explosion or deep_overlap

@@ -13,12 +13,14 @@ from elys.sim_node.physics.bodies import BodyTable
 from elys.sim_node.physics.colliders import ColliderTable
 from elys.sim_node.physics.contacts import ContactStore
 from elys.sim_node.physics.joints import JointTable
+from elys.sim_node.physics.events import EventLog
 from elys.sim_node.physics.kernels.colouring import colour_contacts
 from elys.sim_node.physics.kernels.integrator import finish_step
 from elys.sim_node.physics.kernels.islands import build_islands, list_held
 from elys.sim_node.physics.kernels.joint_preparation import prepare_joints
 from elys.sim_node.physics.kernels.joints import finish_joints
 from elys.sim_node.physics.kernels.narrow_phase import update_manifolds, update_simple_manifolds
+from elys.sim_node.physics.kernels.overlaps import find_deep_overlaps
 from elys.sim_node.physics.kernels.placement import fatten_boxes, place_colliders
 from elys.sim_node.physics.kernels.preparation import prepare_bodies, prepare_contacts, prepare_impacts
 from elys.sim_node.physics.kernels.solver import solve_contacts
@@ -42,6 +44,7 @@ class Step:
         contacts: ContactStore,
         joints: JointTable,
         activity: Activity,
+        events: EventLog | None,
         room: SolverRoom,
         constants: Table,
         strengths: Table,
@@ -53,12 +56,14 @@ class Step:
         self._contacts = contacts
         self._joints = joints
         self._activity = activity
+        self._events = events
         self._sleeping = sleeping
         self._room = room
         self._constants = constants
         self._strengths = strengths
         self._held_end = 0
         self._fast_count = 0
+        self.deep: tuple[Array, Array] = (_NONE, np.zeros(0))  # slots of pairs, depths [m]
 
     def run(self, profile: dict[str, float]) -> tuple[Array, Array]:
         """Moves everything; returns the rows of bodies whose numbers are not finite any more, and of joints that broke."""
@@ -69,6 +74,8 @@ class Step:
             if not _timed(profile, "update_manifolds", self._update_manifolds):
                 break
             self._activity.wake_marked()
+        if self._bodies.has_fresh:
+            _timed(profile, "find_deep_overlaps", self._find_deep_overlaps)
         _timed(profile, "build_islands", self._build_islands)
         _timed(profile, "colour_contacts", self._colour_contacts)
         _timed(profile, "prepare_contacts", self._prepare_contacts)
@@ -77,9 +84,13 @@ class Step:
         _timed(profile, "solve_contacts", self._solve_contacts)
         if len(self._joints.rows):
             broken = _timed(profile, "finish_joints", self._finish_joints)
+        if self._events is not None:
+            _timed(profile, "track_contacts", self._track_contacts)
         faulty = _timed(profile, "finish_step", self._finish_step)
         if self._fast_count and not len(faulty):
             _timed(profile, "stop_at_impacts", self._stop_at_impacts)
+        if self._events is not None and not len(faulty):
+            _timed(profile, "track_triggers", self._track_triggers)
         if self._sleeping:
             _timed(profile, "put_to_sleep", self._put_to_sleep)
         return faulty, broken
@@ -106,15 +117,37 @@ class Step:
         """Returns whether anything was touched in its sleep: then it wakes first."""
         contacts = self._contacts
         pairs = (contacts.pairs, contacts.active, contacts.active_count, contacts.manifolds, contacts.found)
-        results = (self._constants, contacts.touching, contacts.fast)
+        results = (self._constants, contacts.touching, contacts.fast, contacts.watched, contacts.triggers)
         bodies, colliders = self._bodies.rows, self._colliders.rows
         if self._colliders.is_simple:
             facts = update_simple_manifolds(bodies, colliders, *pairs, *results)
         else:
             facts = update_manifolds(bodies, colliders, *pairs, self._colliders.geometry.arrays, *results)
-        contacts.touching_count, is_changed, self._fast_count, is_woken = facts
+        contacts.touching_count, is_changed, self._fast_count, is_woken, *others = facts
+        contacts.watched_count, contacts.trigger_count = others
         contacts.is_changed |= is_changed
         return bool(is_woken)
+
+    def _find_deep_overlaps(self) -> None:
+        contacts = self._contacts
+        slots, depths = np.zeros(contacts.touching_count, np.int32), np.zeros(contacts.touching_count)
+        count = find_deep_overlaps(
+            self._bodies.rows,
+            self._colliders.rows,
+            contacts.pairs,
+            contacts.touching,
+            contacts.touching_count,
+            contacts.manifolds,
+            slots,
+            depths,
+        )
+        self.deep = slots[:count], depths[:count]
+        self._bodies.has_fresh = False
+
+    def take_deep(self) -> tuple[Array, Array]:
+        """Slots (M,) of pairs and depths (M,) [m] of what was found put deep into others, once."""
+        deep, self.deep = self.deep, (_NONE, np.zeros(0))
+        return deep
 
     def _build_islands(self) -> None:
         room, contacts = self._room, self._contacts
@@ -135,9 +168,7 @@ class Step:
             self._strengths,
             self._constants,
         )
-        self._held_end = list_held(
-            self._bodies.rows, activity.bodies, activity.body_count, room.held, room.groups
-        )
+        self._held_end = list_held(self._bodies.rows, activity.bodies, activity.body_count, room.held, room.groups)
 
     def _colour_contacts(self) -> None:
         room, contacts = self._room, self._contacts
@@ -175,6 +206,7 @@ class Step:
         room, contacts = self._room, self._contacts
         prepare_bodies(
             self._bodies.rows,
+            self._bodies.forces,
             room.held,
             self._held_end,
             room.groups,
@@ -246,16 +278,29 @@ class Step:
             self._constants,
         )
 
+    def _track_contacts(self) -> None:
+        assert self._events is not None
+        bodies, colliders = self._bodies.rows, self._colliders.rows
+        self._events.track_contacts(bodies, colliders, self._room.solver_bodies, self._constants)
+
+    def _track_triggers(self) -> None:
+        assert self._events is not None
+        colliders = self._colliders
+        self._events.track_triggers(self._bodies.rows, colliders.rows, colliders.geometry.arrays)
+
     def _finish_step(self) -> Array:
         bodies = self._bodies
         count = finish_step(
             bodies.rows,
+            bodies.forces,
             self._activity.bodies,
             self._activity.body_count,
             bodies.poses,
             self._room.starts_of_bodies,
             self._room.solver_bodies,
             bodies.faulty_room,
+            bodies.report,
+            self._room.inertia,
             self._constants,
         )
         return bodies.faulty_room[:count].copy() if count else _NONE

@@ -16,18 +16,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from elys.common.errors import PhysicsError
-from elys.common.math import quaternion
-from elys.sim_node.physics import checks
+from elys.sim_node.physics import checks, diagnostics, forces
 from elys.sim_node.physics.bodies import new_rows
 from elys.sim_node.physics.colliders import EVERY_LAYER, new_colliders
+from elys.sim_node.physics.debug_geometry import Lines, Tables, debug_lines
 from elys.sim_node.physics.joint_world import WorldJoints
 from elys.sim_node.physics.kernels.state_hash import hash_bodies
-from elys.sim_node.physics.kernels.tables import BOX, DYNAMIC, STATIC
+from elys.sim_node.physics.kernels.tables import BOX, DYNAMIC, SOLID, STATIC
 from elys.sim_node.physics.mass_properties import mass_properties
 from elys.sim_node.physics.measures import energy_of, momentum_of
-from elys.sim_node.physics.settings import PhysicsSettings, step_constants, step_strengths
+from elys.sim_node.physics.settings import PhysicsSettings, SceneTraits, step_constants, step_strengths
 from elys.sim_node.physics.solving import SolverRoom
-from elys.sim_node.physics.states import BodyStates, ContactPoints, Energy, Momentum, Problem
+from elys.sim_node.physics.states import BodyStates, ContactPoints, Energy, EventChanges, Momentum, Problem, WorldEvents
 from elys.sim_node.physics.stepping import Step
 
 Array = np.ndarray[Any, Any]
@@ -41,7 +41,7 @@ class PhysicsWorld(WorldJoints):
         super().__init__()
         self._room = SolverRoom()
         self._step: Step | None = None
-        self._step_plan: tuple[float, PhysicsSettings, bool] | None = None
+        self._step_plan: tuple[float, PhysicsSettings, SceneTraits] | None = None
         self._problems: list[Problem] = []
 
     # ---------------------------------------------------------------- what there is
@@ -63,6 +63,16 @@ class PhysicsWorld(WorldJoints):
     def contacts(self) -> ContactPoints:
         """Where bodies touched in the last step."""
         return self._contacts.contact_points(self._bodies.rows, self._colliders.rows)
+
+    @property
+    def events(self) -> WorldEvents:
+        """What the last step began, what goes on and what ended: contacts, and visits to triggers; see docs/physics-events.md."""
+        return self._events.events(self._bodies.rows, self._colliders.rows)
+
+    @property
+    def event_changes(self) -> EventChanges:
+        """Of `events` what began and ended, which costs next to nothing to ask for."""
+        return self._events.changes()
 
     @property
     def touching_count(self) -> int:
@@ -96,11 +106,16 @@ class PhysicsWorld(WorldJoints):
         linear_damping: ArrayLike = 0.0,
         angular_damping: ArrayLike = 0.0,
         gravity_scale: ArrayLike = 1.0,
+        locked: ArrayLike = (False,) * 6,
+        inertia: ArrayLike | None = None,
     ) -> None:
         """Adds bodies without shapes. One value stands for all entities, else there is a row for each.
 
         Parameters: ids (N,), motion 0 dynamic, 1 kinematic, 2 static, position (N, 3) [m] and rotation (N, 4) of the
-        entity, velocities (N, 3) of the centre of mass, mass (N,) [kg], damping (N,) [1/s], gravity_scale (N,).
+        entity, velocities (N, 3) of the centre of mass, mass (N,) [kg], damping (N,) [1/s], gravity_scale (N,);
+        locked (N, 6) bool: axes of the world along which (the first three) and about which a dynamic body never moves;
+        inertia (N, 3) [kg m^2] about the entity's axes through the centre of mass, in place of what its shapes give: it
+        grows with the mass when that is changed.
 
         Raises:
             PhysicsError: a value is not finite or out of its range, or an entity has a body already.
@@ -116,12 +131,16 @@ class PhysicsWorld(WorldJoints):
             linear_damping,
             angular_damping,
             gravity_scale,
+            locked,
         )
         weights = checks.number_column("mass", mass, column, minimum=0.0, above=True)
-        place = self._bodies.add(column, rows, weights)
+        moments = np.zeros((len(column), 3)) if inertia is None else checks.inertia_column(inertia, weights, column)
+        place = self._bodies.add(column, rows, weights, moments)
         self._colliders.follow_bodies(place)
         self._joints.follow_bodies(place)
-        self._update_mass(self._bodies.rows_of(column))
+        added = self._bodies.rows_of(column)
+        self._update_mass(added)
+        self._bodies.mark_fresh(added)
 
     def remove_bodies(self, entities: ArrayLike) -> None:
         """Removes bodies with their shapes, contacts and joints; PhysicsError for an entity without a body."""
@@ -149,6 +168,8 @@ class PhysicsWorld(WorldJoints):
         rotation: ArrayLike = (0.0, 0.0, 0.0, 1.0),
         friction: ArrayLike = 0.5,
         restitution: ArrayLike = 0.0,
+        rolling_friction: ArrayLike = 0.0,
+        spin_friction: ArrayLike = 0.0,
         density: ArrayLike = 0.0,
         layer: ArrayLike = 1,
         mask: ArrayLike = EVERY_LAYER,
@@ -166,10 +187,13 @@ class PhysicsWorld(WorldJoints):
           of capsules, without their caps, and of cylinders;
         - geometry (M,): of hulls, meshes and height fields, what `add_hull`, `add_mesh` or `add_height_field` returned;
         - pose of the shape in the entity's space (M, 3) [m] and (M, 4), friction and restitution (M,);
+        - rolling_friction and spin_friction (M,) [m]: the arm of the normal force that resists rolling, and turning about
+          the normal beside what the contact's area does. Of two shapes the larger one counts;
         - density (M,) [kg/m^3]: where a body has one with it, its mass is the sum over those shapes. Without, the body's
           mass is shared among its shapes by volume. Centre of mass and inertia follow;
         - layer and mask (M,), 32 bits each: two shapes meet when each one's layer is in the other's mask;
-        - trigger (M,): notices what touches it, and pushes nothing;
+        - trigger (M,): notices what touches it, and pushes nothing. True or NOTICES_MOVING for what is dynamic or kinematic,
+          NOTICES_ALL for what is static too, where the trigger itself is not;
         - owners (M,): the entities that carry the colliders where those are not the bodies' own.
 
         Raises:
@@ -192,6 +216,8 @@ class PhysicsWorld(WorldJoints):
             rotation=rotation,
             friction=friction,
             restitution=restitution,
+            rolling_friction=rolling_friction,
+            spin_friction=spin_friction,
             density=density,
             layer=layer,
             mask=mask,
@@ -201,6 +227,7 @@ class PhysicsWorld(WorldJoints):
         self._contacts.follow_colliders(self._colliders.insert(rows, shapes))
         self._contacts.set_collider_count(len(self._colliders.rows))
         self._update_mass(np.unique(bodies))
+        self._bodies.mark_fresh(np.unique(bodies))
 
     def add_hull(self, points: ArrayLike) -> int:
         """A convex hull for `add_colliders`, from points (N, 3) [m] in the shape's space. Equal points give one hull.
@@ -247,6 +274,7 @@ class PhysicsWorld(WorldJoints):
         rows = self._bodies.rows_of(column)
         self._wake(rows)
         self._bodies.place(rows, where, turn)
+        self._bodies.mark_fresh(rows[self._bodies.rows["motion"][rows] == DYNAMIC])
         fixed = rows[self._bodies.rows["motion"][rows] == STATIC]
         if len(fixed):
             self._activity.wake_touching(fixed)
@@ -278,6 +306,7 @@ class PhysicsWorld(WorldJoints):
         linear_damping: ArrayLike | None = None,
         angular_damping: ArrayLike | None = None,
         gravity_scale: ArrayLike | None = None,
+        locked: ArrayLike | None = None,
     ) -> None:
         """Changes what bodies (N,) are, as in `add_bodies`; what is not given stays."""
         column = checks.entity_column(entities)
@@ -297,6 +326,8 @@ class PhysicsWorld(WorldJoints):
             each = np.searchsorted(np.sort(rows), self._colliders.rows["body"][on])
             each = np.argsort(rows)[each]
             self._colliders.refuse_motion(column[each], changes["motion"][each], self._colliders.rows["kind"][on])
+        if locked is not None:
+            self._bodies.set_locked(rows, checks.switch_column("locked", locked, column, 6))
         if mass is not None:
             self._bodies.mass[rows] = checks.number_column("mass", mass, column, minimum=0.0, above=True)
         if motion is not None:
@@ -306,20 +337,48 @@ class PhysicsWorld(WorldJoints):
         self._bodies.update_inverses(rows)
         self._changed()
 
-    def apply_impulse(self, entity: int, impulse: ArrayLike, point: ArrayLike | None = None) -> None:
-        """Changes a body's momentum by an impulse (3,) [N s], at its centre of mass or at a point (3,) in world space [m]."""
-        row, push = self._one("impulse", entity, impulse)
-        body = self._bodies.rows[row]
-        body["velocity"][:3] += body["inverse_mass"] * push
-        if point is not None:
-            away = self._one("point", entity, point)[1] - body["position"]
-            self._spin(row, np.cross(away, push))
+    def apply_force(self, entities: ArrayLike, force: ArrayLike, point: ArrayLike | None = None) -> None:
+        """Pushes bodies during the next step, and no longer: what shall go on is applied again before each step.
+
+        Parameters: entities (N,), force (N, 3) or one for all [N], point (N, 3) or one for all in world space [m]; without
+        it the centres of mass. What is applied several times adds up. Bodies that are not dynamic feel nothing.
+        """
+        column, push = self._vectors("force", entities, force)
+        where = None if point is None else checks.number_column("point", point, column, width=3)
+        rows = self._woken(column)
+        forces.push_once(self._bodies, rows, forces.wrenches(self._bodies, rows, push, np.zeros_like(push), where))
+
+    def apply_torque(self, entities: ArrayLike, torque: ArrayLike) -> None:
+        """Turns bodies (N,) during the next step by torques (N, 3) or one for all [N m]; adds up as forces do."""
+        column, turn = self._vectors("torque", entities, torque)
+        forces.push_once(self._bodies, self._woken(column), np.hstack([np.zeros_like(turn), turn]))
+
+    def set_forces(
+        self, entities: ArrayLike, *, force: ArrayLike = (0.0, 0.0, 0.0), torque: ArrayLike = (0.0, 0.0, 0.0)
+    ) -> None:
+        """Pushes bodies (N,) in every step from now on, in place of what was set before; zero ends it.
+
+        Force (N, 3) [N] at the centre of mass and torque (N, 3) [N m], in world axes, beside what `apply_force` adds.
+        """
+        column, push = self._vectors("force", entities, force)
+        turn = checks.number_column("torque", torque, column, width=3)
+        forces.push_always(self._bodies, self._woken(column), np.hstack([push, turn]))
+
+    def apply_impulse(self, entities: ArrayLike, impulse: ArrayLike, point: ArrayLike | None = None) -> None:
+        """Changes the momentum of bodies at once, by impulses at their centres of mass or at points in world space.
+
+        Parameters: one entity or (N,), impulse (3,) for all or (N, 3) [N s], point (3,) or (N, 3) [m].
+        """
+        column, push = self._vectors("impulse", entities, impulse)
+        where = None if point is None else checks.number_column("point", point, column, width=3)
+        rows = self._woken(column)
+        forces.strike(self._bodies, rows, forces.wrenches(self._bodies, rows, push, np.zeros_like(push), where))
         self._changed()
 
-    def apply_angular_impulse(self, entity: int, impulse: ArrayLike) -> None:
-        """Changes a body's angular momentum by (3,) [N m s]."""
-        row, push = self._one("angular impulse", entity, impulse)
-        self._spin(row, push)
+    def apply_angular_impulse(self, entities: ArrayLike, impulse: ArrayLike) -> None:
+        """Changes the angular momentum of one body or (N,) by (3,) for all or (N, 3) [N m s]."""
+        column, turn = self._vectors("angular impulse", entities, impulse)
+        forces.strike(self._bodies, self._woken(column), np.hstack([np.zeros_like(turn), turn]))
         self._changed()
 
     # ---------------------------------------------------------------- time
@@ -332,20 +391,25 @@ class PhysicsWorld(WorldJoints):
         if not (np.isfinite(dt) and dt > 0.0):
             raise PhysicsError(f"A step must take a finite time above 0 s, not {dt!r}")
         profile = {} if profile is None else profile
-        faulty, broken = self._step_of(dt).run(profile)
+        step = self._step_of(dt)
+        faulty, broken = step.run(profile)
         self._query_tree.outdate()
         if len(broken):
             self._break_joints(broken)
+        self._tell(step, dt)
         if len(faulty):
             self._stop(faulty)
 
     def _step_of(self, dt: float) -> Step:
         """The step of this length with the present settings; made anew when one of them changes."""
-        plan = (dt, self.settings, self._colliders.can_bounce)
+        traits = SceneTraits(self._colliders.can_bounce, self._colliders.can_roll, self._bodies.can_lock)
+        plan = (dt, self.settings, traits)
         if self._step is None or self._step_plan != plan:
             if self._step_plan is not None and self._step_plan[1] != self.settings:
                 self._activity.wake_all()
-            constants = step_constants(self.settings, dt, can_bounce=self._colliders.can_bounce)
+            if not self.settings.events:
+                self._events.forget()
+            constants = step_constants(self.settings, dt, traits)
             strengths = step_strengths(self.settings, dt)
             self._step = Step(
                 self._bodies,
@@ -353,6 +417,7 @@ class PhysicsWorld(WorldJoints):
                 self._contacts,
                 self._joints,
                 self._activity,
+                self._events if self.settings.events else None,
                 self._room,
                 constants,
                 strengths,
@@ -361,17 +426,24 @@ class PhysicsWorld(WorldJoints):
             self._step_plan = plan
         return self._step
 
+    def _tell(self, step: Step, dt: float) -> None:
+        """Notes what the step has found to be wrong."""
+        slots, depths = step.take_deep()
+        if len(slots):
+            pairs = self._contacts.pairs[slots]
+            self._problems += diagnostics.deep_overlaps(self._bodies, self._colliders.rows["body"], pairs, depths)
+        fast_count = int(self._bodies.report["fast_count"][0])
+        if fast_count:
+            room = self._bodies.faulty_room
+            rows = np.sort(room[len(room) - fast_count :])
+            self._problems += diagnostics.too_fast(self._bodies, rows, self.settings)
+        self._problems += diagnostics.explosion(self._bodies, self.settings, dt)
+
     def _stop(self, rows: Array) -> None:
         """Takes bodies that are not finite any more out of motion, where they were last seen."""
         table = self._bodies.rows
         poses = self._bodies.poses[rows]
-        for row in rows:
-            entity = int(table["entity"][row])
-            text = (
-                f"{checks.named(entity)} got numbers that are not finite in a physics step; it stays where it was, without "
-                f"motion: look for extreme masses, sizes or velocities there, then set its motion again"
-            )
-            self._problems.append(Problem(entity, text))
+        self._problems += diagnostics.not_finite(self._bodies, rows)
         self._forget_pairs(rows)
         table["motion"][rows] = STATIC
         table["velocity"][rows] = 0.0
@@ -383,7 +455,7 @@ class PhysicsWorld(WorldJoints):
 
     def energy(self) -> Energy:
         """Kinetic and potential energy of all dynamic bodies [J]."""
-        return energy_of(self._bodies, self.settings.gravity)
+        return energy_of(self._bodies, self.settings.gravity, self.settings.attractors)
 
     def momentum(self) -> Momentum:
         """Linear momentum of all dynamic bodies, and angular momentum about the origin."""
@@ -398,6 +470,10 @@ class PhysicsWorld(WorldJoints):
             return total
         return total ^ int(hash_bodies(self._joints.living, self._joints.memory()))
 
+    def debug_lines(self, kind: str) -> Lines:
+        """How physics sees the world, as lines of one kind: boxes, fat_boxes, contacts, islands, sleeping or axes."""
+        return debug_lines(Tables(self._bodies, self._colliders, self._contacts), kind)
+
     # ---------------------------------------------------------------- the whole state
 
     def snapshot(self) -> dict[str, Array]:
@@ -407,11 +483,14 @@ class PhysicsWorld(WorldJoints):
             "poses": self._bodies.poses.copy(),
             "mass": self._bodies.mass.copy(),
             "inertia": self._bodies.inertia.copy(),
+            "given_inertia": self._bodies.given_inertia.copy(),
+            "forces": self._bodies.forces.copy(),
             "colliders": self._colliders.rows.copy(),
             "shapes": self._colliders.shapes.copy(),
             "joints": self._joints.rows.copy(),
             **self._colliders.geometry.saved(),
             **self._contacts.saved(),
+            **self._events.saved(),
         }
 
     def restore(self, snapshot: dict[str, Array]) -> None:
@@ -424,41 +503,44 @@ class PhysicsWorld(WorldJoints):
         self._colliders.load(snapshot)
         self._contacts.load(snapshot, len(self._colliders.rows))
         self._joints.load(snapshot)
+        self._events.load(snapshot)
         self._activity.outdate()
         self._query_tree.outdate()
 
     # ---------------------------------------------------------------- within
 
-    def _one(self, name: str, entity: int, vector: ArrayLike) -> tuple[int, Array]:
-        column = checks.entity_column([entity])
-        self._wake(self._bodies.rows_of(column))
-        return int(self._bodies.rows_of(column)[0]), checks.number_column(name, vector, column, width=3)[0]
+    def _vectors(self, name: str, entities: ArrayLike, vectors: ArrayLike) -> tuple[Array, Array]:
+        column = checks.entity_column(entities)
+        return column, checks.number_column(name, vectors, column, width=3)
 
-    def _spin(self, row: int, angular_impulse: Array) -> None:
-        body = self._bodies.rows[row : row + 1]
-        local = quaternion.rotate(quaternion.conjugate(body["rotation"]), angular_impulse[None])
-        body["velocity"][:, 3:] += quaternion.rotate(body["rotation"], body["inverse_inertia"] * local)
+    def _woken(self, entities: Array) -> Array:
+        rows = self._bodies.rows_of(entities)
+        self._wake(rows)
+        return rows
 
     def _update_mass(self, bodies: Array) -> None:
         """Centre of mass, axes and inertia of body rows (ascending) from their shapes."""
         bodies = np.sort(bodies)
         rows = self._colliders.rows_on(bodies)
-        mass = self._colliders.dense_mass(bodies, rows)
+        solid = rows[self._colliders.rows["trigger"][rows] == SOLID]
+        mass = self._colliders.dense_mass(bodies, solid)
         self._bodies.mass[bodies[mass > 0.0]] = mass[mass > 0.0]
-        self._bodies.set_mass_properties(bodies, mass_properties(self._colliders.shapes_on(bodies, rows), len(bodies)))
+        self._bodies.set_mass_properties(bodies, mass_properties(self._colliders.shapes_on(bodies, solid), len(bodies)))
         on = self._bodies.poses[self._colliders.rows["body"][rows]]
         self._colliders.attach(rows, on["center"], on["axes"])
-        self._bodies.set_extents(bodies, *self._colliders.extents(rows))
+        self._bodies.set_extents(bodies, *self._colliders.extents(solid))
         self._joints.attach(self._bodies, self._joints.rows_on(bodies))
         self._changed()
 
     def _remove_colliders(self, rows: Array) -> None:
+        self._events.note_removed(self._bodies.rows, self._colliders.rows, rows)
         self._contacts.follow_colliders(self._colliders.remove(rows))
         self._contacts.set_collider_count(len(self._colliders.rows))
 
     def _forget_pairs(self, bodies: Array) -> None:
         """Ends all pairs of body rows; the next step finds those that may still be."""
         rows = self._colliders.rows_on(bodies)
+        self._events.note_removed(self._bodies.rows, self._colliders.rows, rows)
         pairs = self._contacts.live_pairs
         self._contacts.drop(pairs["slot"][np.isin(pairs["a"], rows) | np.isin(pairs["b"], rows)])
         self._colliders.forget_boxes(rows)

@@ -44,7 +44,8 @@ def collider_columns(world: World, entities: Entities) -> dict[str, Values]:
     """What is taken from Colliders as it stands."""
     table = world.table(Collider)
     rows = table.rows(entities)
-    columns = {name: table.column(name)[rows] for name in ("shape", "friction", "restitution", "density")}
+    same = ("shape", "friction", "restitution", "rolling_friction", "spin_friction", "density")
+    columns = {name: table.column(name)[rows] for name in same}
     for name in ("layer", "mask"):
         columns[name] = table.column(name)[rows].astype(np.int32).view(np.uint32)
     columns["trigger"] = table.column("is_trigger")[rows]

@@ -1,16 +1,19 @@
-"""publish_state only reads: what a tick has done becomes a state frame, a numbered scene delta and a profile."""
+"""publish_state only reads: what a tick has done becomes a state frame, a numbered scene delta, contacts and a profile."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 from elys.bus import topics
+from elys.bus.messages.physics import ContactBatch, DebugLines, Meetings, Touches, Visits
 from elys.bus.messages.scene import SceneDelta, SettingsSet
 from elys.bus.messages.session import TickProfile
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.session import Session
 from elys.sim_node.ecs.changes import WorldChanges
+from elys.sim_node.physics.debug_geometry import LINES
 from elys.sim_node.scene.delta import scene_changes
 from elys.sim_node.simulation import Simulation
 
@@ -52,6 +55,40 @@ def scene_delta(
     if settings_changed:
         told = (*told, SettingsSet(settings=simulation.settings))
     return SceneDelta(epoch=epoch, sequence=sequence, tick=simulation.tick, changes=told)
+
+
+def contact_batch(simulation: Simulation, *, epoch: int) -> ContactBatch | None:
+    """The contacts and visits that the last tick began and ended; None when nothing did."""
+    changes = simulation.physics.event_changes
+    if not any(len(rows[0]) for rows in changes):
+        return None
+    return ContactBatch(
+        epoch=epoch,
+        tick=simulation.tick,
+        begun=Touches(**_columns(changes.begun)),
+        ended=Meetings(**_columns(changes.ended)),
+        entered=Visits(**_columns(changes.entered)),
+        exited=Visits(**_columns(changes.exited)),
+    )
+
+
+def _columns(rows: NamedTuple) -> dict[str, tuple[Any, ...]]:
+    return {name: tuple(column.tolist()) for name, column in rows._asdict().items()}
+
+
+def publish_debug_lines(session: Session, simulation: Simulation) -> None:
+    """Every kind of debug lines that somebody listens to."""
+    for kind in LINES:
+        if not session.has_listener(topics.DEBUG_LINES, key=kind):
+            continue
+        lines = simulation.physics.debug_lines(kind)
+        message = DebugLines(
+            epoch=session.epoch,
+            tick=simulation.tick,
+            positions=lines.positions.astype("<f4").tobytes(),
+            colors=lines.colors.tobytes(),
+        )
+        session.publish(topics.DEBUG_LINES, message, key=kind)
 
 
 def publish_profile(

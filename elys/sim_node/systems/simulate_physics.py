@@ -30,6 +30,7 @@ from elys.sim_node.systems.collider_shapes import collider_columns, geometries, 
 STATIC: Final = 2  # place of "static" among the choices of RigidBody.motion
 REACH: Final = 1e9  # [m] what lies farther from the origin, or is larger, is left out of physics
 OUT_OF_REACH: Final = f"it must lie within {REACH:g} m of the origin and be no larger; move or scale it back"
+LOCKS: Final = tuple(f"lock_{what}_{axis}" for what in ("move", "turn") for axis in "xyz")  # as `add_bodies` has them
 _PHYSICAL: Final = ("RigidBody", "Collider", "Transform", "MeshRenderer")
 
 
@@ -197,6 +198,7 @@ class RigidBodies:
             field.name: _rows_or(table.column(field.name), rows, still.get(field.name, field.default))
             for field in table.declaration.fields
         }
+        values["locked"] = np.stack([values.pop(name) for name in LOCKS], axis=1)
         self._physics.add_bodies(owners, position=poses.position, rotation=poses.rotation, **values)
         self._add_colliders(owners, poses.position, poses.rotation, values["motion"])
         return owners

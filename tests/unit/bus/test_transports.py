@@ -78,6 +78,22 @@ def network(request: pytest.FixtureRequest) -> Iterator[Network]:
         transport.close()
 
 
+def test_a_transport_knows_whether_anybody_listens(network: Network) -> None:
+    host, client = network.host(), network.client()
+    assert not host.has_listener("elys/s/lines/boxes")
+    close = client.subscribe("elys/s/lines/*", lambda key, payload: None)
+    waited = threading.Event()
+    for wanted in (True, False):
+        for _ in range(2000):
+            if host.has_listener("elys/s/lines/boxes") == wanted:
+                break
+            waited.wait(PATIENCE / 2000)  # nothing tells of it: whoever publishes asks when there is something to say
+        assert host.has_listener("elys/s/lines/boxes") == wanted
+        assert not host.has_listener("elys/s/other")
+        if wanted:
+            close()
+
+
 def settle(sender: Transport, receiver: Transport) -> None:
     """Returns once what `receiver` declared is known to `sender`: a subscription declared after it has been heard of."""
     arrived = threading.Event()

@@ -14,12 +14,14 @@ from elys.sim_node.physics.kernels import tables
 from elys.sim_node.physics.kernels.broadphase import change_pairs, find_new_pairs, list_active_pairs
 from elys.sim_node.physics.kernels.cast import TOUCH
 from elys.sim_node.physics.kernels.colouring import colour_contacts
+from elys.sim_node.physics.kernels.events import describe_contacts, track_contacts, track_triggers
 from elys.sim_node.physics.kernels.integrator import finish_step, publish_poses
 from elys.sim_node.physics.kernels.islands import build_islands, list_held
 from elys.sim_node.physics.kernels.joint_preparation import prepare_joints
 from elys.sim_node.physics.kernels.joints import finish_joints
 from elys.sim_node.physics.kernels.narrow_phase import update_manifolds, update_simple_manifolds
 from elys.sim_node.physics.kernels.nearby import find_closest, find_overlaps
+from elys.sim_node.physics.kernels.overlaps import find_deep_overlaps
 from elys.sim_node.physics.kernels.pair_table import fill_table
 from elys.sim_node.physics.kernels.placement import fatten_boxes, place_colliders
 from elys.sim_node.physics.kernels.preparation import prepare_bodies, prepare_contacts, prepare_impacts
@@ -78,6 +80,7 @@ def _kernels() -> tuple[tuple[Kernel, ...], tuple[Kernel, ...]]:
         np.zeros(1, tables.CLUSTER),
     )
     starts = np.zeros(1, tables.START)
+    forces, reports = np.zeros(1, tables.FORCE), np.zeros(1, tables.STEP_REPORT)
     islands = np.zeros(1, tables.ISLAND)
     indices = np.zeros(1, np.int32)
     entities = np.zeros(1, np.uint32)
@@ -89,6 +92,7 @@ def _kernels() -> tuple[tuple[Kernel, ...], tuple[Kernel, ...]]:
     boxes = np.zeros(2, tables.COLLIDER)["box"]
     words = np.zeros((1, 2), np.uint64)
     touching = (bodies, colliders, pairs, indices, 0, manifolds)
+    touches, meetings = np.zeros(1, tables.TOUCH), np.zeros(1, tables.MEETING)
     lanes = (indices, indices, indices, indices)
     flags = np.zeros(1, np.uint8)
     places = np.zeros(1, np.int64)
@@ -135,10 +139,16 @@ def _kernels() -> tuple[tuple[Kernel, ...], tuple[Kernel, ...]]:
         ),
         (hash_bodies, (entities, words)),
         (publish_poses, (bodies, poses)),
-        (finish_step, (bodies, indices, 0, poses, starts, solver, indices, constants)),
+        (finish_step, (bodies, forces, indices, 0, poses, starts, solver, indices, reports, numbers, constants)),
         (
             stop_at_impacts,
             (bodies, colliders, pairs, indices, 0, starts, numbers, poses, bodies, colliders, geometry, constants),
+        ),
+        (track_contacts, (*touching, solver, touches, meetings, constants)),
+        (describe_contacts, (*touching, touches)),
+        (
+            track_triggers,
+            (bodies, colliders, pairs, indices, 0, colliders, geometry, meetings, meetings),
         ),
         (fatten_boxes, (bodies, colliders, indices, 0, indices, constants)),
         (place_colliders, (bodies, colliders, indices, 0, geometry)),
@@ -151,6 +161,7 @@ def _kernels() -> tuple[tuple[Kernel, ...], tuple[Kernel, ...]]:
             change_pairs,
             (colliders, indices, 0, geometry, pairs, manifolds, indices, indices, 0, pairs, 0, *lanes),
         ),
+        (find_deep_overlaps, (*touching, indices, numbers)),
         (
             find_new_pairs,
             (
@@ -164,14 +175,14 @@ def _kernels() -> tuple[tuple[Kernel, ...], tuple[Kernel, ...]]:
         (build_islands, (bodies, indices, 0, *touching[1:], links, indices, islands, strengths, constants)),
         (list_held, (bodies, indices, 0, indices, groups)),
         (colour_contacts, (*touching, masks, indices, indices, indices, indices, groups, spans, *lanes)),
-        (prepare_bodies, (bodies, indices, 0, groups, solver, drives, strengths, constants)),
+        (prepare_bodies, (bodies, forces, indices, 0, groups, solver, drives, strengths, constants)),
         (prepare_contacts, (groups, spans, *lanes, floats, floats, floats, floats, strengths, constants)),
         (prepare_impacts, (*touching, rows, row_points, groups, solver, drives, constants)),
         (
             update_simple_manifolds,
-            (bodies, colliders, pairs, indices, 0, manifolds, found, constants, indices, indices),
+            (bodies, colliders, pairs, indices, 0, manifolds, found, constants, *lanes),
         ),
-        (update_manifolds, (bodies, colliders, pairs, indices, 0, manifolds, found, geometry, constants, indices, indices)),
+        (update_manifolds, (bodies, colliders, pairs, indices, 0, manifolds, found, geometry, constants, *lanes)),
         (solve_contacts, (*solved, None, strengths, constants)),
     ]
     # What only worlds with joints need: they have the solver compiled once more.

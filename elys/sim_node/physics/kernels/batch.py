@@ -30,7 +30,12 @@ LEAD = 52  # what `take_back` will do to the gap, as a speed: only where restitu
 STEP_IMPULSE = 53  # 4
 POINT = 57  # four times POINT_SIZE: r x n on a (3), on b (3), gap as the step began, impulse
 POINT_SIZE = 8
-VECTORS = POINT + POINTS * POINT_SIZE
+# Used only where some body has a locked axis, or some collider resists rolling: others never look there.
+AXIS_MASS = POINT + POINTS * POINT_SIZE  # 6: inverse mass along x y z, of a and of b
+ROLLING = AXIS_MASS + 6  # 2: arms of the normal force that resist rolling, and turning about the normal
+ROLLING_MASS = ROLLING + 2  # 3: inverse of the 2 x 2 effective inverse inertia about the tangents, 11 12 22
+ROLLING_IMPULSE = ROLLING_MASS + 3  # 2: about both tangents
+VECTORS = ROLLING_IMPULSE + 2
 FLOATS = VECTORS * LANES
 
 GAP = 6
@@ -44,6 +49,7 @@ MADE_AT = float_place(MANIFOLD, "made_separation")
 ANCHORS_AT = float_place(MANIFOLD, "anchors")
 TURNS_AT = float_place(MANIFOLD, "turn_a")
 IMPULSES_AT = float_place(MANIFOLD, "normal_impulse")
+ROLLING_AT = float_place(MANIFOLD, "rolling_impulse")
 RESULTS_AT = float_place(MANIFOLD, "separation")
 
 
@@ -176,8 +182,56 @@ def write_responses(batches, o, count, live, mass):
 
 
 @inner
-def write_friction(batches, o, mass, cax, cay, caz, cbx, cby, cbz):
-    """Friction at one centre: a 2 x 2 block in the tangent plane and a twist about the normal."""
+def write_axis_masses(batches, o, mass_a, mass_b, locked_a, locked_b):
+    """Inverse masses along the axes of the world, 0 where a translation is locked."""
+    zero = splat(0.0)
+    for side in range(2):
+        mass = mass_a if side == 0 else mass_b
+        left = locked_a if side == 0 else locked_b
+        for axis in range(2, -1, -1):
+            bit = splat(float(1 << axis))
+            is_locked = left >= bit
+            store(batches, o + 8 * (AXIS_MASS + 3 * side + axis), where(is_locked, zero, mass))
+            left = where(is_locked, left - bit, left)
+
+
+@inner
+def response_along(batches, o, ux, uy, uz, vx, vy, vz):
+    """u M v with the inverse masses along the axes, of both bodies together."""
+    x, y, z = load3(batches, o + 8 * AXIS_MASS)
+    u, v, w = load3(batches, o + 8 * (AXIS_MASS + 3))
+    return dotted((x + u) * ux, (y + v) * uy, (z + w) * uz, vx, vy, vz)
+
+
+@inner
+def write_rolling(batches, o, scale, slots, lanes, manifolds):
+    """Resistance against rolling: a 2 x 2 block about both tangents, and last step's impulses, which are kept in world axes."""
+    kept = gather_rows(manifolds, slots, lanes, MANIFOLD_FLOATS, ROLLING_AT)
+    nx, ny, nz = load3(batches, o + 8 * NORMAL)
+    tx, ty, tz = load3(batches, o + 8 * TANGENT)
+    sx, sy, sz = crossed(nx, ny, nz, tx, ty, tz)
+    store(batches, o + 8 * ROLLING, kept[3])
+    store(batches, o + 8 * (ROLLING + 1), kept[4])
+    along = dotted(kept[0], kept[1], kept[2], tx, ty, tz) * scale
+    store(batches, o + 8 * ROLLING_IMPULSE, along)
+    store(batches, o + 8 * (ROLLING_IMPULSE + 1), dotted(kept[0], kept[1], kept[2], sx, sy, sz) * scale)
+    x, y, z = turned(batches, o + 8 * INERTIA_A, tx, ty, tz)
+    u, v, w = turned(batches, o + 8 * INERTIA_B, tx, ty, tz)
+    k11 = dotted(x + u, y + v, z + w, tx, ty, tz)
+    k12 = dotted(x + u, y + v, z + w, sx, sy, sz)
+    x, y, z = turned(batches, o + 8 * INERTIA_A, sx, sy, sz)
+    u, v, w = turned(batches, o + 8 * INERTIA_B, sx, sy, sz)
+    k22 = dotted(x + u, y + v, z + w, sx, sy, sz)
+    inverse = inverse_or_zero(k11 * k22 - k12 * k12)
+    store3(batches, o + 8 * ROLLING_MASS, k22 * inverse, -k12 * inverse, k11 * inverse)
+
+
+@inner
+def write_friction(batches, o, along1, across, along2, cax, cay, caz, cbx, cby, cbz):
+    """Friction at one centre: a 2 x 2 block in the tangent plane and a twist about the normal.
+
+    How the masses alone respond is given: along the first tangent, across both, along the second.
+    """
     nx, ny, nz = load3(batches, o + 8 * NORMAL)
     tx, ty, tz = load3(batches, o + 8 * TANGENT)
     sx, sy, sz = crossed(nx, ny, nz, tx, ty, tz)
@@ -192,11 +246,11 @@ def write_friction(batches, o, mass, cax, cay, caz, cbx, cby, cbz):
     store3(batches, at + 72, fx, fy, fz)
     x, y, z = turned(batches, o + 8 * INERTIA_A, ax, ay, az)
     u, v, w = turned(batches, o + 8 * INERTIA_B, bx, by, bz)
-    k11 = mass + dotted(x, y, z, ax, ay, az) + dotted(u, v, w, bx, by, bz)
-    k12 = dotted(x, y, z, ex, ey, ez) + dotted(u, v, w, fx, fy, fz)
+    k11 = along1 + dotted(x, y, z, ax, ay, az) + dotted(u, v, w, bx, by, bz)
+    k12 = across + dotted(x, y, z, ex, ey, ez) + dotted(u, v, w, fx, fy, fz)
     x, y, z = turned(batches, o + 8 * INERTIA_A, ex, ey, ez)
     u, v, w = turned(batches, o + 8 * INERTIA_B, fx, fy, fz)
-    k22 = mass + dotted(x, y, z, ex, ey, ez) + dotted(u, v, w, fx, fy, fz)
+    k22 = along2 + dotted(x, y, z, ex, ey, ez) + dotted(u, v, w, fx, fy, fz)
     inverse = inverse_or_zero(k11 * k22 - k12 * k12)
     store3(batches, o + 8 * FRICTION_MASS, k22 * inverse, -k12 * inverse, k11 * inverse)
     x, y, z = turned(batches, o + 8 * INERTIA_A, nx, ny, nz)
@@ -245,8 +299,21 @@ def write_batch(batches, batch, count, body_a, body_b, slots, solver, drive, man
     lead = where(head[4] > zero, splat(0.5 * substep) * larger(closing, zero), zero)
     store(batches, o + 8 * LEAD, lead)
     cax, cay, caz, cbx, cby, cbz = write_points(batches, o, count, live, slots, lanes, manifolds, constants.margin)
+    along1 = along2 = mass
+    across = zero
+    if constants.can_lock != 0:
+        write_axis_masses(batches, o, va[6], vb[6], ia[7], ib[7])
+        nx, ny, nz = head[0], head[1], head[2]
+        tx, ty, tz = load3(batches, o + 8 * TANGENT)
+        sx, sy, sz = crossed(nx, ny, nz, tx, ty, tz)
+        mass = response_along(batches, o, nx, ny, nz, nx, ny, nz)
+        along1 = response_along(batches, o, tx, ty, tz, tx, ty, tz)
+        across = response_along(batches, o, tx, ty, tz, sx, sy, sz)
+        along2 = response_along(batches, o, sx, sy, sz, sx, sy, sz)
     write_responses(batches, o, count, live, mass)
-    write_friction(batches, o, mass, cax, cay, caz, cbx, cby, cbz)
+    write_friction(batches, o, along1, across, along2, cax, cay, caz, cbx, cby, cbz)
     # An impulse belongs to a length of time: where substeps have become shorter or longer it is another one.
     scale = where(head[6] > zero, splat(substep) / head[6], splat(1.0))
     write_impulses(batches, o, count, scale, slots, lanes, manifolds)
+    if constants.can_roll != 0:
+        write_rolling(batches, o, scale, slots, lanes, manifolds)

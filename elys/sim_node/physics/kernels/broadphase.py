@@ -12,7 +12,7 @@ from elys.sim_node.compilation import inner, kernel
 from elys.sim_node.physics.kernels.midphase import has_parts, local_interval, meets_part, next_part, still_near
 from elys.sim_node.physics.kernels.pair_table import EMPTY, find_pair, insert_pair, remove_pair
 from elys.sim_node.physics.kernels.simd import LANES, lowest_bit
-from elys.sim_node.physics.kernels.tables import DYNAMIC, KINEMATIC, POINTS
+from elys.sim_node.physics.kernels.tables import DYNAMIC, KINEMATIC, MESH, NOTICES_ALL, POINTS, SOLID, STATIC
 from elys.sim_node.physics.kernels.tree import LEAF
 from elys.sim_node.physics.kernels.wide_tree import BLOCK, MOST_LEVELS, overlapping_lanes, splat_box
 
@@ -23,12 +23,29 @@ def boxes_overlap(a, b):
 
 
 @inner
+def notices(bodies, trigger, other):
+    """Whether a trigger is told of another collider: a solid one that moves, and if so chosen what it comes upon itself."""
+    if trigger.trigger == SOLID or other.trigger != SOLID:
+        return False
+    if trigger.kind >= MESH and other.kind >= MESH:  # nothing says where two of these overlap
+        return False
+    if bodies[other.body].motion != STATIC:
+        return True
+    return trigger.trigger == NOTICES_ALL and bodies[trigger.body].motion != STATIC
+
+
+@inner
 def may_collide(bodies, a, b):
-    """Whether two colliders are worth a pair: of two bodies, at least one of which can be pushed, in layers that meet."""
+    """Whether two colliders are worth a pair: of two bodies, at least one of which can be pushed, in layers that meet.
+
+    Or one is a trigger that notices the other.
+    """
     if a.body == b.body:
         return False
     if (a.layer & b.mask) == 0 or (b.layer & a.mask) == 0:
         return False
+    if a.trigger != SOLID or b.trigger != SOLID:
+        return notices(bodies, a, b) or notices(bodies, b, a)
     return bodies[a.body].motion == DYNAMIC or bodies[b.body].motion == DYNAMIC
 
 
@@ -182,6 +199,7 @@ def clear_manifold(manifold):
     manifold.twist_impulse = 0.0
     for k in range(3):
         manifold.friction_impulse[k] = 0.0
+        manifold.rolling_impulse[k] = 0.0
     for k in range(POINTS):
         manifold.normal_impulse[k] = 0.0
         manifold.step_impulse[k] = 0.0
@@ -194,31 +212,36 @@ def are_neighbours(p, q):
 
 
 @inner
-def pass_on(pairs, manifolds, table, active, p, active_count, kept):
+def heir_of(pairs, active, p, active_count, kept):
+    """The place in `active` of a neighbour in the run of a pair that ends, -1 when it is the last of its run."""
+    if p + 1 < active_count and are_neighbours(pairs[active[p + 1]], pairs[active[p]]):
+        return p + 1
+    if kept > 0 and are_neighbours(pairs[active[kept - 1]], pairs[active[p]]):
+        return kept - 1
+    return -1
+
+
+@inner
+def pass_on(pairs, manifolds, table, active, p, heir):
     """Before a pair with a part of a mesh ends, a neighbour in its run takes over the contact that it keeps for them.
 
-    The two exchange their slots, and with them their manifolds.
+    The two exchange their slots, and with them their manifolds. What has its own takes over that they touched.
     """
     slot = active[p]
-    if manifolds[slot].point_count == 0:
-        return
-    heir = -1
-    if p + 1 < active_count and are_neighbours(pairs[active[p + 1]], pairs[slot]):
-        heir = p + 1
-    elif kept > 0 and are_neighbours(pairs[active[kept - 1]], pairs[slot]):
-        heir = kept - 1
-    if heir < 0 or manifolds[active[heir]].point_count > 0:
-        return
     other = active[heir]
-    remove_pair(pairs, table, slot)
-    remove_pair(pairs, table, other)
-    part = pairs[slot].part
-    pairs[slot].part = pairs[other].part
-    pairs[other].part = part
-    insert_pair(pairs, table, slot)
-    insert_pair(pairs, table, other)
-    active[heir] = slot
-    active[p] = other
+    if manifolds[slot].point_count > 0 and manifolds[other].point_count == 0:
+        remove_pair(pairs, table, slot)
+        remove_pair(pairs, table, other)
+        part = pairs[slot].part
+        pairs[slot].part = pairs[other].part
+        pairs[other].part = part
+        insert_pair(pairs, table, slot)
+        insert_pair(pairs, table, other)
+        active[heir] = slot
+        active[p] = other
+    if pairs[active[p]].touched != 0:
+        pairs[active[p]].touched = 0
+        pairs[active[heir]].touched = 1
 
 
 @kernel
@@ -251,13 +274,16 @@ def change_pairs(
         a = colliders[pair.a]
         b = colliders[pair.b]
         if (a.moved != 0 or b.moved != 0) and not still_near(a, b, pair.part, geometry):
-            pass_on(pairs, manifolds, table, active, p, active_count, kept)
-            slot = active[p]
-            remove_pair(pairs, table, slot)
-            pairs[slot].a = -1
-            free[free_count[0]] = slot
-            free_count[0] += 1
-            continue
+            heir = heir_of(pairs, active, p, active_count, kept)
+            if heir >= 0:
+                pass_on(pairs, manifolds, table, active, p, heir)
+                slot = active[p]
+            if pairs[slot].touched == 0:  # else it stays until this step has told of its end
+                remove_pair(pairs, table, slot)
+                pairs[slot].a = -1
+                free[free_count[0]] = slot
+                free_count[0] += 1
+                continue
         active[kept] = slot
         kept += 1
     for q in range(new_count):

@@ -31,6 +31,19 @@ def along(va, vb, n, arm):
 
 
 @inner
+def response_along(body, drive, u, at, v, to):
+    """u M v with a body's inverse mass, where `u[at]` and `v[to]` begin three numbers; nothing along a locked axis."""
+    locked = int(drive.locked)
+    if locked == 0:  # the directions are of unit length, and perpendicular
+        return body.inverse_mass * (1.0 if at == to else 0.0)
+    total = 0.0
+    for c in range(3):
+        if not locked >> c & 1:
+            total += u[at + c] * v[to + c]
+    return body.inverse_mass * total
+
+
+@inner
 def find_bounces(a, b, drive_a, drive_b, row, row_points, first, h, bounce_speed):
     """Writes when each point of a row hits within this substep; returns how many do.
 
@@ -61,10 +74,10 @@ def find_bounces(a, b, drive_a, drive_b, row, row_points, first, h, bounce_speed
 
 
 @inner
-def compress(a, b, row, row_points, first):
+def compress(a, b, drive_a, drive_b, row, row_points, first):
     """Writes the impulses that together just stop the hitting points of a row."""
-    mass = a.inverse_mass + b.inverse_mass
     n = row.normal
+    mass = response_along(a, drive_a, n, 0, n, 0) + response_along(b, drive_b, n, 0, n, 0)
     speed = 0.0
     ax = ay = az = bx = by = bz = 0.0
     for _ in range(POINT_SWEEPS):
@@ -104,8 +117,9 @@ def strike(a, b, drive_a, drive_b, impulse, directions, at, turns, turns_at, tim
         drive = drive_a if side == 0 else drive_b
         push = -impulse if side == 0 else impulse
         linear = push * body.inverse_mass
+        locked = int(drive.locked)
         for c in range(3):
-            change = linear * directions[at + c]
+            change = 0.0 if locked >> c & 1 else linear * directions[at + c]
             body.velocity[c] += change
             drive.free_velocity[c] += change
             drive.impact_shift[c] -= time * change
@@ -171,7 +185,7 @@ def bounce_contacts(solver_bodies, drives, rows, row_points, first, last, h, bou
             drive_b = drives[row.body_b]
             if find_bounces(a, b, drive_a, drive_b, row, row_points, r * POINTS, h, bounce_speed) > 0:
                 quiet = False
-                compress(a, b, row, row_points, r * POINTS)
+                compress(a, b, drive_a, drive_b, row, row_points, r * POINTS)
                 rebound(a, b, drive_a, drive_b, row, row_points, r * POINTS)
         if quiet:
             return

@@ -13,13 +13,23 @@ from __future__ import annotations
 
 from elys.sim_node.compilation import inner, kernel
 from elys.sim_node.physics.kernels.batch import BODY_FLOATS, DRIVE_FLOATS
+from elys.sim_node.physics.kernels.fields import field_at, fly_through_field
+from elys.sim_node.physics.kernels.limits import LARGEST, limit_pair, measure_drive, measure_energy, note_limits
+from elys.sim_node.physics.kernels.locks import (
+    TRANSLATIONS,
+    TURNS,
+    applied,
+    free_part,
+    hold_axes,
+    lock_inertia,
+    turn_locked,
+)
 from elys.sim_node.physics.kernels.placement import write_world_inertia
 from elys.sim_node.physics.kernels.rotation import multiplied, normalized, rotated, spun, turn_by
 from elys.sim_node.physics.kernels.simd import load, splat, store
 from elys.sim_node.physics.kernels.tables import DYNAMIC, JOINTED, SOLVER_DRIVE, float_place
 
 SPINNING = 1e-6  # squared turn in a step [rad^2] above which a body's moments make a difference
-LARGEST = 1e38  # above it a number does not fit the 32 bits in which velocities are published, as if it were not finite
 
 FREE_AT = float_place(SOLVER_DRIVE, "free_velocity")
 START_AT = float_place(SOLVER_DRIVE, "start_velocity")
@@ -38,9 +48,11 @@ def damping_factor(rate, h):
 
 
 @inner
-def begin_body(body, out, drive, h, constants):
+def begin_body(body, force, out, drive, h, constants):
     """What the solver needs to know of a body, for substeps of length h."""
     dynamic = body.motion == DYNAMIC
+    if dynamic and body.locked != 0:
+        hold_axes(body)
     for k in range(6):
         out.velocity[k] = body.velocity[k]
         out.displacement[k] = 0.0
@@ -52,18 +64,37 @@ def begin_body(body, out, drive, h, constants):
     drive.free_velocity[6] = body.inverse_mass
     drive.free_velocity[7] = 0.0
     drive.gravity_scale = body.gravity_scale if dynamic else 0.0
+    drive.locked = body.locked & TRANSLATIONS if dynamic else 0
     linear = damping_factor(body.linear_damping, h) if dynamic else 1.0
     angular = damping_factor(body.angular_damping, h) if dynamic else 1.0
     for k in range(8):
         drive.kick[k] = 0.0
         drive.keep[k] = linear if k < 3 else (angular if k < 6 else 1.0)
     if dynamic:
-        for k in range(3):
-            drive.kick[k] = h * body.gravity_scale * constants.gravity[k]
+        gx, gy, gz = field_at(body, constants)
+        drive.kick[0] = h * body.gravity_scale * gx
+        drive.kick[1] = h * body.gravity_scale * gy
+        drive.kick[2] = h * body.gravity_scale * gz
         write_world_inertia(body, drive.inverse_inertia)
+        if body.locked != 0 or body.pushed != 0:
+            lock_inertia(drive.inverse_inertia, body.locked)
+            push_held(body, force, drive, h)
     else:
         for k in range(6):
             drive.inverse_inertia[k] = 0.0
+
+
+@inner
+def push_held(body, force, drive, h):
+    """Adds forces from outside to what a substep does to a held body, and takes out its locked translations."""
+    once = force.once
+    lasting = force.lasting
+    tx, ty, tz = once[3] + lasting[3], once[4] + lasting[4], once[5] + lasting[5]
+    x, y, z = applied(drive.inverse_inertia, tx, ty, tz)
+    for k in range(3):
+        kick = drive.kick[k] + h * body.inverse_mass * (once[k] + lasting[k])
+        drive.kick[k] = kick * free_part(body.locked, k)
+        drive.kick[3 + k] = h * (x if k == 0 else (y if k == 1 else z))
 
 
 @inner
@@ -85,6 +116,7 @@ def begin_nobody(out, drive):
     """The row behind the last body stands for all that never moves; when bodies were removed it was somebody's."""
     out.inverse_mass = 0.0
     drive.gravity_scale = 0.0
+    drive.locked = 0.0
     for k in range(6):
         out.velocity[k] = 0.0
         out.displacement[k] = 0.0
@@ -159,6 +191,8 @@ def is_finite(body):
 @inner
 def turn_body(body, vx, vy, vz):
     """Turns a body by a rotation vector in world axes."""
+    if body.locked & TURNS == TURNS:
+        return
     q = body.rotation
     dx, dy, dz, dw = turn_by(vx, vy, vz)
     x, y, z, w = multiplied(dx, dy, dz, dw, q[0], q[1], q[2], q[3])
@@ -190,7 +224,7 @@ def turn_held(body, solved, h):
     if body.held == JOINTED:
         turn_body(body, vx, vy, vz)
         return
-    if ix * iy * iz == 0.0 or (ix == iy and iy == iz):
+    if ix * iy * iz == 0.0 or (ix == iy and iy == iz) or body.locked & TURNS:
         turn_body(body, vx, vy, vz)
         v[3], v[4], v[5] = wx, wy, wz
         return
@@ -218,29 +252,92 @@ def move_held(body, solved, h):
 
 
 @inner
-def move_free(body, constants):
-    """The whole step at once: a parabola, and a free body's turn. Damping is taken in halves, before and after."""
+def fly(body, force, constants):
+    """The whole step of a free body's centre of mass, without damping."""
+    if constants.attractor_count > 0 and body.motion == DYNAMIC:
+        fly_through_field(body, force, constants)
+        return
     h = constants.time
     v = body.velocity
+    scale = body.gravity_scale if body.motion == DYNAMIC else 0.0
+    for k in range(3):
+        change = h * scale * constants.gravity[k]
+        if body.pushed != 0:
+            change += h * body.inverse_mass * (force.once[k] + force.lasting[k])
+        if body.locked >> k & 1:
+            change = 0.0
+        if change != 0.0:
+            body.still_time = 0.0  # what floats at its turning point does not sleep there
+        body.position[k] += h * (v[k] + 0.5 * change)
+        v[k] += change
+
+
+@inner
+def twist_free(body, force, room, h):
+    """Changes a body's spin by the torque from outside, for the time h; `room` (6,) is for its inertia."""
+    write_world_inertia(body, room)
+    lock_inertia(room, body.locked)
+    once = force.once
+    lasting = force.lasting
+    x, y, z = applied(room, once[3] + lasting[3], once[4] + lasting[4], once[5] + lasting[5])
+    v = body.velocity
+    v[3] += h * x
+    v[4] += h * y
+    v[5] += h * z
+
+
+@inner
+def turn_free(body, room, h, keep):
+    """The whole step of a free body's turn; `keep` is what damping leaves of its spin in half of it."""
+    v = body.velocity
     q = body.rotation
+    for k in range(3, 6):
+        v[k] *= keep
+    if v[3] == 0.0 and v[4] == 0.0 and v[5] == 0.0:
+        return
+    dynamic = body.motion == DYNAMIC
+    if dynamic and body.locked & TURNS:
+        turn_locked(body, room, h)
+    else:
+        inverse = body.inverse_inertia
+        ix, iy, iz = (inverse[0], inverse[1], inverse[2]) if dynamic else (1.0, 1.0, 1.0)
+        x, y, z, w, px, py, pz = spun(q[0], q[1], q[2], q[3], v[3], v[4], v[5], ix, iy, iz, h)
+        q[0], q[1], q[2], q[3] = x, y, z, w
+        v[3], v[4], v[5] = px, py, pz
+    for k in range(3, 6):
+        v[k] *= keep
+
+
+@inner
+def move_free(body, force, room, constants):
+    """The whole step at once: a parabola, and a free body's turn. Damping and torque are taken in halves, before and after."""
+    h = constants.time
+    v = body.velocity
     dynamic = body.motion == DYNAMIC
     linear = damping_factor(body.linear_damping, 0.5 * h) if dynamic else 1.0
     angular = damping_factor(body.angular_damping, 0.5 * h) if dynamic else 1.0
-    scale = body.gravity_scale if dynamic else 0.0
+    if dynamic and body.locked != 0:
+        hold_axes(body)
     for k in range(3):
-        change = h * scale * constants.gravity[k]
         v[k] *= linear
-        body.position[k] += h * (v[k] + 0.5 * change)
-        v[k] = (v[k] + change) * linear
-    ox, oy, oz = v[3] * angular, v[4] * angular, v[5] * angular
-    if ox == 0.0 and oy == 0.0 and oz == 0.0:
-        v[3], v[4], v[5] = 0.0, 0.0, 0.0
-        return
-    inverse = body.inverse_inertia
-    ix, iy, iz = (inverse[0], inverse[1], inverse[2]) if dynamic else (1.0, 1.0, 1.0)
-    x, y, z, w, px, py, pz = spun(q[0], q[1], q[2], q[3], ox, oy, oz, ix, iy, iz, h)
-    q[0], q[1], q[2], q[3] = x, y, z, w
-    v[3], v[4], v[5] = px * angular, py * angular, pz * angular
+    fly(body, force, constants)
+    for k in range(3):
+        v[k] *= linear
+    if dynamic and body.pushed != 0:
+        twist_free(body, force, room, 0.5 * h)
+    turn_free(body, room, h, angular)
+    if dynamic and body.pushed != 0:
+        twist_free(body, force, room, 0.5 * h)
+
+
+@inner
+def release_force(body, force):
+    """Ends what acted for this step only."""
+    lasts = False
+    for k in range(6):
+        force.once[k] = 0.0
+        lasts = lasts or force.lasting[k] != 0.0
+    body.pushed = 1 if lasts else 0
 
 
 @inner
@@ -267,14 +364,21 @@ def publish_pose(body, pose):
 
 
 @kernel
-def finish_step(bodies, awake, awake_count, poses, starts, solver_bodies, faulty, all_constants):
+def finish_step(bodies, forces, awake, awake_count, poses, starts, solver_bodies, faulty, reports, room, all_constants):
     """Moves every awake body to where it is after the step and publishes the poses.
 
     Returns how many are not finite any more.
 
-    Those are listed in `faulty` (N,) and keep their last published pose. `starts` (N,) gets where each was before.
+    Those are listed in `faulty` (N,) and keep their last published pose; those that had to be slowed down are listed at
+    its end, backwards. `starts` (N,) gets where each was before, `reports` (1,) what came of the energy; `room` is (6,).
     """
     constants = all_constants[0]
+    report = reports[0]
+    fastest = constants.max_linear_speed
+    quickest = constants.max_angular_speed
+    report.fast_count = 0
+    report.most_gained = -1
+    report.kinetic_before = report.kinetic_after = report.gain = report.mass = report.driven = report.forced = 0.0
     faults = 0
     for index in range(awake_count):
         i = awake[index]
@@ -283,14 +387,31 @@ def finish_step(bodies, awake, awake_count, poses, starts, solver_bodies, faulty
             starts[i].position[k] = body.position[k]
         for k in range(4):
             starts[i].rotation[k] = body.rotation[k]
-        if body.held != 0 and body.motion == DYNAMIC:
+        v = body.velocity
+        before = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+        dynamic = body.motion == DYNAMIC
+        cut = 0
+        if body.held != 0 and dynamic:
+            cut = limit_pair(solver_bodies[i].displacement, constants.time * fastest, constants.time * quickest)
             move_held(body, solver_bodies[i], constants.time)
         else:
-            move_free(body, constants)
+            if dynamic:
+                cut = limit_pair(v, fastest, quickest)
+            move_free(body, forces[i], room, constants)
         if not is_finite(body):
             faulty[faults] = i
             faults += 1
             continue
+        if dynamic:
+            if note_limits(body, cut | limit_pair(v, fastest, quickest)):
+                report.fast_count += 1
+                faulty[faulty.shape[0] - report.fast_count] = i
+            if body.held != 0:  # what flies freely gains nothing but by what pulls it
+                measure_energy(body, forces[i], i, before, constants.time, report)
+        else:
+            measure_drive(body, report)
+        if body.pushed != 0:
+            release_force(body, forces[i])
         publish_pose(body, poses[i])
     return faults
 

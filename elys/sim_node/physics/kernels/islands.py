@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from elys.sim_node.compilation import inner, kernel
+from elys.sim_node.physics.kernels.fields import field_at
 from elys.sim_node.physics.kernels.tables import DYNAMIC, JOINTED, KINEMATIC, POINTS, STATIC
 
 LAYERS = 9.0  # up to which each contact of an island may give way by the allowed overlap: higher up it adds up
@@ -53,9 +54,9 @@ def is_moving(body):
 @inner
 def pressing(first, second, manifold, constants):
     """The force that a contact has to hold [N]: what it held in the last steps, at least the weight of the upper body."""
-    g = constants.gravity
+    gx, gy, gz = field_at(second if first.inverse_mass == 0.0 else first, constants)
     n = manifold.normal
-    along = g[0] * n[0] + g[1] * n[1] + g[2] * n[2]
+    along = gx * n[0] + gy * n[1] + gz * n[2]
     upper = first if along > 0.0 else second
     weight = abs(along * upper.gravity_scale) / upper.inverse_mass if upper.inverse_mass > 0.0 else 0.0
     total = 0.0
@@ -195,9 +196,7 @@ def build_islands(
     constants = all_constants[0]
     down = constants.down
     find_islands(bodies, awake, awake_count, colliders, pairs, touching, touching_count, links, parent, islands, down)
-    ask_contacts(
-        bodies, colliders, pairs, touching, touching_count, manifolds, parent, islands, strengths, constants
-    )
+    ask_contacts(bodies, colliders, pairs, touching, touching_count, manifolds, parent, islands, strengths, constants)
     is_changed = False
     for index in range(awake_count):
         i = awake[index]

@@ -57,6 +57,7 @@ def forget_contact(manifold):
     manifold.twist_impulse = 0.0
     for k in range(3):
         manifold.friction_impulse[k] = 0.0
+        manifold.rolling_impulse[k] = 0.0
 
 
 @inner
@@ -100,6 +101,8 @@ def write_manifold(first_body, second_body, a, b, manifold, found, count, margin
     manifold.margin = margin
     manifold.friction = combined(constants.friction_rule, a.friction, b.friction)
     manifold.restitution = combined(constants.restitution_rule, a.restitution, b.restitution)
+    manifold.rolling_friction = max(a.rolling_friction, b.rolling_friction)
+    manifold.spin_friction = max(a.spin_friction, b.spin_friction)
     pa = first_body.position
     pb = second_body.position
     normal = manifold.normal

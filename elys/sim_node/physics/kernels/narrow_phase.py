@@ -13,7 +13,7 @@ from elys.sim_node.physics.kernels.midphase import has_parts
 from elys.sim_node.physics.kernels.parts import choose_hosts, gather, hosted_by, run_end, take_cluster
 from elys.sim_node.physics.kernels.sleeping import AWAKE, WAKING, disturbs
 from elys.sim_node.physics.kernels.sphere import box_sphere, sphere_sphere
-from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CYLINDER, DYNAMIC, MESH, PLANE, SPHERE
+from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CYLINDER, DYNAMIC, MESH, PLANE, SOLID, SPHERE
 
 HARDLY = 1e-3  # turn after which the contact of something round is looked for anew [rad]
 
@@ -46,10 +46,10 @@ def thinness(collider):
 @inner
 def boxes_apart(a, b, margin):
     """Whether the smallest boxes of two colliders are farther apart than the margin: most pairs are, and need no more."""
+    apart = False
     for k in range(3):
-        if a[k] - margin > b[3 + k] or b[k] - margin > a[3 + k]:
-            return True
-    return False
+        apart = apart or a[k] - margin > b[3 + k] or b[k] - margin > a[3 + k]
+    return apart
 
 
 @inner
@@ -229,7 +229,18 @@ def box_or_sphere(colliders, a, b, margin, found):
 
 @kernel
 def update_simple_manifolds(
-    bodies, colliders, pairs, active, active_count, manifolds, all_found, all_constants, touching, fast
+    bodies,
+    colliders,
+    pairs,
+    active,
+    active_count,
+    manifolds,
+    all_found,
+    all_constants,
+    touching,
+    fast,
+    watched,
+    triggers,
 ):
     """`update_manifolds` for worlds of boxes and balls alone: it is compiled three times as fast."""
     constants = all_constants[0]
@@ -238,11 +249,17 @@ def update_simple_manifolds(
     is_changed = False
     is_woken = False
     fast_count = 0
+    watched_count = 0
+    trigger_count = 0
     for p in range(active_count):
         slot = active[p]
         pair = pairs[slot]
         a = colliders[pair.a]
         b = colliders[pair.b]
+        if a.trigger != SOLID or b.trigger != SOLID:
+            triggers[trigger_count] = slot
+            trigger_count += 1
+            continue
         first = bodies[a.body]
         second = bodies[b.body]
         manifold = manifolds[slot]
@@ -255,22 +272,41 @@ def update_simple_manifolds(
             count = box_or_sphere(colliders, pair.a, pair.b, margin, found)
             write_manifold(first, second, a, b, manifold, found, count, margin, constants)
         is_changed = is_changed or manifold.point_count != before
+        is_acting = False
         if manifold.point_count > 0:
             is_woken = wake_touched(first, second) or is_woken
-            if is_held(first) or is_held(second):
-                touching[touching_count] = slot
-                touching_count += 1
-    return touching_count, is_changed, fast_count, is_woken
+            is_acting = is_held(first) or is_held(second)
+        if is_acting:
+            touching[touching_count] = slot
+            touching_count += 1
+        if is_acting or pair.touched != 0:
+            watched[watched_count] = slot
+            watched_count += 1
+    return touching_count, is_changed, fast_count, is_woken, watched_count, trigger_count
 
 
 @kernel
 def update_manifolds(
-    bodies, colliders, pairs, active, active_count, manifolds, all_found, geometry, all_constants, touching, fast
+    bodies,
+    colliders,
+    pairs,
+    active,
+    active_count,
+    manifolds,
+    all_found,
+    geometry,
+    all_constants,
+    touching,
+    fast,
+    watched,
+    triggers,
 ):
     """Brings the manifold of every active pair up to date; returns how many have contact, their slots listed in `touching`.
 
     Second comes whether any manifold has got or lost points, third how many pairs are so fast that they may miss each other
-    within the step: those are listed in `fast`. Last comes whether anything asleep was touched and marked to be woken.
+    within the step: those are listed in `fast`. Fourth comes whether anything asleep was touched and marked to be woken,
+    then how many pairs touch or did in the last step, listed in `watched`, and how many have a trigger, which are listed in
+    `triggers` and nowhere else: they push nothing and wake nobody.
     """
     constants = all_constants[0]
     found = all_found[0]
@@ -279,11 +315,17 @@ def update_manifolds(
     parts_end = 0
     fast_count = 0
     is_woken = False
+    watched_count = 0
+    trigger_count = 0
     for p in range(active_count):
         slot = active[p]
         pair = pairs[slot]
         a = colliders[pair.a]
         b = colliders[pair.b]
+        if a.trigger != SOLID or b.trigger != SOLID:
+            triggers[trigger_count] = slot
+            trigger_count += 1
+            continue
         first = bodies[a.body]
         second = bodies[b.body]
         manifold = manifolds[slot]
@@ -304,9 +346,14 @@ def update_manifolds(
             count = collide(colliders, pair.a, pair.b, pair.part, margin, found, geometry)
             write_manifold(first, second, a, b, manifold, found, count, margin, constants)
         is_changed = is_changed or manifold.point_count != before
+        is_acting = False
         if manifold.point_count > 0:
             is_woken = wake_touched(first, second) or is_woken
-            if is_held(first) or is_held(second):
-                touching[touching_count] = slot
-                touching_count += 1
-    return touching_count, is_changed, fast_count, is_woken
+            is_acting = is_held(first) or is_held(second)
+        if is_acting:
+            touching[touching_count] = slot
+            touching_count += 1
+        if is_acting or pair.touched != 0:
+            watched[watched_count] = slot
+            watched_count += 1
+    return touching_count, is_changed, fast_count, is_woken, watched_count, trigger_count

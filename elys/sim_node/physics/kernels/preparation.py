@@ -6,13 +6,14 @@ import math
 
 from elys.sim_node.compilation import inner, kernel
 from elys.sim_node.physics.kernels.batch import write_batch
+from elys.sim_node.physics.kernels.impact import response_along
 from elys.sim_node.physics.kernels.integrator import begin_body, begin_nobody
 from elys.sim_node.physics.kernels.rotation import cross
 from elys.sim_node.physics.kernels.tables import POINTS
 
 
 @kernel
-def prepare_bodies(bodies, held, held_end, groups, solver_bodies, drives, strengths, all_constants):
+def prepare_bodies(bodies, forces, held, held_end, groups, solver_bodies, drives, strengths, all_constants):
     """Fills the solver's rows of all held bodies; those that no force moves stand in `held` behind the last group."""
     constants = all_constants[0]
     begin_nobody(solver_bodies[bodies.shape[0]], drives[bodies.shape[0]])
@@ -21,10 +22,10 @@ def prepare_bodies(bodies, held, held_end, groups, solver_bodies, drives, streng
         end = groups[g].last_body
         for index in range(groups[g].first_body, end):
             i = held[index]
-            begin_body(bodies[i], solver_bodies[i], drives[i], strengths[g].substep, constants)
+            begin_body(bodies[i], forces[i], solver_bodies[i], drives[i], strengths[g].substep, constants)
     for index in range(end, held_end):
         i = held[index]
-        begin_body(bodies[i], solver_bodies[i], drives[i], 0.0, constants)
+        begin_body(bodies[i], forces[i], solver_bodies[i], drives[i], 0.0, constants)
 
 
 @kernel
@@ -79,11 +80,12 @@ def prepare_points(row, row_points, first, manifold, a, b, drive_a, drive_b, con
     turn_b = manifold.turn_b
     anchors = manifold.anchors
     cx = cy = cz = dx = dy = dz = 0.0
+    mass = response_along(a, drive_a, n, 0, n, 0) + response_along(b, drive_b, n, 0, n, 0)
     for k in range(row.point_count):
         out = row_points[first + k]
         arm = out.arm
         at = 6 * k
-        response = float(a.inverse_mass + b.inverse_mass)
+        response = mass
         response += write_arm(
             arm, out.turn, 0, drive_a.inverse_inertia, anchors[at], anchors[at + 1], anchors[at + 2], nx, ny, nz
         )
@@ -130,13 +132,13 @@ def prepare_friction(row, a, b, drive_a, drive_b, cx, cy, cz, dx, dy, dz):
     for direction in range(2):
         at = 3 * direction
         x, y, z = t[at], t[at + 1], t[at + 2]
-        response = float(a.inverse_mass + b.inverse_mass)
+        response = response_along(a, drive_a, t, at, t, at) + response_along(b, drive_b, t, at, t, at)
         response += write_arm(arm, turn, 2 * at, drive_a.inverse_inertia, cx, cy, cz, x, y, z)
         response += write_arm(arm, turn, 2 * at + 3, drive_b.inverse_inertia, dx, dy, dz, x, y, z)
         mass[2 * direction] = response
     k11 = mass[0]
     k22 = mass[2]
-    k12 = 0.0
+    k12 = response_along(a, drive_a, t, 0, t, 3) + response_along(b, drive_b, t, 0, t, 3)
     for c in range(6):
         k12 += arm[c] * turn[6 + c]
     inverse = inverse_or_zero(k11 * k22 - k12 * k12)

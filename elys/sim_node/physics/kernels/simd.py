@@ -107,6 +107,9 @@ def _shuffled(builder: Any, a: Any, b: Any, lanes: list[int]) -> Any:
     return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(_INT32, LANES), lanes))
 
 
+_FOURS = ([0, 1, 8, 9, 4, 5, 12, 13], [2, 3, 10, 11, 6, 7, 14, 15])
+
+
 def _transposed(builder: Any, rows: list[Any]) -> list[Any]:
     """An 8 x 8 transpose in three rounds of shuffles: pairs, fours, halves."""
     pairs = []
@@ -116,8 +119,8 @@ def _transposed(builder: Any, rows: list[Any]) -> list[Any]:
     fours = []
     for k in (0, 4):
         for low in (0, 1):
-            for lanes in ([0, 1, 8, 9, 4, 5, 12, 13], [2, 3, 10, 11, 6, 7, 14, 15]):
-                fours.append(_shuffled(builder, pairs[k + low], pairs[k + low + 2], lanes))
+            first, second = pairs[k + low], pairs[k + low + 2]
+            fours += [_shuffled(builder, first, second, lanes) for lanes in _FOURS]
     low_half, high_half = [0, 1, 2, 3, 8, 9, 10, 11], [4, 5, 6, 7, 12, 13, 14, 15]
     return [_shuffled(builder, fours[k], fours[k + 4], half) for half in (low_half, high_half) for k in range(4)]
 

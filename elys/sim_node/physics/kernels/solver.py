@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from elys.sim_node.compilation import inner, kernel
 from elys.sim_node.physics.kernels.batch import (
+    AXIS_MASS,
     BODY_FLOATS,
     COUPLING,
     FLOATS,
@@ -33,6 +34,10 @@ from elys.sim_node.physics.kernels.batch import (
     POINT,
     POINT_SIZE,
     RESULTS_AT,
+    ROLLING,
+    ROLLING_AT,
+    ROLLING_IMPULSE,
+    ROLLING_MASS,
     STEP_IMPULSE,
     TANGENT,
     TWIST_MASS,
@@ -66,21 +71,28 @@ FELT = 1e-6
 
 
 @inner
-def push(batches, body_a, body_b, batch, solver, a, b, px, py, pz, tax, tay, taz, tbx, tby, tbz, struck):
+def push(batches, body_a, body_b, batch, solver, can_lock, a, b, px, py, pz, tax, tay, taz, tbx, tby, tbz, struck):
     """Writes back the velocities of both sides after an impulse p on b and torques on a and b, the opposite on a."""
     o = batch * FLOATS
     ma = a[6]
     mb = b[6]
     x, y, z = turned(batches, o + 8 * INERTIA_A, tax, tay, taz)
     u, v, w = turned(batches, o + 8 * INERTIA_B, tbx, tby, tbz)
-    va = (a[0] - ma * px, a[1] - ma * py, a[2] - ma * pz, a[3] - x, a[4] - y, a[5] - z, ma, larger(a[7], struck))
-    vb = (b[0] + mb * px, b[1] + mb * py, b[2] + mb * pz, b[3] + u, b[4] + v, b[5] + w, mb, larger(b[7], struck))
+    ax, ay, az = ma * px, ma * py, ma * pz
+    bx, by, bz = mb * px, mb * py, mb * pz
+    if can_lock:
+        fx, fy, fz = load3(batches, o + 8 * AXIS_MASS)
+        gx, gy, gz = load3(batches, o + 8 * (AXIS_MASS + 3))
+        ax, ay, az = fx * px, fy * py, fz * pz
+        bx, by, bz = gx * px, gy * py, gz * pz
+    va = (a[0] - ax, a[1] - ay, a[2] - az, a[3] - x, a[4] - y, a[5] - z, ma, larger(a[7], struck))
+    vb = (b[0] + bx, b[1] + by, b[2] + bz, b[3] + u, b[4] + v, b[5] + w, mb, larger(b[7], struck))
     scatter_rows(solver, body_a, batch * 8, BODY_FLOATS, 0, va)
     scatter_rows(solver, body_b, batch * 8, BODY_FLOATS, 0, vb)
 
 
 @inner
-def warm_start(batches, body_a, body_b, batch, count, solver):
+def warm_start(batches, body_a, body_b, batch, count, solver, constants):
     """Begins the step with the impulses of the last one."""
     o = batch * FLOATS
     a = gather_rows(solver, body_a, batch * 8, BODY_FLOATS, 0)
@@ -108,7 +120,14 @@ def warm_start(batches, body_a, body_b, batch, count, solver):
     px = total * nx + f1 * tx + f2 * sx
     py = total * ny + f1 * ty + f2 * sy
     pz = total * nz + f1 * tz + f2 * sz
-    push(batches, body_a, body_b, batch, solver, a, b, px, py, pz, tax, tay, taz, tbx, tby, tbz, splat(0.0))
+    if constants.can_roll != 0:
+        r1 = load(batches, o + 8 * ROLLING_IMPULSE)
+        r2 = load(batches, o + 8 * (ROLLING_IMPULSE + 1))
+        rx, ry, rz = r1 * tx + r2 * sx, r1 * ty + r2 * sy, r1 * tz + r2 * sz
+        tax, tay, taz = tax + rx, tay + ry, taz + rz
+        tbx, tby, tbz = tbx + rx, tby + ry, tbz + rz
+    lock = constants.can_lock != 0
+    push(batches, body_a, body_b, batch, solver, lock, a, b, px, py, pz, tax, tay, taz, tbx, tby, tbz, splat(0.0))
 
 
 @inner
@@ -123,7 +142,30 @@ def coupled(batches, o, k, c0, c1, c2):
 
 
 @inner
-def solve_batch(batches, body_a, body_b, batch, count, solver, strength, biased, last):
+def resist_rolling(batches, o, load_sum, wx, wy, wz, tx, ty, tz, sx, sy, sz):
+    """Changes a manifold's rolling impulse towards no relative turn w about the tangents; returns its change, in world axes.
+
+    The impulse stays within the rolling friction, an arm, times the sum of the normal impulses.
+    """
+    roll1, roll2 = dotted(wx, wy, wz, tx, ty, tz), dotted(wx, wy, wz, sx, sy, sz)
+    m11, m12, m22 = load3(batches, o + 8 * ROLLING_MASS)
+    at = o + 8 * ROLLING_IMPULSE
+    old1, old2 = load(batches, at), load(batches, at + 8)
+    r1 = old1 - (m11 * roll1 + m12 * roll2)
+    r2 = old2 - (m12 * roll1 + m22 * roll2)
+    most = load(batches, o + 8 * ROLLING) * load_sum
+    squared = r1 * r1 + r2 * r2
+    scale = where(squared > most * most, most / square_root(squared), splat(1.0))
+    r1 = r1 * scale
+    r2 = r2 * scale
+    store(batches, at, r1)
+    store(batches, at + 8, r2)
+    d1, d2 = r1 - old1, r2 - old2
+    return d1 * tx + d2 * sx, d1 * ty + d2 * sy, d1 * tz + d2 * sz
+
+
+@inner
+def solve_batch(batches, body_a, body_b, batch, count, solver, strength, constants, biased, last):
     """One pass over a batch: normal impulses, then friction within the cone of their sum.
 
     With `biased` overlap is pushed out softly, else only approach is stopped. `last` when no other pass follows in this
@@ -199,8 +241,22 @@ def solve_batch(batches, body_a, body_b, batch, count, solver, strength, biased,
     wbx, wby, wbz = b[3] + wx, b[4] + wy, b[5] + wz
     # The normal impulses' own change of the linear velocities is perpendicular to both tangents.
     rx, ry, rz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    if constants.can_lock != 0:  # or not: where an axis is locked
+        fx, fy, fz = load3(batches, o + 8 * AXIS_MASS)
+        gx, gy, gz = load3(batches, o + 8 * (AXIS_MASS + 3))
+        rx, ry, rz = rx + total * nx * (fx + gx), ry + total * ny * (fy + gy), rz + total * nz * (fz + gz)
     tx, ty, tz = load3(batches, o + 8 * TANGENT)
     sx, sy, sz = crossed(nx, ny, nz, tx, ty, tz)
+    hold = zero
+    if constants.can_roll != 0:
+        hold = load(batches, o + 8 * (ROLLING + 1)) * load_sum
+        qx, qy, qz = resist_rolling(batches, o, load_sum, wbx - wax, wby - way, wbz - waz, tx, ty, tz, sx, sy, sz)
+        ux, uy, uz = turned(batches, o + 8 * INERTIA_A, qx, qy, qz)
+        wx, wy, wz = turned(batches, o + 8 * INERTIA_B, qx, qy, qz)
+        wax, way, waz = wax - ux, way - uy, waz - uz
+        wbx, wby, wbz = wbx + wx, wby + wy, wbz + wz
+        tax, tay, taz = tax + qx, tay + qy, taz + qz
+        tbx, tby, tbz = tbx + qx, tby + qy, tbz + qz
     at = o + 8 * FRICTION_ARM
     ax, ay, az = load3(batches, at)
     bx, by, bz = load3(batches, at + 24)
@@ -219,7 +275,7 @@ def solve_batch(batches, body_a, body_b, batch, count, solver, strength, biased,
     scale = where(squared > most * most, most / square_root(squared), one)
     f1 = f1 * scale
     f2 = f2 * scale
-    hold = friction * turning
+    hold = hold + friction * turning
     f3 = larger(smaller(old3 - load(batches, o + 8 * TWIST_MASS) * spin, hold), -hold)
     store3(batches, o + 8 * FRICTION_IMPULSE, f1, f2, f3)
     d1, d2, d3 = f1 - old1, f2 - old2, f3 - old3
@@ -236,11 +292,12 @@ def solve_batch(batches, body_a, body_b, batch, count, solver, strength, biased,
         tby + d1 * by + d2 * gy + d3 * ny,
         tbz + d1 * bz + d2 * gz + d3 * nz,
     )
-    push(batches, body_a, body_b, batch, solver, a, b, px, py, pz, tax, tay, taz, tbx, tby, tbz, struck)
+    lock = constants.can_lock != 0
+    push(batches, body_a, body_b, batch, solver, lock, a, b, px, py, pz, tax, tay, taz, tbx, tby, tbz, struck)
 
 
 @inner
-def store_impulses(batches, body_a, body_b, slots, batch, count, solver, manifolds):
+def store_impulses(batches, body_a, body_b, slots, batch, count, solver, manifolds, can_roll):
     """Keeps impulses and gaps of a batch for the next step, friction as a world vector: the tangents may be others then."""
     o = batch * FLOATS
     lanes = batch * 8
@@ -275,13 +332,24 @@ def store_impulses(batches, body_a, body_b, slots, batch, count, solver, manifol
     s0, s1, s2 = load3(batches, at)
     s3 = load(batches, at + 24)
     scatter_rows(manifolds, slots, lanes, MANIFOLD_FLOATS, RESULTS_AT, (g0, g1, g2, g3, s0, s1, s2, s3))
+    if can_roll:
+        r1 = load(batches, o + 8 * ROLLING_IMPULSE)
+        r2 = load(batches, o + 8 * (ROLLING_IMPULSE + 1))
+        rolling, spin = load(batches, o + 8 * ROLLING), load(batches, o + 8 * (ROLLING + 1))
+        rx, ry, rz = r1 * tx + r2 * sx, r1 * ty + r2 * sy, r1 * tz + r2 * sz
+        scatter_rows(
+            manifolds, slots, lanes, MANIFOLD_FLOATS, ROLLING_AT, (rx, ry, rz, rolling, spin, zero, zero, zero)
+        )
 
 
 @inner
-def finish_contacts(first, last, batches, body_a, body_b, slots, counts, solver, manifolds, manifold_table, substep):
+def finish_contacts(
+    first, last, batches, body_a, body_b, slots, counts, solver, manifolds, manifold_table, substep, constants
+):
     """Keeps what the batches of a group have found."""
     for batch in range(first, last):
-        store_impulses(batches, body_a, body_b, slots, batch, counts[batch], solver, manifolds)
+        can_roll = constants.can_roll != 0
+        store_impulses(batches, body_a, body_b, slots, batch, counts[batch], solver, manifolds, can_roll)
         for lane in range(batch * 8, batch * 8 + 8):
             manifold_table[slots[lane]].impulse_time = substep
 
@@ -353,7 +421,7 @@ def solve_contacts(
             if substep == 0:
                 for s in range(group.first_span, group.last_span):
                     for batch in range(spans[s].first, spans[s].last):
-                        warm_start(batches, body_a, body_b, batch, counts[batch], solver)
+                        warm_start(batches, body_a, body_b, batch, counts[batch], solver, constants)
                 if joints is not None:
                     warm_start_joints(joints, g, solver_bodies)
             passes = 2 if (substep + 1) % strength.relax_every == 0 else 1
@@ -372,6 +440,7 @@ def solve_contacts(
                             counts[batch],
                             solver,
                             strength,
+                            constants,
                             number == 0,
                             number == passes - 1,
                         )
@@ -386,6 +455,17 @@ def solve_contacts(
         if group.last_span > group.first_span:
             first, last = spans[group.first_span].first, spans[group.last_span - 1].last
             finish_contacts(
-                first, last, batches, body_a, body_b, slots, counts, solver, manifolds, manifold_table, strength.substep
+                first,
+                last,
+                batches,
+                body_a,
+                body_b,
+                slots,
+                counts,
+                solver,
+                manifolds,
+                manifold_table,
+                strength.substep,
+                constants,
             )
         finish_impacts(group.first_row, group.last_row, rows, row_points, manifold_table)

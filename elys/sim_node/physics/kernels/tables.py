@@ -21,8 +21,11 @@ JOINTED = 2  # in `held`: a joint may act on a body
 BOX, SPHERE, CAPSULE, CYLINDER, HULL, MESH, PLANE, HEIGHT_FIELD = 0, 1, 2, 3, 4, 5, 6, 7
 ROUNDED = (SPHERE, CAPSULE)  # a core with a radius around it
 TRIANGLE = 8  # a part of a mesh or a height field; no collider is of this kind
+SOLID, NOTICES_MOVING, NOTICES_ALL = 0, 1, 2
 GEOMETRIC_MEAN, MINIMUM, MAXIMUM, AVERAGE, MULTIPLY = 0, 1, 2, 3, 4
 CORNERS = 32  # the most corners of a face that contacts are made with; of larger faces some are left out
+MOST_ATTRACTORS = 16
+TOLD_SPEED, TOLD_SPIN, FRESH = 1, 2, 4
 POINTS = 4  # the most contact points a manifold keeps; point p of manifold m is row 4 m + p of the points
 
 # What moves. A body's frame sits in its centre of mass, along its principal axes of inertia.
@@ -45,9 +48,15 @@ BODY = np.dtype(
         ("strength", "u1"),  # which row of STRENGTH its contacts asked for in the last step
         ("calm", "u1"),  # for how many steps its island has been solved more strongly than it asked for
         ("held", "u1"),  # 1 where a contact may act on it in this step, JOINTED where a joint may, else 0
+        ("locked", "u1"),  # bits: axes of the world along which (0 to 2) and about which (3 to 5) it never moves
+        ("pushed", "u1"),  # its row of FORCE is not zero
+        ("told", "u1"),  # bits of what has been told about it, TOLD_SPEED to TOLD_SPIN, and FRESH
     ],
     align=True,
 )
+
+# What pushes a body from outside, beside fields: force [N] and torque about the centre of mass [N m], in world axes.
+FORCE = np.dtype([("once", "f8", 6), ("lasting", "f8", 6)])  # for the next step only; until it is changed
 
 # A body as the contact solver sees it, 64 bytes: one line of the cache. Its flat float32 view is what vectors are loaded
 # from. Row i is body row i; one more row at the end stands for everything that never moves.
@@ -69,9 +78,24 @@ SOLVER_DRIVE = np.dtype(
         ("keep", "f4", 8),  # what damping leaves of the velocity in a substep
         ("inverse_inertia", "f4", 6),  # in world axes, as the step began: xx yy zz xy xz yz [1/(kg m^2)]
         ("gravity_scale", "f4"),
-        ("unused", "f4"),
+        ("locked", "f4"),  # bits 0 to 2 of the body's, as a number
         ("impact_shift", "f4", 8),  # displacement that impacts of this substep add
     ]
+)
+
+# What a step has found on its way; a table of one row.
+STEP_REPORT = np.dtype(
+    [
+        ("fast_count", "i4"),  # bodies that have become faster than allowed
+        ("most_gained", "i4"),  # the row of the body that has gained the most energy
+        ("kinetic_before", "f8"),  # of all awake dynamic bodies, without their turning [J]
+        ("kinetic_after", "f8"),
+        ("mass", "f8"),  # of them [kg]
+        ("forced", "f8"),  # what forces from outside would have given to them at rest [J]
+        ("driven", "f8"),  # the largest squared speed of what moves by itself [m^2/s^2]
+        ("gain", "f8"),  # of the body named above [J]
+    ],
+    align=True,
 )
 
 # Where a body was when the step began.
@@ -97,7 +121,7 @@ COLLIDER = np.dtype(
         ("entity", "u4"),  # the entity that carries the collider: the body's, or one below it
         ("kind", "u1"),  # BOX to HEIGHT_FIELD
         ("moved", "u1"),  # the fat box is new
-        ("trigger", "u1"),  # notices what touches it and pushes nothing
+        ("trigger", "u1"),  # SOLID, or notices what touches it and pushes nothing
         ("layer", "u4"),  # bits: two colliders meet when each one's layer is in the other's mask
         ("mask", "u4"),
         ("geometry", "i4"),  # row of the header of a hull, mesh or height field, else -1
@@ -110,6 +134,8 @@ COLLIDER = np.dtype(
         ("local_rotation", "f8", 4),  # principal_from_shape
         ("friction", "f8"),
         ("restitution", "f8"),
+        ("rolling_friction", "f8"),  # arm of the normal force that resists rolling [m]
+        ("spin_friction", "f8"),  # and turning about the normal [m]
         ("box", "f8", 6),  # smallest axis-aligned box: lower corner, upper corner [m]
         ("fat_box", "f8", 6),  # what pairs are found with: larger, so that it lasts [m]
     ],
@@ -125,6 +151,23 @@ PAIR = np.dtype(
         ("a", "i4"),
         ("b", "i4"),
         ("part", "i4"),  # which triangle of a mesh or height field, else 0
+        ("touched", "u1"),  # it touched, or was in the trigger, as the last step that looked at it ended
+    ],
+    align=True,
+)
+
+# Two colliders that met or parted: their entities and their bodies'. Of a visit a is the trigger.
+MEETING = np.dtype([("a", "u4"), ("b", "u4"), ("body_a", "u4"), ("body_b", "u4")])
+
+# The same with where and how: a contact that has begun, or goes on. Not a prefix of it: numba would take one for the other.
+TOUCH = np.dtype(
+    [
+        ("point", "f8", 3),  # the deepest, in the middle between the surfaces [m]
+        ("normal", "f8", 3),  # from a to b
+        ("depth", "f8"),  # overlap there after the step, negative for a gap [m]
+        ("impulse", "f8"),  # of the step, along the normals of all points [N s]
+        ("speed", "f8"),  # at which they closed as they first touched; 0 for one that goes on [m/s]
+        *MEETING.descr,
     ],
     align=True,
 )
@@ -150,6 +193,10 @@ MANIFOLD = np.dtype(
         ("twist_impulse", "f4"),  # about the normal [N m s]
         ("separation", "f4", POINTS),  # gaps at the end of the last step [m]
         ("step_impulse", "f4", POINTS),  # of the whole last step [N s]
+        ("rolling_impulse", "f4", 3),  # in world axes [N m s]
+        ("rolling_friction", "f4"),  # [m]
+        ("spin_friction", "f4"),  # [m]
+        ("padding_too", "f4", 3),
         ("made_offset", "f8", 3),  # from a to b when made [m]
         ("made_rotation_a", "f8", 4),
         ("made_rotation_b", "f8", 4),
@@ -338,6 +385,8 @@ JOINT = np.dtype(
         ("direct", "u1"),  # its locked rows are solved together with those of other joints
         ("locked", "i4"),  # how many rows are locked
         ("inverse_mass", "f8", 2),
+        ("axis_mass", "f8", 6),  # the same along the axes of the world, 0 along locked ones
+        ("turns_locked", "u1", 2),  # some turns of the body are locked
         ("start_inertia", "f8", 12),  # world inverse inertia as the step began
         ("start_arm", "f8", 6),  # from the centres of mass to the anchors
         ("start_frame", "f8", 8),  # world_from_joint
@@ -406,6 +455,12 @@ CONSTANTS = np.dtype(
         ("friction_rule", "u1"),  # how a pair's coefficient follows from two: GEOMETRIC_MEAN to MULTIPLY
         ("restitution_rule", "u1"),
         ("can_bounce", "u1"),  # some collider has restitution
+        ("can_roll", "u1"),  # some collider has rolling or spinning friction
+        ("can_lock", "u1"),  # some body has a locked axis
+        ("attractor_count", "i4"),
+        ("attractors", "f8", 5 * MOST_ATTRACTORS),  # place [m], strength [m^3/s^2], squared softening [m^2] of each
+        ("max_linear_speed", "f8"),  # [m/s]
+        ("max_angular_speed", "f8"),  # [rad/s]
     ],
     align=True,
 )

@@ -1,0 +1,151 @@
+"""How physics sees the world, as line segments: what a tool draws over a picture of it.
+
+Each kind of line is one function from a world's tables to lines; `LINES` names them all. Boxes are those that the last step
+worked with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from elys.common.errors import PhysicsError
+from elys.common.math import quaternion
+from elys.sim_node.physics.bodies import BodyTable
+from elys.sim_node.physics.colliders import ColliderTable
+from elys.sim_node.physics.contacts import ContactStore
+from elys.sim_node.physics.kernels.tables import DYNAMIC, PLANE, STATIC
+from elys.sim_node.physics.kernels.tree import FAR
+
+Array = np.ndarray[Any, Any]
+
+NORMAL_LENGTH: Final = 0.2  # [m]
+CROSS_SIZE: Final = 0.03  # [m] half of it, where a contact point is marked
+# Corner k of a box takes its upper side along axis d where bit d of k is set; an edge changes one bit.
+_EDGES: Final = np.array([(k, k | 1 << d) for d in range(3) for k in range(8) if not k & 1 << d])
+_UPPER: Final = np.array([[k >> d & 1 for d in range(3)] for k in range(8)], bool)
+
+
+class Lines(NamedTuple):
+    """L line segments."""
+
+    positions: Array  # (L, 2, 3) float32 [m], world space
+    colors: Array  # (L,) uint8: what each kind says with it
+
+
+class Tables(NamedTuple):
+    """What a world is made of."""
+
+    bodies: BodyTable
+    colliders: ColliderTable
+    contacts: ContactStore
+
+
+def debug_lines(tables: Tables, kind: str) -> Lines:
+    """The lines of one kind of `LINES`; PhysicsError names those there are."""
+    if kind not in LINES:
+        raise PhysicsError(f"There are no debug lines {kind!r}: ask for {', '.join(LINES)}")
+    return LINES[kind](tables)
+
+
+def _boxes(tables: Tables) -> Lines:
+    """The smallest boxes of colliders, coloured by the motion of their bodies: 0 dynamic, 1 kinematic, 2 static."""
+    rows = _drawable(tables)
+    return box_lines(rows["box"], tables.bodies.rows["motion"][rows["body"]])
+
+
+def _fat_boxes(tables: Tables) -> Lines:
+    """The boxes that pairs are found with, coloured likewise."""
+    rows = _drawable(tables)
+    return box_lines(rows["fat_box"], tables.bodies.rows["motion"][rows["body"]])
+
+
+def _contacts(tables: Tables) -> Lines:
+    """A cross (colour 0) at each point that touches or carries an impulse, and its normal (1)."""
+    contacts = tables.contacts.contact_points(tables.bodies.rows, tables.colliders.rows)
+    point = contacts.point[:, None, :]
+    arms = CROSS_SIZE * np.eye(3)
+    crosses = np.stack([point - arms, point + arms], axis=2).reshape(-1, 2, 3)
+    normals = np.stack([contacts.point, contacts.point + NORMAL_LENGTH * contacts.normal], axis=1)
+    return _lines(np.concatenate([crosses, normals]), np.repeat([0, 1], [len(crosses), len(normals)]))
+
+
+def _islands(tables: Tables) -> Lines:
+    """The box of each island of bodies that hold on to one another, awake or asleep, a colour for each."""
+    rows = _drawable(tables)
+    rows = rows[tables.bodies.rows["motion"][rows["body"]] == DYNAMIC]
+    names, island = np.unique(island_of(tables)[rows["body"]], return_inverse=True)
+    boxes = np.full((len(names), 6), np.inf)
+    boxes[:, 3:] = -np.inf
+    np.minimum.at(boxes[:, :3], island, rows["box"][:, :3])
+    np.maximum.at(boxes[:, 3:], island, rows["box"][:, 3:])
+    return box_lines(boxes, np.arange(len(names)) % 256)
+
+
+def _sleeping(tables: Tables) -> Lines:
+    """The smallest boxes of what sleeps, in the colour of its island."""
+    rows = _drawable(tables)
+    rows = rows[tables.bodies.rows["asleep"][rows["body"]] != 0]
+    _, island = np.unique(island_of(tables)[rows["body"]], return_inverse=True)
+    return box_lines(rows["box"], island % 256)
+
+
+def _axes(tables: Tables) -> Lines:
+    """Principal axes of what moves, at its centre of mass and as long as its farthest point is away: 0 x, 1 y, 2 z."""
+    rows = tables.bodies.rows
+    rows = rows[rows["motion"] != STATIC]
+    axes = [quaternion.rotate(rows["rotation"], np.broadcast_to(axis, (len(rows), 3))) for axis in np.eye(3)]
+    ends = rows["position"][:, None] + rows["extent"][:, None, None] * np.stack(axes, axis=1)
+    starts = np.broadcast_to(rows["position"][:, None], ends.shape)
+    return _lines(np.stack([starts, ends], axis=2).reshape(-1, 2, 3), np.tile([0, 1, 2], len(rows)))
+
+
+# Every kind there is, and so every key of the topic: joints get theirs here.
+LINES: Final[dict[str, Callable[[Tables], Lines]]] = {
+    "boxes": _boxes,
+    "fat_boxes": _fat_boxes,
+    "contacts": _contacts,
+    "islands": _islands,
+    "sleeping": _sleeping,
+    "axes": _axes,
+}
+
+
+def box_lines(boxes: Array, colors: Array) -> Lines:
+    """The twelve edges of boxes (B, 6) of lower and upper corners [m], in colours (B,)."""
+    corners = np.where(_UPPER, boxes[:, None, 3:], boxes[:, None, :3])
+    return _lines(corners[:, _EDGES].reshape(-1, 2, 3), np.repeat(colors, len(_EDGES)))
+
+
+def island_of(tables: Tables) -> Array:
+    """(N,) the lowest row of the bodies that each body holds on to, through contacts or in one sleep."""
+    bodies, contacts = tables.bodies.rows, tables.contacts
+    pairs = contacts.pairs[contacts.touching[: contacts.touching_count]]
+    a, b = tables.colliders.rows["body"][pairs["a"]], tables.colliders.rows["body"][pairs["b"]]
+    both = (bodies["motion"][a] == DYNAMIC) & (bodies["motion"][b] == DYNAMIC)
+    asleep = np.flatnonzero(bodies["asleep"] != 0)
+    first = np.concatenate([a[both], asleep])
+    second = np.concatenate([b[both], bodies["next_asleep"][asleep]])
+    label = np.arange(len(bodies))
+    while True:
+        # Both ends' representatives take the lower of their labels, and everybody that of the representative.
+        low = np.minimum(label[first], label[second])
+        joined = label.copy()
+        np.minimum.at(joined, label[first], low)
+        np.minimum.at(joined, label[second], low)
+        joined = joined[joined]
+        if np.array_equal(joined, label):
+            return label
+        label = joined
+
+
+def _drawable(tables: Tables) -> Array:
+    """Colliders that have boxes: they were in a step, and end somewhere."""
+    rows = tables.colliders.rows
+    return rows[(rows["fat_box"][:, 0] != FAR) & (rows["kind"] != PLANE)]
+
+
+def _lines(positions: Array, colors: Array) -> Lines:
+    return Lines(positions.astype(np.float32), colors.astype(np.uint8))

@@ -1,0 +1,178 @@
+"""Random scenes of extreme bodies, put into each other: nothing crashes, nothing stops being a number, and the bits are the same
+however they are come by."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from elys.sim_node.physics import (
+    BOX,
+    CAPSULE,
+    CYLINDER,
+    HEIGHT_FIELD,
+    HULL,
+    MESH,
+    PLANE,
+    SPHERE,
+    STATIC,
+    Attractor,
+    PhysicsSettings,
+    PhysicsWorld,
+)
+
+DT = 1.0 / 60.0
+DYNAMIC_SHAPES = (BOX, SPHERE, CAPSULE, CYLINDER, HULL)
+TETRAHEDRON = ((0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2))
+
+
+def scene(seed: int, count: int, *, order: np.ndarray | None = None, extreme: bool = True) -> PhysicsWorld:
+    """`count` moving bodies over static ground of every kind, spawned in an order (count,); sizes and masses are log-uniform."""
+    rng = np.random.default_rng(seed)
+    settings = PhysicsSettings(
+        gravity=tuple(rng.normal([0.0, -9.81, 0.0], 5.0)),
+        attractors=(Attractor(position=(0.0, 5.0, 0.0), strength=20.0, softening=1.0),) if rng.random() < 0.3 else (),
+        sleeping=bool(rng.random() < 0.5),
+    )
+    world = PhysicsWorld(settings)
+    add_ground(world, rng)
+    size = 10.0 ** rng.uniform(-2.0, 2.0 if extreme else 0.0, (count, 1)) * rng.uniform(0.3, 1.0, (count, 3))
+    size = np.maximum(size, 0.01)
+    spread = 0.5 * np.cbrt((size.prod(1)).sum()) + 1.0
+    entities = np.arange(101, 101 + count)
+    kinds = rng.choice(DYNAMIC_SHAPES, count)
+    geometry = np.full(count, -1)
+    for place in np.flatnonzero(kinds == HULL):
+        geometry[place] = world.add_hull(rng.normal(0.0, 0.3, (12, 3)) * size[place])
+    bodies = {
+        "motion": rng.choice([0, 1], count, p=[0.95, 0.05]),
+        "position": rng.normal([0.0, spread, 0.0], spread, (count, 3)),
+        "rotation": Rotation.random(count, random_state=rng).as_quat(),
+        "linear_velocity": rng.normal(0.0, 10.0, (count, 3)),
+        "angular_velocity": rng.normal(0.0, 5.0, (count, 3)),
+        "mass": 10.0 ** rng.uniform(-3.0, 6.0, count),
+        "locked": rng.random((count, 6)) < 0.03,
+        "linear_damping": rng.choice([0.0, 0.5], count),
+    }
+    shapes = {
+        "shape": kinds,
+        "size": size,
+        "radius": 0.5 * size[:, 0],
+        "half_length": 0.5 * size[:, 1],
+        "geometry": geometry,
+        "friction": rng.uniform(0.0, 1.5, count),
+        "restitution": rng.choice([0.0, 0.5, 1.0], count),
+        "rolling_friction": rng.choice([0.0, 0.01], count),
+        "spin_friction": rng.choice([0.0, 0.01], count),
+    }
+    for chosen in (np.arange(count),) if order is None else np.array_split(order, 3):
+        world.add_bodies(entities[chosen], **{name: column[chosen] for name, column in bodies.items()})
+        world.add_colliders(entities[chosen], **{name: column[chosen] for name, column in shapes.items()})
+    world.set_forces(entities[: count // 10], force=rng.normal(0.0, 5.0, 3), torque=rng.normal(0.0, 1.0, 3))
+    return world
+
+
+def add_ground(world: PhysicsWorld, rng: np.random.Generator) -> None:
+    """A plane, and on it a wall, a hill of a mesh and a height field."""
+    world.add_bodies([1, 2, 3, 4], motion=STATIC, position=[[0, -3, 0], [20, 0, 0], [0, -1, 0], [-40, -1, 0]])
+    tip = [[-9, -1, -9], [9, -1, -9], [0, -1, 9], [0, 4, 0]]
+    hill = world.add_mesh(tip, TETRAHEDRON)
+    field = world.add_height_field(rng.uniform(-1.0, 1.0, (12, 14)), (30.0, 40.0))
+    world.add_colliders(
+        [1, 2, 3, 4],
+        shape=[PLANE, BOX, MESH, HEIGHT_FIELD],
+        size=(1.0, 10.0, 40.0),
+        geometry=[-1, -1, hill, field],
+    )
+
+
+def assert_sound(world: PhysicsWorld) -> None:
+    bodies = world.bodies
+    for column in (bodies.position, bodies.rotation, bodies.linear_velocity, bodies.angular_velocity):
+        assert np.isfinite(column).all()
+    assert np.abs(np.linalg.norm(bodies.rotation, axis=1) - 1.0).max() < 1e-5
+    assert [problem.text for problem in world.take_problems() if problem.cause == "not_finite"] == []
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_scene_stays_finite(seed, soak):
+    world = scene(seed, 1000 if soak else 60)
+    for _ in range(1000 if soak else 120):
+        world.step(DT)
+        assert_sound(world)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_restoring_at_any_tick_gives_the_same_bits(seed, soak):
+    count, steps = (1000, 200) if soak else (60, 60)
+    world = scene(seed, count)
+    rng = np.random.default_rng(seed)
+    ticks = set(rng.integers(1, steps, 5).tolist())
+    kept, hashes = {}, []
+    for tick in range(steps):
+        if tick in ticks:
+            kept[tick] = world.snapshot()
+        world.step(DT)
+        hashes.append(world.state_hash())
+    for tick, snapshot in kept.items():
+        other = PhysicsWorld(world.settings)
+        other.restore(snapshot)
+        for expected in hashes[tick : tick + 20]:
+            other.step(DT)
+            assert other.state_hash() == expected
+
+
+def test_the_order_of_spawning_does_not_matter(soak):
+    count, steps = (1000, 200) if soak else (60, 80)
+    plain = scene(7, count)
+    shuffled = scene(7, count, order=np.random.default_rng(1).permutation(count))
+    for _ in range(steps):
+        plain.step(DT)
+        shuffled.step(DT)
+        assert plain.state_hash() == shuffled.state_hash()
+
+
+def test_another_process_gives_the_same_bits(soak):
+    count, steps = (1000, 200) if soak else (60, 80)
+    world = scene(11, count)
+    for _ in range(steps):
+        world.step(DT)
+    assert int(run_elsewhere(f"run(11, {count}, {steps}).state_hash()")) == world.state_hash()
+
+
+def test_without_the_compiler_the_motion_is_the_same():
+    world = run(5, 10, 12, extreme=False)
+    printed = run_elsewhere("run(5, 10, 12, extreme=False).bodies.position.tolist()", NUMBA_DISABLE_JIT="1")
+    interpreted = np.array(eval(printed))
+    assert len(world.contacts.point) > 0
+    np.testing.assert_allclose(interpreted, world.bodies.position, atol=1e-5)
+
+
+def run(seed: int, count: int, steps: int, *, extreme: bool = True) -> PhysicsWorld:
+    """A scene, some steps on."""
+    world = scene(seed, count, extreme=extreme)
+    for _ in range(steps):
+        world.step(DT)
+    return world
+
+
+def run_elsewhere(expression: str, **environment: str) -> str:
+    """What a fresh process prints for an expression of this module."""
+    program = f"from tests.property.test_physics_fuzz import run; print({expression})"
+    root = Path(__file__).parents[2]
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", program],
+        env={**os.environ, "PYTHONPATH": str(root), **environment},
+        cwd=root,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr[-3000:]
+    return done.stdout

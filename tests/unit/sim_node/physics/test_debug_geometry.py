@@ -1,0 +1,111 @@
+"""Debug lines show what the tables hold: boxes where shapes are, normals where bodies touch, one colour an island."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from elys.common.errors import PhysicsError
+from elys.sim_node.physics import DYNAMIC, PLANE, SPHERE, STATIC, PhysicsWorld
+from elys.sim_node.physics.debug_geometry import LINES, box_lines
+
+DT = 1.0 / 60.0
+
+
+def two_stacks(steps=5):
+    """Two stacks of two cubes and a ball by itself in the air, on a ground."""
+    world = PhysicsWorld()
+    entities = np.arange(1, 7)
+    position = [[0, -1, 0], [0, 0.5, 0], [0, 1.5, 0], [5, 0.5, 0], [5, 1.5, 0], [0, 9, 5]]
+    world.add_bodies(entities, motion=[STATIC] + [DYNAMIC] * 5, position=position)
+    size = [[40, 2, 40]] + [[1, 1, 1]] * 5
+    world.add_colliders(entities, shape=[0, 0, 0, 0, 0, SPHERE], size=size, radius=0.25)
+    for _ in range(steps):
+        world.step(DT)
+    return world
+
+
+def test_a_box_has_twelve_edges_along_its_axes():
+    lines = box_lines(np.array([[0.0, 0, 0, 1, 2, 3]]), np.array([7]))
+    assert lines.positions.shape == (12, 2, 3)
+    assert lines.colors.tolist() == [7] * 12
+    lengths = np.abs(lines.positions[:, 1] - lines.positions[:, 0])
+    assert sorted(map(tuple, lengths.tolist())) == sorted([(1, 0, 0)] * 4 + [(0, 2, 0)] * 4 + [(0, 0, 3)] * 4)
+    corners = {tuple(corner) for corner in lines.positions.reshape(-1, 3).tolist()}
+    assert corners == {(x, y, z) for x in (0, 1) for y in (0, 2) for z in (0, 3)}
+
+
+def test_boxes_hold_the_shapes_and_fat_boxes_hold_the_boxes():
+    world = two_stacks()
+    boxes = world.debug_lines("boxes").positions.reshape(6, 24, 3)
+    fat = world.debug_lines("fat_boxes").positions.reshape(6, 24, 3)
+    np.testing.assert_allclose(boxes[0].min(0), [-20, -2, -20])
+    np.testing.assert_allclose(boxes[1].max(0) - boxes[1].min(0), [1, 1, 1], atol=1e-3)
+    assert (fat.min(1) < boxes.min(1)).all()
+    assert (fat.max(1) > boxes.max(1)).all()
+    assert world.debug_lines("boxes").colors.tolist() == [STATIC] * 12 + [DYNAMIC] * 60
+
+
+def test_contacts_are_crosses_with_normals():
+    world = two_stacks()
+    lines = world.debug_lines("contacts")
+    count = len(world.contacts.point)
+    assert count == 16
+    assert np.bincount(lines.colors).tolist() == [3 * count, count]
+    normals = lines.positions[lines.colors == 1]
+    np.testing.assert_allclose(normals[:, 0], world.contacts.point, atol=1e-6)
+    along = (normals[:, 1] - normals[:, 0]) / 0.2
+    np.testing.assert_allclose(along, world.contacts.normal, atol=1e-5)
+
+
+@pytest.mark.parametrize("steps", [5, 90])
+def test_each_island_has_its_own_box_and_colour(steps):
+    world = two_stacks(steps)
+    lines = world.debug_lines("islands")
+    assert len(np.unique(lines.colors)) == 3
+    boxes = lines.positions.reshape(3, 24, 3)
+    tall = boxes[np.argsort(boxes[:, :, 0].max(1))]
+    np.testing.assert_allclose([tall[-1].min(0), tall[-1].max(0)], [[4.5, 0, -0.5], [5.5, 2, 0.5]], atol=5e-3)
+
+
+def test_what_sleeps_is_shown_in_the_colour_of_its_island():
+    world = two_stacks()
+    assert len(world.debug_lines("sleeping").positions) == 0
+    for _ in range(60):
+        world.step(DT)
+    lines = world.debug_lines("sleeping")
+    assert lines.colors.tolist() == [0] * 24 + [1] * 24
+
+
+def test_axes_stand_in_the_centre_of_mass():
+    world = PhysicsWorld()
+    world.add_bodies([1], position=[[3, 4, 5]])
+    world.add_colliders([1], size=[[2, 2, 2]], position=[[1, 0, 0]])
+    lines = world.debug_lines("axes")
+    assert lines.colors.tolist() == [0, 1, 2]
+    np.testing.assert_allclose(lines.positions[:, 0], [[4, 4, 5]] * 3)
+    np.testing.assert_allclose(
+        np.linalg.norm(lines.positions[:, 1] - lines.positions[:, 0], axis=1), np.sqrt(3), rtol=1e-6
+    )
+
+
+@pytest.mark.parametrize("kind", LINES)
+def test_an_empty_world_has_no_lines(kind):
+    lines = PhysicsWorld().debug_lines(kind)
+    assert lines.positions.shape == (0, 2, 3)
+    assert lines.colors.shape == (0,)
+
+
+def test_a_plane_has_no_box_and_new_bodies_none_yet():
+    world = PhysicsWorld()
+    world.add_bodies([1], motion=STATIC)
+    world.add_colliders([1], shape=PLANE)
+    world.step(DT)
+    world.add_bodies([2])
+    world.add_colliders([2])
+    assert len(world.debug_lines("boxes").positions) == 0
+
+
+def test_an_unknown_kind_is_refused():
+    with pytest.raises(PhysicsError, match="boxes, fat_boxes"):
+        PhysicsWorld().debug_lines("shadows")
