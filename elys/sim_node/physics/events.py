@@ -92,9 +92,13 @@ class EventLog:
 
     def note_removed(self, bodies: Array, colliders: Array, rows: Array) -> None:
         """Collider rows are about to lose their pairs: what they touched, and whom they were in, ends with the next step."""
-        slots = self._touched_slots()
-        pairs = self._contacts.pairs[slots]
-        pairs = pairs[np.isin(pairs["a"], rows) | np.isin(pairs["b"], rows)]
+        pairs = self._contacts.pairs
+        self.note_dropped(bodies, colliders, np.flatnonzero(np.isin(pairs["a"], rows) | np.isin(pairs["b"], rows)))
+
+    def note_dropped(self, bodies: Array, colliders: Array, slots: Array) -> None:
+        """The same for pairs in slots (M,) that are about to end."""
+        touched = self._touched_slots()
+        pairs = self._contacts.pairs[touched[np.isin(touched, slots)]]
         if not len(pairs):
             return
         is_visit, named = _named(bodies, colliders, pairs[_starts_of_runs(pairs)])

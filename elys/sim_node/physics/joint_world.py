@@ -16,6 +16,7 @@ from elys.sim_node.physics.activity import Activity
 from elys.sim_node.physics.bodies import BodyTable
 from elys.sim_node.physics.colliders import ColliderTable
 from elys.sim_node.physics.contacts import ContactStore
+from elys.sim_node.physics.events import EventLog
 from elys.sim_node.physics.joint_making import JointDescription, JointDrive, changed_joints, new_joints
 from elys.sim_node.physics.joints import BrokenJoint, JointStates, JointTable, pair_keys
 from elys.sim_node.physics.queries import WorldQueries
@@ -30,6 +31,7 @@ class WorldJoints(WorldQueries):
         super().__init__(BodyTable(), ColliderTable())
         self._contacts = ContactStore()
         self._activity = Activity(self._bodies, self._colliders, self._contacts)
+        self._events = EventLog(self._contacts)
         self._joints = JointTable()
         self._broken_joints: list[BrokenJoint] = []
 
@@ -58,6 +60,7 @@ class WorldJoints(WorldQueries):
         body = self._colliders.rows["body"]
         parted = np.isin(pair_keys(body[pairs["a"]], body[pairs["b"]]), self._joints.unpaired)
         if parted.any():
+            self._events.note_dropped(self._bodies.rows, self._colliders.rows, pairs["slot"][parted])
             self._contacts.drop(pairs["slot"][parted])
 
     def remove_joints(self, joints: ArrayLike) -> None:

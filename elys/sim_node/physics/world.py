@@ -20,7 +20,6 @@ from elys.sim_node.physics import checks, diagnostics, forces
 from elys.sim_node.physics.bodies import new_rows
 from elys.sim_node.physics.colliders import EVERY_LAYER, new_colliders
 from elys.sim_node.physics.debug_geometry import Lines, Tables, debug_lines
-from elys.sim_node.physics.events import EventLog
 from elys.sim_node.physics.joint_world import WorldJoints
 from elys.sim_node.physics.kernels.state_hash import hash_bodies
 from elys.sim_node.physics.kernels.tables import BOX, DYNAMIC, SOLID, STATIC
@@ -40,7 +39,6 @@ class PhysicsWorld(WorldJoints):
     def __init__(self, settings: PhysicsSettings | None = None) -> None:
         self.settings = settings or PhysicsSettings()
         super().__init__()
-        self._events = EventLog(self._contacts)
         self._room = SolverRoom()
         self._step: Step | None = None
         self._step_plan: tuple[float, PhysicsSettings, SceneTraits] | None = None
@@ -396,9 +394,9 @@ class PhysicsWorld(WorldJoints):
         step = self._step_of(dt)
         faulty, broken = step.run(profile)
         self._query_tree.outdate()
-        self._tell(step, dt)
         if len(broken):
             self._break_joints(broken)
+        self._tell(step, dt)
         if len(faulty):
             self._stop(faulty)
 
@@ -504,8 +502,8 @@ class PhysicsWorld(WorldJoints):
         self._bodies.load(snapshot)
         self._colliders.load(snapshot)
         self._contacts.load(snapshot, len(self._colliders.rows))
-        self._events.load(snapshot)
         self._joints.load(snapshot)
+        self._events.load(snapshot)
         self._activity.outdate()
         self._query_tree.outdate()
 

@@ -185,19 +185,20 @@ def _kernels() -> tuple[tuple[Kernel, ...], tuple[Kernel, ...]]:
         (update_manifolds, (bodies, colliders, pairs, indices, 0, manifolds, found, geometry, constants, *lanes)),
         (solve_contacts, (*solved, None, strengths, constants)),
     ]
-    # What only worlds with joints need.
-    later: list[tuple[Any, tuple[Any, ...]]] = [
-        (prepare_joints, (joints, drives, strengths)),
-        (finish_joints, (joints, solver, constants, indices)),
-        (solve_contacts, (*solved, joints, strengths, constants)),
+    # What only worlds with joints need: they have the solver compiled once more.
+    jointed: list[tuple[str, Any, tuple[Any, ...]]] = [
+        ("prepare_joints", prepare_joints, (joints, drives, strengths)),
+        ("finish_joints", finish_joints, (joints, solver, constants, indices)),
+        ("solve_jointed_contacts", solve_contacts, (*solved, joints, strengths, constants)),
     ]
-    return _named(listed), _named(later)
+    named = [(function.__name__, function, arguments) for function, arguments in listed]
+    return _signed(named), _signed(jointed)
 
 
-def _named(listed: list[tuple[Any, tuple[Any, ...]]]) -> tuple[Kernel, ...]:
-    return tuple((f"physics.{function.__name__}", function, (signature_of(*a),)) for function, a in listed)
+def _signed(listed: list[tuple[str, Any, tuple[Any, ...]]]) -> tuple[Kernel, ...]:
+    return tuple((f"physics.{name}", function, (signature_of(*a),)) for name, function, a in listed)
 
 
-_LISTED, _JOINTED = _kernels()
-KERNELS = tuple(entry for entry in _LISTED if entry[1] not in LATER)
-LATER_KERNELS = tuple(entry for entry in _LISTED if entry[1] in LATER) + _JOINTED
+_ALL, _JOINTED = _kernels()
+KERNELS = tuple(entry for entry in _ALL if entry[1] not in LATER)
+LATER_KERNELS = (*(entry for entry in _ALL if entry[1] in LATER), *_JOINTED)

@@ -26,7 +26,6 @@ def write_coupling(block, joint, row, other, other_row, rows):
         body = joint.body[side]
         if body < 0 or joint.inverse_mass[side] == 0.0:
             continue
-        mass = joint.inverse_mass[side]
         for facing in range(2):
             if other.body[facing] != body:
                 continue
@@ -37,7 +36,7 @@ def write_coupling(block, joint, row, other, other_row, rows):
                     row_j = rows[other_row + j]
                     total = 0.0
                     for c in range(3):
-                        total += mass * row_i.direction[c] * row_j.direction[c]
+                        total += joint.axis_mass[3 * side + c] * row_i.direction[c] * row_j.direction[c]
                         total += row_i.arm[3 * side + c] * row_j.turn[3 * facing + c]
                     out[LOCKED * i + j] += sign * total
 

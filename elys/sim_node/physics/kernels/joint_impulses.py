@@ -58,13 +58,12 @@ def push(joint, row, impulse):
     turn = row.turn
     arm = row.arm
     applied = joint.applied
-    ma = impulse * joint.inverse_mass[0]
-    mb = impulse * joint.inverse_mass[1]
+    mass = joint.axis_mass
     for c in range(3):
         for at, change in (
-            (c, -ma * d[c]),
+            (c, -impulse * mass[c] * d[c]),
             (3 + c, -impulse * turn[c]),
-            (6 + c, mb * d[c]),
+            (6 + c, impulse * mass[3 + c] * d[c]),
             (9 + c, impulse * turn[3 + c]),
         ):
             v[at] += change

@@ -17,8 +17,9 @@ def turn_inertia(joint):
     out = joint.inertia
     for side in range(2):
         i = 6 * side
-        if source[i] == source[i + 1] and source[i] == source[i + 2] and source[i + 3] == 0.0 == source[i + 4]:
-            for k in range(6):  # as round as a ball, or immovable
+        is_round = source[i] == source[i + 1] and source[i] == source[i + 2] and source[i + 3] == 0.0 == source[i + 4]
+        if is_round or joint.turns_locked[side] != 0:
+            for k in range(6):  # as round as a ball, or immovable, or as it is about the axes that are free
                 out[i + k] = source[i + k]
             continue
         q = joint.turn
@@ -58,9 +59,9 @@ def write_turn(joint, row):
 def response(joint, row, other):
     """How much a unit impulse of one row changes the rate of another."""
     total = 0.0
-    mass = joint.inverse_mass[0] + joint.inverse_mass[1]
+    mass = joint.axis_mass
     for c in range(3):
-        total += mass * row.direction[c] * other.direction[c]
+        total += (mass[c] + mass[3 + c]) * row.direction[c] * other.direction[c]
     for c in range(6):
         total += row.turn[c] * other.arm[c]
     return total

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 from elys.sim_node.compilation import inner
+from elys.sim_node.physics.kernels.locks import TURNS
 from elys.sim_node.physics.kernels.rotation import multiplied, normalized, rotated, spun, turn_by
 from elys.sim_node.physics.kernels.tables import JOINTED
 from elys.sim_node.physics.kernels.trigonometry import arc_tangent
@@ -46,7 +47,7 @@ def turn_jointed(body, solved, drive, rest, turned, h):
     q = body.rotation
     inverse = body.inverse_inertia
     ix, iy, iz = inverse[0], inverse[1], inverse[2]
-    if ix * iy * iz == 0.0:
+    if ix * iy * iz == 0.0 or body.locked & TURNS:
         ix, iy, iz = 1.0, 1.0, 1.0
     x, y, z, w = turn_by(tx, ty, tz)
     x, y, z, w = multiplied(x, y, z, w, q[0], q[1], q[2], q[3])

@@ -16,6 +16,7 @@ from elys.sim_node.physics.kernels.joint_rows import (
     row_rate,
     write_rows,
 )
+from elys.sim_node.physics.kernels.locks import TURNS, free_part
 from elys.sim_node.physics.kernels.rotation import multiplied, rotated
 from elys.sim_node.physics.kernels.tables import AXIS, CONE, DYNAMIC, GEAR, JOINT_ROWS, LOCKED, MOTOR, STATIC
 
@@ -37,6 +38,9 @@ def place_start(bodies, drives, joint):
         row = joint.body[side]
         joint.mover[side] = -1
         joint.inverse_mass[side] = 0.0
+        joint.turns_locked[side] = 0
+        for c in range(3):
+            joint.axis_mass[3 * side + c] = 0.0
         for c in range(6):
             joint.start_inertia[6 * side + c] = 0.0
             joint.velocity[6 * side + c] = 0.0
@@ -52,6 +56,9 @@ def place_start(bodies, drives, joint):
                     joint.velocity[6 * side + c] = body.velocity[c]
             if body.motion == DYNAMIC:
                 joint.inverse_mass[side] = body.inverse_mass
+                joint.turns_locked[side] = 1 if body.locked & TURNS else 0
+                for c in range(3):
+                    joint.axis_mass[3 * side + c] = body.inverse_mass * free_part(body.locked, c)
                 for c in range(6):
                     joint.start_inertia[6 * side + c] = drives[row].inverse_inertia[c]
         arm[r], arm[r + 1], arm[r + 2] = rotated(x, y, z, w, anchor[r], anchor[r + 1], anchor[r + 2])

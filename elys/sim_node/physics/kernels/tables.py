@@ -385,6 +385,8 @@ JOINT = np.dtype(
         ("direct", "u1"),  # its locked rows are solved together with those of other joints
         ("locked", "i4"),  # how many rows are locked
         ("inverse_mass", "f8", 2),
+        ("axis_mass", "f8", 6),  # the same along the axes of the world, 0 along locked ones
+        ("turns_locked", "u1", 2),  # some turns of the body are locked
         ("start_inertia", "f8", 12),  # world inverse inertia as the step began
         ("start_arm", "f8", 6),  # from the centres of mass to the anchors
         ("start_frame", "f8", 8),  # world_from_joint
@@ -534,12 +536,6 @@ class Geometry(NamedTuple):
     clusters: Table  # (16,) CLUSTER
 
 
-def float_place(dtype: np.dtype[Any], field: str) -> int:
-    """Where a field of a table stands in a row of the table's flat float32 view."""
-    assert dtype.fields is not None
-    return dtype.fields[field][1] // 4
-
-
 class Joints(NamedTuple):
     """All that solving joints needs."""
 
@@ -555,6 +551,12 @@ class Joints(NamedTuple):
     loads: Table  # (N, 6) room, a row for each body
     rest: Table  # (N, 6) what single precision has left over of the solver's velocities
     turned: Table  # (N, 3) rotation vectors that bodies have turned by since the step began [rad]
+
+
+def float_place(dtype: np.dtype[Any], field: str) -> int:
+    """Where a field of a table stands in a row of the table's flat float32 view."""
+    assert dtype.fields is not None
+    return dtype.fields[field][1] // 4
 
 
 def grown(table: Table, count: int) -> Table:
