@@ -174,6 +174,29 @@ def test_a_trigger_notices_what_is_static_where_that_is_chosen(motion, trigger, 
     assert entered == ([(ZONE, GROUND)] if notices else [])
 
 
+@pytest.mark.parametrize("offset", [0.0, 0.5, 1.5])
+@pytest.mark.parametrize("zone", ["box", "mesh", "moving"])
+def test_a_bullet_through_a_thin_trigger_has_entered_and_left(zone, offset):
+    world = PhysicsWorld(WEIGHTLESS)
+    motion, velocity = (KINEMATIC, [-150, 0, 0]) if zone == "moving" else (STATIC, [0, 0, 0])
+    world.add_bodies(
+        [BALL, ZONE],
+        motion=[DYNAMIC, motion],
+        position=[[-5, offset, 0], [0, 0, 0]],
+        linear_velocity=[[150, 0, 0], velocity],
+    )
+    world.add_colliders([BALL], shape=SPHERE, radius=0.02)
+    if zone == "mesh":
+        vertices, triangles = floor(4)
+        turned = vertices[:, [1, 0, 2]] * [1, 0.25, 0.25]  # 2 m square, across the way
+        world.add_colliders([ZONE], shape=MESH, geometry=world.add_mesh(turned, triangles), trigger=True)
+    else:
+        world.add_colliders([ZONE], size=[[0.01, 2, 2]], trigger=True)
+    seen = told(world, steps=10)
+    assert [row[1:] for row in seen] == ([("entered", ZONE, BALL), ("exited", ZONE, BALL)] if offset < 1.0 else [])
+    assert world.bodies.linear_velocity[0].tolist() == [150, 0, 0]
+
+
 def test_triggers_do_not_notice_one_another():
     world = ball_before_zone()
     world.set_colliders([BALL], shape=SPHERE, radius=0.25, trigger=True)
