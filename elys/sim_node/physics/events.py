@@ -9,7 +9,8 @@ import numpy as np
 from elys.sim_node.physics import checks
 from elys.sim_node.physics.contacts import ContactStore
 from elys.sim_node.physics.kernels.events import describe_contacts, track_contacts, track_triggers
-from elys.sim_node.physics.kernels.tables import COLLIDER, MEETING, TOUCH, Geometry, Table
+from elys.sim_node.physics.kernels.tables import MEETING, TOUCH, Geometry, Table
+from elys.sim_node.physics.solving import SolverRoom
 from elys.sim_node.physics.states import (
     ContactEvents,
     EventChanges,
@@ -28,7 +29,6 @@ class EventLog:
 
     def __init__(self, contacts: ContactStore) -> None:
         self._contacts = contacts
-        self._shapes = np.zeros(2, COLLIDER)
         self._make_room(0)
         self.forget()
 
@@ -67,7 +67,7 @@ class EventLog:
             self._begun, self._ended = _with_removed(self._begun, self._ended, self._removed_contacts)
             self._removed_contacts = self._removed_contacts[:0]
 
-    def track_triggers(self, bodies: Array, colliders: Array, geometry: Geometry) -> None:
+    def track_triggers(self, bodies: Array, colliders: Array, room: SolverRoom, geometry: Geometry) -> None:
         """Finds what has entered and left triggers, after bodies were moved."""
         contacts = self._contacts
         entered = exited = 0
@@ -78,7 +78,10 @@ class EventLog:
                 contacts.pairs,
                 contacts.triggers,
                 contacts.trigger_count,
-                self._shapes,
+                room.starts_of_bodies,
+                room.fractions,
+                room.places,
+                room.shapes,
                 geometry,
                 self._entered_room,
                 self._exited_room,

@@ -286,7 +286,7 @@ class Step:
     def _track_triggers(self) -> None:
         assert self._events is not None
         colliders = self._colliders
-        self._events.track_triggers(self._bodies.rows, colliders.rows, colliders.geometry.arrays)
+        self._events.track_triggers(self._bodies.rows, colliders.rows, self._room, colliders.geometry.arrays)
 
     def _finish_step(self) -> Array:
         bodies = self._bodies

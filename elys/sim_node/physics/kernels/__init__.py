@@ -148,7 +148,7 @@ def _kernels() -> tuple[tuple[Kernel, ...], tuple[Kernel, ...]]:
         (describe_contacts, (*touching, touches)),
         (
             track_triggers,
-            (bodies, colliders, pairs, indices, 0, colliders, geometry, meetings, meetings),
+            (bodies, colliders, pairs, indices, 0, starts, numbers, bodies, colliders, geometry, meetings, meetings),
         ),
         (fatten_boxes, (bodies, colliders, indices, 0, indices, constants)),
         (place_colliders, (bodies, colliders, indices, 0, geometry)),

@@ -11,13 +11,16 @@ import math
 
 from elys.sim_node.compilation import inner, kernel
 from elys.sim_node.physics.kernels.midphase import has_parts
+from elys.sim_node.physics.kernels.narrow_phase import thinness
 from elys.sim_node.physics.kernels.parts import run_end
 from elys.sim_node.physics.kernels.placement import place_collider
-from elys.sim_node.physics.kernels.sweep import surface_distance
-from elys.sim_node.physics.kernels.tables import DYNAMIC, MESH, PLANE
+from elys.sim_node.physics.kernels.sleeping import AWAKE
+from elys.sim_node.physics.kernels.sweep import surface_distance, time_of_impact
+from elys.sim_node.physics.kernels.tables import DYNAMIC, MESH, PLANE, STATIC
 
 # A resting gap is 0 give or take rounding, and rounding must not end a contact [m].
 PARTED = 1e-6
+NEAR = 1e-4  # how close to a trigger counts as a visit on the way through [m]
 
 
 @inner
@@ -193,12 +196,56 @@ def name_visit(out, colliders, bodies, pair):
         name_pair(out, colliders, bodies, pair.b, pair.a)
 
 
+@inner
+def stay_put(bodies, colliders, pair, starts, fractions):
+    """Says of the bodies of a pair that they go their whole way, and of one that does not move that it was where it is."""
+    for side in range(2):
+        i = colliders[pair.a if side == 0 else pair.b].body
+        fractions[i] = 1.0
+        if bodies[i].motion == STATIC or bodies[i].asleep != AWAKE:
+            for k in range(3):
+                starts[i].position[k] = bodies[i].position[k]
+            for k in range(4):
+                starts[i].rotation[k] = bodies[i].rotation[k]
+
+
+@inner
+def passes(bodies, colliders, pair, starts, fractions, places, shapes, geometry):
+    """Whether two colliders that are apart met on the way of the step: they moved farther than they are thick."""
+    stay_put(bodies, colliders, pair, starts, fractions)
+    a = colliders[pair.a]
+    b = colliders[pair.b]
+    squared = 0.0
+    for k in range(3):
+        way = bodies[b.body].position[k] - starts[b.body].position[k]
+        way -= bodies[a.body].position[k] - starts[a.body].position[k]
+        squared += way * way
+    thin = thinness(a) + thinness(b)
+    if squared <= thin * thin:
+        return False
+    return time_of_impact(pair, colliders, bodies, starts, fractions, places, shapes, geometry, NEAR) <= 1.0
+
+
 @kernel
-def track_triggers(bodies, colliders, pairs, watched, watched_count, shapes, geometry, entered, exited):
+def track_triggers(
+    bodies,
+    colliders,
+    pairs,
+    watched,
+    watched_count,
+    starts,
+    fractions,
+    places,
+    shapes,
+    geometry,
+    entered,
+    exited,
+):
     """Finds what has entered and left triggers now that bodies have moved; returns how many of each.
 
-    Parameters: watched (P,) int32 lists the slots of awake pairs with a trigger, sorted; shapes (2,) COLLIDER is room;
-    entered and exited (P,) MEETING take what is found.
+    What went through one within the step has done both. Parameters: watched (P,) int32 lists the slots of awake pairs with a
+    trigger, sorted; starts (N,) holds where bodies were when the step began; fractions (N,) is room, as are places and shapes
+    of two rows; entered and exited (P,) MEETING take what is found.
     """
     entered_count = 0
     exited_count = 0
@@ -213,10 +260,16 @@ def track_triggers(bodies, colliders, pairs, watched, watched_count, shapes, geo
             inside = overlap(bodies, colliders, pair, shapes, geometry)
             pair.touched = 1 if inside else 0
             now = now or inside
-        if now and not was:
+        through = False
+        if not was and not now:
+            for q in range(begin, end):
+                through = through or passes(
+                    bodies, colliders, pairs[watched[q]], starts, fractions, places, shapes, geometry
+                )
+        if (now and not was) or through:
             name_visit(entered[entered_count], colliders, bodies, pairs[watched[begin]])
             entered_count += 1
-        elif was and not now:
+        if (was and not now) or through:
             name_visit(exited[exited_count], colliders, bodies, pairs[watched[begin]])
             exited_count += 1
         begin = end

@@ -174,6 +174,29 @@ def test_a_trigger_notices_what_is_static_where_that_is_chosen(motion, trigger, 
     assert entered == ([(ZONE, GROUND)] if notices else [])
 
 
+@pytest.mark.parametrize("offset", [0.0, 0.5, 1.5])
+@pytest.mark.parametrize("zone", ["box", "mesh", "moving"])
+def test_a_bullet_through_a_thin_trigger_has_entered_and_left(zone, offset):
+    world = PhysicsWorld(WEIGHTLESS)
+    motion, velocity = (KINEMATIC, [-150, 0, 0]) if zone == "moving" else (STATIC, [0, 0, 0])
+    world.add_bodies(
+        [BALL, ZONE],
+        motion=[DYNAMIC, motion],
+        position=[[-5, offset, 0], [0, 0, 0]],
+        linear_velocity=[[150, 0, 0], velocity],
+    )
+    world.add_colliders([BALL], shape=SPHERE, radius=0.02)
+    if zone == "mesh":
+        vertices, triangles = floor(4)
+        turned = vertices[:, [1, 0, 2]] * [1, 0.25, 0.25]  # 2 m square, across the way
+        world.add_colliders([ZONE], shape=MESH, geometry=world.add_mesh(turned, triangles), trigger=True)
+    else:
+        world.add_colliders([ZONE], size=[[0.01, 2, 2]], trigger=True)
+    seen = told(world, steps=10)
+    assert [row[1:] for row in seen] == ([("entered", ZONE, BALL), ("exited", ZONE, BALL)] if offset < 1.0 else [])
+    assert world.bodies.linear_velocity[0].tolist() == [150, 0, 0]
+
+
 def test_triggers_do_not_notice_one_another():
     world = ball_before_zone()
     world.set_colliders([BALL], shape=SPHERE, radius=0.25, trigger=True)
@@ -320,6 +343,33 @@ def test_a_box_that_slides_over_a_mesh_has_one_contact():
     assert kinds(told(world, steps=2)) == ["ended"]
 
 
+def test_a_contact_is_handed_from_one_triangle_of_a_mesh_to_another():
+    """From the floor to the wall, which was within the margin before: the two stay one contact."""
+    floor_corners = [[-4, 0, -8], [-4, 0, 8], [4, 0, -8]]
+    wall_corners = [[0.51, -1, -9], [0.51, -1, 1], [0.51, 9, -4]]
+    world = PhysicsWorld()
+    world.add_bodies([GROUND, BALL], motion=[STATIC, DYNAMIC], position=[[0, 0, 0], [0, 0.5, -4]])
+    mesh = world.add_mesh(floor_corners + wall_corners, [[0, 1, 2], [3, 4, 5]])
+    world.add_colliders([GROUND], shape=MESH, geometry=mesh)
+    world.add_colliders([BALL])
+    assert kinds(told(world, steps=5)) == ["begun"]
+    assert world.touching_count == 2
+    world.set_poses([BALL], position=[[0.011, 3.5, -4]], rotation=[[0, 0, 0, 1]])
+    assert told(world, steps=1) == []
+    np.testing.assert_allclose(world.events.contacts.persisting.normal, [[-1, 0, 0]], atol=1e-6)
+
+
+@pytest.mark.parametrize(("gap", "ends"), [(5e-7, False), (5e-6, True)])
+def test_a_gap_that_is_nothing_but_rounding_ends_no_contact(gap, ends):
+    world = PhysicsWorld(WEIGHTLESS)
+    world.add_bodies([GROUND, BALL], motion=[STATIC, DYNAMIC], position=[[0, -1, 0], [0, 0.5, 0]])
+    world.add_colliders([GROUND, BALL], shape=[BOX, SPHERE], size=[[20, 2, 20], [1, 1, 1]], radius=0.5)
+    assert kinds(told(world, steps=5)) == ["begun"]
+    world.set_poses([BALL], position=[[0, 0.5 + gap, 0]], rotation=[[0, 0, 0, 1]])
+    world.set_velocities([BALL], linear=[[0, 0, 0]])
+    assert kinds(told(world, steps=1)) == (["ended"] if ends else [])
+
+
 def test_the_colliders_own_entities_are_told_and_their_bodies():
     world = PhysicsWorld()
     world.add_bodies([GROUND, BALL], motion=[STATIC, DYNAMIC], position=[[0, -1, 0], [0, 0.5, 0]])
@@ -363,3 +413,19 @@ def test_events_can_be_switched_off_and_on():
     assert pairs_of(world.events.contacts.persisting) == []
     world.settings = on
     assert [row[1:] for row in told(world, steps=3)] == [("begun", GROUND, BALL)]
+
+
+def test_whether_events_are_told_changes_no_bit_of_the_motion():
+    hashes = set()
+    for events in (True, False):
+        rng = np.random.default_rng(5)
+        world = PhysicsWorld(PhysicsSettings(events=events))
+        world.add_bodies([GROUND, ZONE], motion=STATIC, position=[[0, -1, 0], [0, 1, 0]])
+        world.add_colliders([GROUND, ZONE], size=[[40, 2, 40], [3, 1, 3]], trigger=[False, True])
+        entities = np.arange(10, 60)
+        world.add_bodies(entities, position=rng.uniform([-2, 0.5, -2], [2, 8, 2], (50, 3)))
+        world.add_colliders(entities, shape=entities % 2, size=[0.6, 0.5, 0.7], radius=0.3, restitution=0.4)
+        for _ in range(150):
+            world.step(DT)
+        hashes.add(world.state_hash())
+    assert len(hashes) == 1
