@@ -3,6 +3,7 @@ however they are come by."""
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -149,7 +150,7 @@ def test_another_process_gives_the_same_bits(soak):
 def test_without_the_compiler_the_motion_is_the_same():
     world = run(5, 10, 12, extreme=False)
     printed = run_elsewhere("run(5, 10, 12, extreme=False).bodies.position.tolist()", NUMBA_DISABLE_JIT="1")
-    interpreted = np.array(eval(printed))
+    interpreted = np.array(json.loads(printed))
     assert len(world.contacts.point) > 0
     np.testing.assert_allclose(interpreted, world.bodies.position, atol=1e-5)
 

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 from elys.bus.messages.scene import ComponentSet
+from elys.bus.session import Session
+from elys.bus.transports.loopback import LoopbackBroker
 from elys.common.components import Collider, RigidBody, Transform
 from elys.common.ids import Entity
+from elys.common.scene import SceneSettings
+from elys.sim_node.node import SimulationNode
 from elys.sim_node.scene.delta import scene_changes
 from elys.sim_node.simulation import Simulation
 
@@ -129,3 +134,36 @@ def test_one_body_whose_numbers_are_none_does_not_spoil_the_ground(simulation) -
     moving = simulation.moving_bodies()
     assert moving.entity.tolist() == boxes
     assert moving.position[1:, 1] == pytest.approx([1.0] * 4, abs=0.02)
+
+
+def test_locked_axes_and_rolling_friction_reach_physics(simulation) -> None:
+    ground = [Transform(position=(0.0, -0.5, 0.0)), Collider(size=(100.0, 1.0, 100.0))]
+    simulation.world.spawn(ground)
+    hung = RigidBody(lock_move_y=True, lock_turn_x=True, lock_turn_z=True, angular_velocity=(1.0, 2.0, 3.0))
+    ball = RigidBody(linear_velocity=(2.0, 0.0, 0.0), angular_velocity=(0.0, 0.0, -4.0))
+    lamp = simulation.world.spawn([Transform(position=(0.0, 5.0, 0.0)), hung, Collider()])
+    rolling = Collider(shape="sphere", rolling_friction=0.01)
+    rolled = simulation.world.spawn([Transform(position=(9.0, 0.5, 0.0)), ball, rolling])
+    for _ in range(60):
+        simulation.step()
+    assert simulation.world.get(lamp, Transform).position == (0.0, 5.0, 0.0)
+    assert simulation.world.get(lamp, RigidBody).angular_velocity == (0.0, 2.0, 0.0)
+    slowed = 0.01 * 9.81 / 0.5 * 5.0 / 7.0
+    assert simulation.world.get(rolled, RigidBody).linear_velocity[0] == pytest.approx(2.0 - slowed, rel=1e-3)
+
+
+@pytest.mark.parametrize("choice", ["continue", "pause"])
+def test_a_problem_stops_time_if_that_was_chosen(choice) -> None:
+    async def run() -> tuple[bool, int]:
+        simulation = Simulation(settings=SceneSettings(on_problem=choice))
+        simulation.world.spawn([Transform(), Collider()])
+        simulation.world.spawn([Transform(position=(0.1, 0.2, 0.0)), RigidBody(), Collider()])
+        session = await Session.host(LoopbackBroker().listen(), name="it", kind="simulation", epoch=1)
+        node = SimulationNode(simulation, session, playing=True)
+        for _ in range(3):
+            if node.playing:
+                node.tick()
+        await session.close()
+        return node.playing, node.steps_done
+
+    assert asyncio.run(run()) == ((True, 3) if choice == "continue" else (False, 1))

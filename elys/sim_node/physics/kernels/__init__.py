@@ -47,6 +47,8 @@ LATER: tuple[Any, ...] = (
     find_closest,
     build_query_tree,
     refit_query_tree,
+    track_triggers,
+    describe_contacts,
 )
 
 

@@ -261,7 +261,9 @@ def test_a_profile_names_every_stage():
         "colour_contacts",
         "prepare_contacts",
         "solve_contacts",
+        "track_contacts",
         "finish_step",
+        "track_triggers",
         "put_to_sleep",
     ]
 
