@@ -170,7 +170,8 @@ def test_a_pile_of_every_shape_on_a_bumpy_field_stays_on_it_and_comes_to_rest():
     )
     run(world, 6.0)
     inside = world.bodies.position[1:]
-    assert world.take_problems() == []
+    # Some are put into others where they begin, and that is told.
+    assert {problem.cause for problem in world.take_problems()} <= {"deep_overlap"}
     assert (abs(inside[:, [0, 2]]) < 8.0).all() and (inside[:, 1] > 0.0).all()
     assert np.median(np.linalg.norm(world.bodies.linear_velocity[1:], axis=1)) < 0.05
     assert np.quantile(world.contacts.depth, 0.99) < 0.02

@@ -27,7 +27,8 @@ def test_a_tick_is_its_systems_in_order_each_timed(simulation):
     assert own == ["follow_changes", "simulate_physics", "propagate_transforms"]
     parts = sum(time for name, time in simulation.stage_times.items() if name.startswith("physics."))
     assert 0.0 < parts <= simulation.stage_times["simulate_physics"]
-    names = list(simulation.stage_times)
+    # What is new is looked at once, for whether it was put into something.
+    names = [name for name in simulation.stage_times if name != "physics.find_deep_overlaps"]
     simulation.step()
     assert (simulation.tick, simulation.time) == (2, pytest.approx(0.04))
     assert list(simulation.stage_times) == names
