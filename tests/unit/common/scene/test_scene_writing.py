@@ -27,7 +27,7 @@ CANONICAL = """\
 {
   "elys_scene": 1,
   "name": "Canonical – Größe",
-  "settings": {"gravity": [0, -1.62, 0], "substeps": 8},
+  "settings": {"gravity": [0, -1.62, 0], "substeps": 12},
   "entities": [
     {"name": "Group", "enabled": false},
     {
