@@ -61,7 +61,7 @@ def warm_kernels(progress: Progress | None = None, *, processes: int | None = No
             if progress is not None:
                 progress(name, done, len(kernels))
 
-    if kernels_are_warm() and not every:
+    if kernels_are_warm():
         for kernel in kernels:
             make_callable(kernel)
             ready(kernel.name)

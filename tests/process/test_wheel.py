@@ -33,14 +33,14 @@ world = PhysicsWorld()
 world.add_bodies([1, 2], motion=[2, 0], position=[[0, -0.5, 0], [0, 0.4, 0]])
 world.add_colliders([1, 2], size=[[9, 1, 9], [1, 1, 1]])
 world.step(1 / 60)
-warm_kernels()
+warm_kernels(every=True)
 kernels = all_kernels()
 print(json.dumps({
     "package": sys.modules["elys"].__file__,
     "is_warm": is_warm,
     "hits": {k.name: sum(k.function.stats.cache_hits.values()) for k in kernels},
     "misses": {k.name: sum(k.function.stats.cache_misses.values()) for k in kernels},
-    "signatures": {k.name: len(k.signatures) for k in kernels},
+    "signatures": {k.name: sum(len(o.signatures) for o in kernels if o.function is k.function) for k in kernels},
     "compiled": [str(e.data["dispatcher"]) for _, e in recorder.buffer],
     "missing": kernel_cache_report().missing,
     "hash": world.state_hash(),
