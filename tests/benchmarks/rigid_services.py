@@ -97,8 +97,7 @@ def growth(rows: list[SpeedRow]) -> list[ServiceRow]:
         ("one moves: 5000 asleep over 1000 asleep", "asleep-5000", "asleep-1000", 1.0, 1.2),
     ):
         if large in settled and small in settled:
-            labels = [engine.label for engine in engines() if engine.label in settled[large]]
-            figures = {label: share * settled[large][label] / settled[small][label] for label in labels}
+            figures = {label: share * time / settled[small][label] for label, time in settled[large].items()}
             found.append(ServiceRow(title, "1", figures, bound))
     return found
 
