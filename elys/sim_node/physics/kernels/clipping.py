@@ -15,7 +15,6 @@ from elys.sim_node.physics.kernels.rotation import cross
 from elys.sim_node.physics.kernels.support import face_count, face_normal
 from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CORNERS, CYLINDER, HULL, TRIANGLE
 
-HALF = 6 * CORNERS  # numbers in one outline
 DIAGONAL = math.sqrt(0.5)
 LEVEL = 0.02  # a cap that leans less shows a fixed octagon, so that its corners keep their names
 PARALLEL = 0.01  # squared sine of the angle between segments that touch along their length

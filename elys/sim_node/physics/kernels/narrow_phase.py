@@ -31,6 +31,8 @@ def pair_margin(first, second, a, b, constants):
         relative = second.velocity[k] - first.velocity[k]
         squared += relative * relative
     way = constants.time * math.sqrt(squared) + a.turning + b.turning
+    if not way >= 0.0:  # a velocity that is no number must not end the contacts of whoever it touches
+        way = 0.0
     return constants.margin + min(way, a.reach, b.reach), way > thinness(a) + thinness(b)
 
 
