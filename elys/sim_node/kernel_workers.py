@@ -72,20 +72,21 @@ def compile_in_processes(kernels: Sequence[Kernel], ready: Callable[[str], None]
 
     with contextlib.ExitStack() as stack:
         workers = [stack.enter_context(_started_worker()) for _ in range(processes)]
-        listeners = [
-            threading.Thread(target=_feed, args=(worker, shares.drawn_by(process), done), daemon=True)
-            for process, worker in enumerate(workers)
-        ]
+        listeners: list[threading.Thread] = []
         try:
-            for listener in listeners:
-                listener.start()
+            for process, worker in enumerate(workers):
+                listeners.append(
+                    threading.Thread(target=_feed, args=(worker, shares.drawn_by(process), done), daemon=True)
+                )
+                listeners[-1].start()
             for listener in listeners:
                 listener.join()
         except BaseException:  # a signal
             for worker in workers:
                 worker.kill()
             for listener in listeners:
-                listener.join()
+                if listener.ident is not None:  # started
+                    listener.join()
             raise
     for kernel in kernels:
         make_callable(kernel)

@@ -2,7 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
 from elys.sim_node.kernel_cache import kernels_are_warm, warm_kernels
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 
 def compile_with_progress() -> None:
@@ -13,15 +23,16 @@ def compile_with_progress() -> None:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+    console = Console(stderr=True)
     bar = Progress(
         TextColumn("Compiling kernels (once)"),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
         TextColumn("{task.description}"),
-        console=Console(stderr=True),
+        console=console,
     )
-    with bar:
+    with _ended_by_interrupt(console), bar:
         task = bar.add_task("", total=None)
 
         def show(name: str, index: int, total: int) -> None:
@@ -29,3 +40,25 @@ def compile_with_progress() -> None:
 
         warm_kernels(show)
         bar.update(task, description="done")
+
+
+@contextlib.contextmanager
+def _ended_by_interrupt(console: Console) -> Iterator[None]:
+    """Within it Ctrl-C ends the process at once.
+
+    An exception could be raised where nothing hears it, in a finalizer that runs just then, and the command would go on. There is
+    nothing to finish: the compiling processes die with this one, and what they had ready stays in the cache.
+    """
+
+    def end(number: int, frame: Any) -> None:
+        console.show_cursor(True)
+        os._exit(128 + number)
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
