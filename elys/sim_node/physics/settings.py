@@ -13,6 +13,7 @@ from elys.common.errors import PhysicsError
 from elys.sim_node.physics.kernels.tables import CONSTANTS, MOST_ATTRACTORS, STRENGTH, Table
 
 MOST_STRENGTHS = 8
+MOST_THREADS = 64
 
 
 Rule = Literal["geometric_mean", "minimum", "maximum", "average", "multiply"]
@@ -41,6 +42,7 @@ class PhysicsSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
 
     gravity: Vec3 = (0.0, -9.81, 0.0)  # [m/s^2]
     substeps: int = 8  # parts of a step; contacts are solved in each. Half of it in islands of very many bodies
+    threads: int = 1  # that work on a step together where it is large; what comes out is the same bit for bit
     strengths: int = 5  # how often substeps may be doubled for islands that need it, that and one
     contact_overlap: float = 1.1e-3  # more than this no contact of a small island shall give way [m]
     contact_stiffness: float = (
@@ -90,6 +92,8 @@ class PhysicsSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
             raise PhysicsError(f"PhysicsSettings.on_problem must be continue or pause, not {self.on_problem!r}")
         if not 1 <= self.substeps <= 64:
             raise PhysicsError(f"PhysicsSettings.substeps must be from 1 to 64, not {self.substeps}")
+        if not 1 <= self.threads <= MOST_THREADS:
+            raise PhysicsError(f"PhysicsSettings.threads must be from 1 to {MOST_THREADS}, not {self.threads}")
         if not 1 <= self.strengths <= MOST_STRENGTHS:
             raise PhysicsError(f"PhysicsSettings.strengths must be from 1 to {MOST_STRENGTHS}, not {self.strengths}")
         if not 0.0 < self.contact_stiffness <= 0.25:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from elys.sim_node.physics.contacts import ContactStore
 from elys.sim_node.physics.kernels.batch import FLOATS
 from elys.sim_node.physics.kernels.colouring import KEYS, OVERFLOW
 from elys.sim_node.physics.kernels.simd import LANES
@@ -21,6 +22,7 @@ from elys.sim_node.physics.kernels.tables import (
     SOLVER_DRIVE,
     SPAN,
     START,
+    SolverWork,
 )
 from elys.sim_node.physics.settings import MOST_STRENGTHS
 
@@ -43,6 +45,27 @@ class SolverRoom:
         self._make_body_room(0)
         self._make_contact_room(0)
         self.make_batch_room(16)
+
+    def work(self, contacts: ContactStore) -> SolverWork:
+        """All that the contact solver works on."""
+        return SolverWork(
+            self.groups,
+            self.spans,
+            self.held,
+            self.body_a,
+            self.body_b,
+            self.slots,
+            self.counts,
+            self.batches,
+            self.solver_bodies,
+            self.solver,
+            self.drives,
+            self.drive,
+            contacts.manifolds,
+            contacts.flat_manifolds,
+            self.rows,
+            self.row_points,
+        )
 
     def reserve(self, body_count: int, contact_count: int, strength_count: int) -> bool:
         """Makes room, by doubling, for so many bodies and touching pairs, and just as many groups as there are strengths.

@@ -27,11 +27,15 @@ from elys.sim_node.physics.kernels.solver import solve_contacts
 from elys.sim_node.physics.kernels.sweep import stop_at_impacts
 from elys.sim_node.physics.kernels.tables import Table
 from elys.sim_node.physics.solving import SolverRoom
+from elys.sim_node.physics.team import Team
 
 Array = np.ndarray[Any, Any]
 Result = TypeVar("Result")
 
+ENOUGH = 300  # contacts for each thread
+
 _NONE: Array = np.zeros(0, np.int32)
+_ALONE = Team(1)
 
 
 class Step:
@@ -46,6 +50,7 @@ class Step:
         activity: Activity,
         events: EventLog | None,
         room: SolverRoom,
+        team: Team,
         constants: Table,
         strengths: Table,
         *,
@@ -59,6 +64,7 @@ class Step:
         self._events = events
         self._sleeping = sleeping
         self._room = room
+        self._team = team
         self._constants = constants
         self._strengths = strengths
         self._held_end = 0
@@ -215,20 +221,9 @@ class Step:
             self._strengths,
             self._constants,
         )
-        prepare_contacts(
-            room.groups,
-            room.spans,
-            room.body_a,
-            room.body_b,
-            room.slots,
-            room.counts,
-            room.batches,
-            room.solver,
-            room.drive,
-            contacts.flat_manifolds,
-            self._strengths,
-            self._constants,
-        )
+        work = room.work(contacts)
+        given = (work, self._strengths, self._constants)
+        self._present_team.run(lambda thread, threads: prepare_contacts(*given, thread, threads))
         prepare_impacts(
             self._bodies.rows,
             self._colliders.rows,
@@ -254,29 +249,17 @@ class Step:
         return joints.broken_room[:count].copy() if count else _NONE
 
     def _solve_contacts(self) -> None:
-        room, contacts = self._room, self._contacts
-        solve_contacts(
-            room.groups,
-            room.spans,
-            room.held,
-            self._held_end,
-            room.body_a,
-            room.body_b,
-            room.slots,
-            room.counts,
-            room.batches,
-            room.solver_bodies,
-            room.solver,
-            room.drives,
-            room.drive,
-            contacts.manifolds,
-            contacts.flat_manifolds,
-            room.rows,
-            room.row_points,
-            self._joints.tables if len(self._joints.rows) else None,
-            self._strengths,
-            self._constants,
-        )
+        work = self._room.work(self._contacts)
+        joints = self._joints.tables if len(self._joints.rows) else None
+        given = (work, self._held_end, joints, self._strengths, self._constants)
+        team = self._present_team
+        team.run(lambda thread, threads: solve_contacts(*given, team.table, thread, threads))
+
+    @property
+    def _present_team(self) -> Team:
+        """Who works on the contacts: fewer than so many are done before others have come."""
+        is_large = self._contacts.touching_count >= ENOUGH * self._team.threads
+        return self._team if is_large else _ALONE
 
     def _track_contacts(self) -> None:
         assert self._events is not None

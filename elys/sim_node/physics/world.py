@@ -29,6 +29,7 @@ from elys.sim_node.physics.settings import PhysicsSettings, SceneTraits, step_co
 from elys.sim_node.physics.solving import SolverRoom
 from elys.sim_node.physics.states import BodyStates, ContactPoints, Energy, EventChanges, Momentum, Problem, WorldEvents
 from elys.sim_node.physics.stepping import Step
+from elys.sim_node.physics.team import Team
 
 Array = np.ndarray[Any, Any]
 
@@ -40,6 +41,7 @@ class PhysicsWorld(WorldJoints):
         self.settings = settings or PhysicsSettings()
         super().__init__()
         self._room = SolverRoom()
+        self._team = Team(self.settings.threads)
         self._step: Step | None = None
         self._step_plan: tuple[float, PhysicsSettings, SceneTraits] | None = None
         self._problems: list[Problem] = []
@@ -407,6 +409,8 @@ class PhysicsWorld(WorldJoints):
         if self._step is None or self._step_plan != plan:
             if self._step_plan is not None and self._step_plan[1] != self.settings:
                 self._activity.wake_all()
+            if self._team.asked != self.settings.threads:
+                self._team = Team(self.settings.threads)
             if not self.settings.events:
                 self._events.forget()
             constants = step_constants(self.settings, dt, traits)
@@ -419,6 +423,7 @@ class PhysicsWorld(WorldJoints):
                 self._activity,
                 self._events if self.settings.events else None,
                 self._room,
+                self._team,
                 constants,
                 strengths,
                 sleeping=self.settings.sleeping,

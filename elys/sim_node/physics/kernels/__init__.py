@@ -31,6 +31,7 @@ from elys.sim_node.physics.kernels.sleeping import list_awake, put_to_sleep, wak
 from elys.sim_node.physics.kernels.solver import solve_contacts
 from elys.sim_node.physics.kernels.state_hash import hash_bodies
 from elys.sim_node.physics.kernels.sweep import stop_at_impacts
+from elys.sim_node.physics.kernels.team import new_team
 from elys.sim_node.physics.kernels.tree import build_tree
 from elys.sim_node.physics.kernels.wide_tree import build_wide_tree, refit_wide_tree
 
@@ -104,8 +105,8 @@ def _kernels() -> tuple[tuple[Kernel, ...], tuple[Kernel, ...]]:
     probes = (np.zeros(1, tables.CONVEX), vectors, np.zeros(1, TOUCH))
     answer = (places, indices, entities, numbers, vectors, vectors)
     links = np.zeros((1, 2), np.int32)
-    solved = (
-        *(groups, spans, indices, 0, *lanes, floats, solver, floats, drives, floats),
+    work = tables.SolverWork(
+        *(groups, spans, indices, *lanes, floats, solver, floats, drives, floats),
         *(manifolds, floats, rows, row_points),
     )
     joints = tables.Joints(
@@ -178,29 +179,32 @@ def _kernels() -> tuple[tuple[Kernel, ...], tuple[Kernel, ...]]:
         (list_held, (bodies, indices, 0, indices, groups)),
         (colour_contacts, (*touching, masks, indices, indices, indices, indices, groups, spans, *lanes)),
         (prepare_bodies, (bodies, forces, indices, 0, groups, solver, drives, strengths, constants)),
-        (prepare_contacts, (groups, spans, *lanes, floats, floats, floats, floats, strengths, constants)),
+        (prepare_contacts, (work, strengths, constants, 0, 1)),
         (prepare_impacts, (*touching, rows, row_points, groups, solver, drives, constants)),
         (
             update_simple_manifolds,
             (bodies, colliders, pairs, indices, 0, manifolds, found, constants, *lanes),
         ),
         (update_manifolds, (bodies, colliders, pairs, indices, 0, manifolds, found, geometry, constants, *lanes)),
-        (solve_contacts, (*solved, None, strengths, constants)),
+        (solve_contacts, (work, 0, None, strengths, constants, None, 0, 1)),
     ]
-    # What only worlds with joints need: they have the solver compiled once more.
-    jointed: list[tuple[str, Any, tuple[Any, ...]]] = [
+    # What only worlds with joints need, or with several threads: they have the solver compiled once more.
+    team = new_team()
+    others: list[tuple[str, Any, tuple[Any, ...]]] = [
         ("prepare_joints", prepare_joints, (joints, drives, strengths)),
         ("finish_joints", finish_joints, (joints, solver, constants, indices)),
-        ("solve_jointed_contacts", solve_contacts, (*solved, joints, strengths, constants)),
+        ("solve_jointed_contacts", solve_contacts, (work, 0, joints, strengths, constants, None, 0, 1)),
+        ("solve_shared_contacts", solve_contacts, (work, 0, None, strengths, constants, team, 0, 1)),
+        ("solve_shared_jointed_contacts", solve_contacts, (work, 0, joints, strengths, constants, team, 0, 1)),
     ]
     named = [(function.__name__, function, arguments) for function, arguments in listed]
-    return _signed(named), _signed(jointed)
+    return _signed(named), _signed(others)
 
 
 def _signed(listed: list[tuple[str, Any, tuple[Any, ...]]]) -> tuple[Kernel, ...]:
     return tuple((f"physics.{name}", function, (signature_of(*a),)) for name, function, a in listed)
 
 
-_ALL, _JOINTED = _kernels()
+_ALL, _OTHERS = _kernels()
 KERNELS = tuple(entry for entry in _ALL if entry[1] not in LATER)
-LATER_KERNELS = (*(entry for entry in _ALL if entry[1] in LATER), *_JOINTED)
+LATER_KERNELS = (*(entry for entry in _ALL if entry[1] in LATER), *_OTHERS)

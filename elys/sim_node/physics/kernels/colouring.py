@@ -140,6 +140,7 @@ def colour_contacts(
             if place == end:
                 continue
             spans[span].first = batch
+            spans[span].is_serial = 1 if colour == OVERFLOW else 0
             together = LANES if colour < COLOURS else 1
             while place < end:
                 counts[batch] = 0

@@ -10,6 +10,7 @@ from elys.sim_node.physics.kernels.impact import response_along
 from elys.sim_node.physics.kernels.integrator import begin_body, begin_nobody
 from elys.sim_node.physics.kernels.rotation import cross
 from elys.sim_node.physics.kernels.tables import POINTS
+from elys.sim_node.physics.kernels.team import share
 
 
 @kernel
@@ -29,27 +30,29 @@ def prepare_bodies(bodies, forces, held, held_end, groups, solver_bodies, drives
 
 
 @kernel
-def prepare_contacts(
-    groups, spans, body_a, body_b, slots, counts, batches, solver, drive, manifolds, strengths, all_constants
-):
-    """Fills all batches; `solver`, `drive` and `manifolds` are flat float32 views of their tables."""
+def prepare_contacts(work, strengths, all_constants, thread, threads):
+    """Fills the batches that are one thread's share."""
     constants = all_constants[0]
+    groups, spans = work.groups, work.spans
     for g in range(groups.shape[0]):
-        for s in range(groups[g].first_span, groups[g].last_span):
-            for batch in range(spans[s].first, spans[s].last):
-                write_batch(
-                    batches,
-                    batch,
-                    counts[batch],
-                    body_a,
-                    body_b,
-                    slots,
-                    solver,
-                    drive,
-                    manifolds,
-                    constants,
-                    strengths[g].substep,
-                )
+        if groups[g].first_span == groups[g].last_span:
+            continue
+        first, last = spans[groups[g].first_span].first, spans[groups[g].last_span - 1].last
+        begin, end = share(first, last, thread, threads)
+        for batch in range(begin, end):
+            write_batch(
+                work.batches,
+                batch,
+                work.counts[batch],
+                work.body_a,
+                work.body_b,
+                work.slots,
+                work.solver,
+                work.drive,
+                work.flat_manifolds,
+                constants,
+                strengths[g].substep,
+            )
 
 
 @inner

@@ -494,8 +494,8 @@ ISLAND = np.dtype(
     align=True,
 )
 
-# Batches [first, last) that belong together: a colour's.
-SPAN = np.dtype([("first", "i4"), ("last", "i4")])
+# Batches [first, last) that belong together: a colour's, or what no colour was left for, which has to be solved in its order.
+SPAN = np.dtype([("first", "i4"), ("last", "i4"), ("is_serial", "i4")])
 
 # Islands of one strength: their bodies in `held` and their colours in a table of SPANs.
 GROUP = np.dtype(
@@ -535,6 +535,27 @@ class Geometry(NamedTuple):
     convex: Table  # (2,) CONVEX
     simplex: Table  # (1,) SIMPLEX
     clusters: Table  # (16,) CLUSTER
+
+
+class SolverWork(NamedTuple):
+    """What the contact solver works on: G groups, S spans, B batches, N bodies, M manifolds."""
+
+    groups: Table  # (G,) GROUP
+    spans: Table  # (S,) SPAN
+    held: Table  # (N,) body rows, those of each group together, then those that no force moves
+    body_a: Table  # (8 B,) body rows of each lane
+    body_b: Table  # (8 B,)
+    slots: Table  # (8 B,) manifold rows
+    counts: Table  # (B,) points of the manifold with most
+    batches: Table  # float32, see kernels/batch.py
+    solver_bodies: Table  # (N + 1,) SOLVER_BODY
+    solver: Table  # their flat float32 view
+    drives: Table  # (N + 1,) SOLVER_DRIVE
+    drive: Table  # their flat float32 view
+    manifolds: Table  # (M,) MANIFOLD
+    flat_manifolds: Table  # their flat float32 view
+    rows: Table  # ROW, what may bounce
+    row_points: Table  # ROW_POINT
 
 
 class Joints(NamedTuple):

@@ -1,0 +1,51 @@
+"""Threads that take part in a step."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, wait
+from typing import Any
+
+import numpy as np
+from numba import config
+
+from elys.sim_node.physics.kernels.team import give_up, new_team
+
+Array = np.ndarray[Any, Any]
+
+
+class Team:
+    """The calling thread and `threads` - 1 others, which wait without work between its calls.
+
+    More threads than processors would wait for each other's turn in every colour of contacts: there are never more.
+    """
+
+    def __init__(self, threads: int) -> None:
+        self.asked = threads
+        usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        self.threads = 1 if config.DISABLE_JIT else min(threads, usable)
+        self._table = new_team()
+        self._others = ThreadPoolExecutor(self.threads - 1, "elys-physics") if self.threads > 1 else None
+
+    @property
+    def table(self) -> Array | None:
+        """What kernels meet in; None for one thread."""
+        return self._table if self._others is not None else None
+
+    def run(self, work: Callable[[int, int], None]) -> None:
+        """Calls work(thread, threads) in every thread, and returns when all have come back."""
+        if self._others is None:
+            work(0, 1)
+            return
+        others = [self._others.submit(work, thread, self.threads) for thread in range(1, self.threads)]
+        try:
+            work(0, self.threads)
+        except BaseException:  # a signal, before or after the kernel ran
+            give_up(self._table)
+            self._table = new_team()
+            raise
+        finally:
+            wait(others)
+        for other in others:
+            other.result()
