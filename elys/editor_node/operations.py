@@ -195,6 +195,4 @@ class Operations:
 
 
 def _renamed(record: EntityRecord, name: str) -> EntityRecord:
-    return EntityRecord(
-        name=name, parent=record.parent, enabled=record.enabled, components=record.components, prefab=record.prefab
-    )
+    return msgspec.structs.replace(record, name=name)
