@@ -4,20 +4,27 @@ from __future__ import annotations
 
 import difflib
 import os
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, NoReturn
 
 from elys.common.assets.gltf import MODEL_SUFFIXES, ImportedModel, import_model
+from elys.common.assets.heights import HEIGHT_SUFFIXES, read_height_mesh, read_heights
 from elys.common.assets.images import IMAGE_SUFFIXES, read_image
 from elys.common.assets.primitives import PRIMITIVES, is_primitive
-from elys.common.assets.store import AssetStore, is_reference
+from elys.common.assets.store import AssetKind, AssetStore, is_reference
 from elys.common.components import Kind, declaration_of
 from elys.common.errors import AssetError, SceneError
 from elys.common.scene_document import ComponentChanges, ComponentValues, EntityNode, EntityRecord, SceneDocument
 from elys.common.scene_naming import Names
 from elys.common.scene_reading import read_scene
 
+# Ground may be named where it is collided with, and where it is drawn.
+_HEIGHT_READERS: Final[Mapping[AssetKind | None, Callable[[Path, AssetStore], str]]] = {
+    "heights": read_heights,
+    "mesh": read_height_mesh,
+}
 MAX_EXPANDED: Final = 1_000_000  # a few prefabs inside one another could ask for any number of entities
 
 
@@ -79,7 +86,7 @@ class _Expansion:
     drafts: list[_Draft] = field(default_factory=list)
     documents: dict[Path, SceneDocument] = field(default_factory=dict)
     models: dict[Path, ImportedModel] = field(default_factory=dict)
-    images: dict[Path, str] = field(default_factory=dict)
+    files: dict[tuple[str, Path], str] = field(default_factory=dict)  # what was read, and as what
     references: list[_Reference] = field(default_factory=list)  # still to be looked up
 
 
@@ -239,33 +246,49 @@ def _asset(job: _Expansion, value: str, field_name: str, place: _Place) -> str:
     """The content reference for what an ASSET field says."""
     if is_primitive(value) or value.partition(":")[0].endswith(".py"):
         return value
-    reference = value if is_reference(value) else _file_asset(job, value, place)
+    reference = value if is_reference(value) else _file_asset(job, value, field_name, place)
     if not job.assets.has(reference):
         _fail(place, f"there is no asset {value}; name the file it comes from")
-    expected = "mesh" if field_name == "mesh" else "image" if field_name.endswith("_texture") else None
+    expected = _expected_kind(field_name)
     kind = job.assets.kind(reference)
     if expected and kind and kind != expected:
         _fail(place, f"{value} is a {kind}, expected a {expected}")
     return reference
 
 
-def _file_asset(job: _Expansion, value: str, place: _Place) -> str:
+def _expected_kind(field_name: str) -> AssetKind | None:
+    if field_name.endswith("_texture"):
+        return "image"
+    return "mesh" if field_name == "mesh" else "heights" if field_name == "heights" else None
+
+
+def _file_asset(job: _Expansion, value: str, field_name: str, place: _Place) -> str:
     name, _, fragment = value.partition("#")
     suffix = Path(name).suffix.lower()
     if suffix in MODEL_SUFFIXES:
         model = _model(job, _path(place.directory, name, place), place)
         return _part_of_model(model, Path(name).name, fragment, place)
+    expected = _expected_kind(field_name)
+    if expected in _HEIGHT_READERS and suffix in HEIGHT_SUFFIXES:
+        return _read_once(job, expected, _HEIGHT_READERS[expected], _path(place.directory, name, place), place)
     if suffix in IMAGE_SUFFIXES:
-        path = _path(place.directory, name, place)
-        if path not in job.images:
-            try:
-                job.images[path] = read_image(path, job.assets)
-            except AssetError as error:
-                _fail(place, str(error), error)
-        return job.images[path]
+        return _read_once(job, "image", read_image, _path(place.directory, name, place), place)
+    if expected == "heights":
+        _fail(place, f"{value!r} is no file of heights; those are {' and '.join(HEIGHT_SUFFIXES)} files")
     close = difflib.get_close_matches(value.lower(), list(PRIMITIVES), n=1, cutoff=0.6)
     remedy = f"did you mean '{close[0]}'?" if close else f"built in are {', '.join(PRIMITIVES)}"
     return _fail(place, f"{value!r} is no mesh that is built in, no model and no image; {remedy}")
+
+
+def _read_once(
+    job: _Expansion, kind: AssetKind, read: Callable[[Path, AssetStore], str], path: Path, place: _Place
+) -> str:
+    if (kind, path) not in job.files:
+        try:
+            job.files[kind, path] = read(path, job.assets)
+        except AssetError as error:
+            _fail(place, str(error), error)
+    return job.files[kind, path]
 
 
 def _part_of_model(model: ImportedModel, name: str, fragment: str, place: _Place) -> str:
