@@ -189,7 +189,9 @@ def _name_of(job: _Collapse, record: EntityRecord, key: str, target: int) -> str
     try:
         return job.names.name_of(target)
     except SceneError as error:
-        raise SceneError(f"'{record.name}' cannot be saved, whose {key} is '{job.records[target].name}': {error}") from error
+        raise SceneError(
+            f"'{record.name}' cannot be saved, whose {key} is '{job.records[target].name}': {error}"
+        ) from error
 
 
 def _differences(was: ComponentValues, now: ComponentValues) -> ComponentChanges:

@@ -21,7 +21,7 @@ from elys.common.scene_naming import Names
 from elys.common.scene_reading import read_scene
 
 # Ground may be named where it is collided with, and where it is drawn.
-_HEIGHT_READERS: Final[Mapping[AssetKind | None, Callable[[Path, AssetStore], str]]] = {
+_HEIGHT_READERS: Final[Mapping[AssetKind, Callable[[Path, AssetStore], str]]] = {
     "heights": read_heights,
     "mesh": read_height_mesh,
 }
@@ -269,7 +269,7 @@ def _file_asset(job: _Expansion, value: str, field_name: str, place: _Place) -> 
         model = _model(job, _path(place.directory, name, place), place)
         return _part_of_model(model, Path(name).name, fragment, place)
     expected = _expected_kind(field_name)
-    if expected in _HEIGHT_READERS and suffix in HEIGHT_SUFFIXES:
+    if expected is not None and expected in _HEIGHT_READERS and suffix in HEIGHT_SUFFIXES:
         return _read_once(job, expected, _HEIGHT_READERS[expected], _path(place.directory, name, place), place)
     if suffix in IMAGE_SUFFIXES:
         return _read_once(job, "image", read_image, _path(place.directory, name, place), place)

@@ -81,8 +81,6 @@ def scene_records(scene: EditorScene) -> list[EntityRecord]:
             records.append(msgspec.structs.replace(record, parent=parent, references=within))
     # Those to what stands under other roots are known only now.
     return [
-        msgspec.structs.replace(
-            record, references={**record.references, **take_references(record.components, row_of)}
-        )
+        msgspec.structs.replace(record, references={**record.references, **take_references(record.components, row_of)})
         for record in records
     ]

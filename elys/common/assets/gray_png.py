@@ -30,7 +30,9 @@ def decode_gray_png(data: bytes, *, most_pixels: int) -> NDArray[np.float64]:
         raise AssetError("it is no PNG, or damaged: it has no header")
     width, height, depth, color, _, _, interlace = _HEADER.unpack(chunks[b"IHDR"])
     if color != _GRAY:
-        raise AssetError("it is a PNG in colour or with transparency; save it as grayscale, of 16 bits for smooth ground")
+        raise AssetError(
+            "it is a PNG in colour or with transparency; save it as grayscale, of 16 bits for smooth ground"
+        )
     if depth not in (8, 16):
         raise AssetError(f"it has {depth} bits a pixel; save it with 16")
     if interlace:

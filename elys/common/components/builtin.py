@@ -65,7 +65,10 @@ class Collider(Component, frozen=True):
     ] = (1.0, 1.0, 1.0)
     heights: Annotated[
         str,
-        about("Of a height field: grayscale PNG, black 0 and white 1, or .npy. North up: x to the right, z down.", kind=Kind.ASSET),
+        about(
+            "Of a height field: grayscale PNG, black 0 and white 1, or .npy. North up: x to the right, z down.",
+            kind=Kind.ASSET,
+        ),
     ] = ""
     radius: Annotated[
         float, about("Radius of a sphere, capsule or cylinder, before scale.", unit="m", minimum=1e-4, step=0.05)
@@ -158,7 +161,9 @@ class Joint(Component, frozen=True):
     spring_limit: Annotated[
         float, about("Most torque or force of the spring; 0 for any.", unit="N m | N", minimum=0.0, step=1.0)
     ] = 0.0
-    motor_speed: Annotated[float, about("Wanted speed of the coordinate; 0 brakes.", unit="rad/s | m/s", step=0.1)] = 0.0
+    motor_speed: Annotated[float, about("Wanted speed of the coordinate; 0 brakes.", unit="rad/s | m/s", step=0.1)] = (
+        0.0
+    )
     motor_limit: Annotated[
         float, about("Most torque or force of the motor; 0 for none.", unit="N m | N", minimum=0.0, step=1.0)
     ] = 0.0
@@ -172,9 +177,7 @@ class Joint(Component, frozen=True):
     drive_torque: Annotated[float, about("Of a motor: its most torque.", unit="N m", minimum=0.0, step=1.0)] = 0.0
     joint_a: Annotated[int, about("Of a gear: entity with the first joint.", kind=Kind.ENTITY)] = 0
     joint_b: Annotated[int, about("Of a gear: entity with the second joint.", kind=Kind.ENTITY)] = 0
-    ratio: Annotated[
-        float, about("Of a gear: change of the second coordinate for one of the first.", step=0.1)
-    ] = 1.0
+    ratio: Annotated[float, about("Of a gear: change of the second coordinate for one of the first.", step=0.1)] = 1.0
     break_force: Annotated[float, about("Breaks above it; 0 for never.", unit="N", minimum=0.0, step=10.0)] = 0.0
     break_torque: Annotated[float, about("Breaks above it; 0 for never.", unit="N m", minimum=0.0, step=10.0)] = 0.0
     broken: Annotated[bool, about("Holds nothing: set when it breaks, and taken away to join again.")] = False

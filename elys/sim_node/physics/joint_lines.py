@@ -82,7 +82,8 @@ def _limits(row: Array, anchors: Array, frame: Array) -> Array:
         around = np.linspace(0.0, 2.0 * math.pi, _ARC_STEPS + 1)
         swing = float(row["swing_limit"])
         rim = np.stack(
-            [np.full_like(around, math.cos(swing)), math.sin(swing) * np.cos(around), math.sin(swing) * np.sin(around)], axis=1
+            [np.full_like(around, math.cos(swing)), math.sin(swing) * np.cos(around), math.sin(swing) * np.sin(around)],
+            axis=1,
         )
         lines.append(_polyline(anchors[1] + LENGTH * quaternion.rotate(frame, rim)))
     return np.concatenate(lines)

@@ -57,7 +57,9 @@ class JointDescription(JointDrive, total=False):
     anchor_b: ArrayLike  # without it where anchor_a stands now (the entity's own place for a distance joint)
     axis_a: ArrayLike  # (N, 3) of a hinge, slider or cone in the entity's space; x where nothing is said
     axis_b: ArrayLike  # without it parallel to axis_a now
-    rest_rotation: ArrayLike  # (N, 4) how b is turned in a's space where angles are 0, instead of axis_b; without it as now
+    rest_rotation: (
+        ArrayLike  # (N, 4) how b is turned in a's space where angles are 0, instead of axis_b; without it as now
+    )
     turned: ArrayLike  # (N,) with rest_rotation: about what a hinge's or cone's angle is now, to count turns on [rad]
     frequency: ArrayLike  # (N,) of what the joint locks [Hz]; 0 is rigid
     damping_ratio: ArrayLike  # (N,)

@@ -61,7 +61,9 @@ def fitted(joint: Joint, ends: Ends, row: int) -> dict[str, Any]:
     return changes
 
 
-def frames(world: World, entities: Entities, others: Entities, own_bodies: Entities, other_bodies: Entities) -> dict[str, Values]:
+def frames(
+    world: World, entities: Entities, others: Entities, own_bodies: Entities, other_bodies: Entities
+) -> dict[str, Values]:
     """Anchors, axes and rest rotations of N joints, `a` being the other's body and `b` the joint's own."""
     ends = Ends(world, entities, others)
     table = world.table(Joint)
@@ -71,9 +73,7 @@ def frames(world: World, entities: Entities, others: Entities, own_bodies: Entit
     anchor_b, b_from_own = _in_bodies(world, own_bodies, entities, own_anchor, ends.own_rotation)
     anchor_a, a_from_other = _in_bodies(world, other_bodies, others, other_anchor, ends.other_rotation)
     other_from_own = table.column("rest_rotation")[rows]
-    a_from_b = quaternion.multiply(
-        quaternion.multiply(a_from_other, other_from_own), quaternion.conjugate(b_from_own)
-    )
+    a_from_b = quaternion.multiply(quaternion.multiply(a_from_other, other_from_own), quaternion.conjugate(b_from_own))
     axis = quaternion.rotate(quaternion.multiply(a_from_other, other_from_own), table.column("axis")[rows])
     # A motor's velocities are along the axes of its frame, which are to be those of the other.
     axis[table.column("kind")[rows] == MOTOR] = (1.0, 0.0, 0.0)

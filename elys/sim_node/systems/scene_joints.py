@@ -111,7 +111,8 @@ class SceneJoints:
                 continue
             is_fitted = self._fit(Entity(entity), joint)
             if is_fitted:
-                held = held._replace(**_fields(self._world.get(Entity(entity), Joint)))
+                now = self._world.get(Entity(entity), Joint)
+                held = held._replace(build=_build(now), drive=_drive(now))
             known = self._held.get(entity)
             if known is not None and known._replace(drive=()) == held._replace(drive=()):
                 if known.drive != held.drive:
@@ -131,8 +132,10 @@ class SceneJoints:
         if joint.kind == "gear":
             for name, geared in (("joint_a", joint.joint_a), ("joint_b", joint.joint_b)):
                 if not self._world.is_alive(geared) or not self._world.has(Entity(geared), Joint):
-                    return f"its {name} is no entity with a Joint; choose one with a hinge, slider, distance or cone_twist"
-            return _Held(joint.kind, 0, 0, (joint.joint_a, joint.joint_b), **_fields(joint))
+                    return (
+                        f"its {name} is no entity with a Joint; choose one with a hinge, slider, distance or cone_twist"
+                    )
+            return _Held(joint.kind, 0, 0, (joint.joint_a, joint.joint_b), _build(joint), _drive(joint))
         own = self._body_of(entity)
         if not own:
             return "it is part of no body; give it a RigidBody or a Collider, or put it below one that has"
@@ -146,7 +149,7 @@ class SceneJoints:
                 return f"{whom} has no body; give it a RigidBody or a Collider, or enable it"
         if own == other:
             return f"both ends are the same body, that of {self._world.describe(other)}; choose another"
-        return _Held(joint.kind, own, other, (0, 0), **_fields(joint))
+        return _Held(joint.kind, own, other, (0, 0), _build(joint), _drive(joint))
 
     def _fit(self, entity: Entity, joint: Joint) -> bool:
         """Writes into a joint that asks for it what it takes from how the two stand."""
@@ -189,7 +192,9 @@ class SceneJoints:
         table = self._world.table(Joint)
         rows = table.rows(entities)
         kinds = [JOINT_KINDS[kind] for kind in table.column("kind")[rows].tolist()]
-        column = {name: table.column(name)[rows] for name in ("frequency", "damping_ratio", "ratio", "collide_connected")}
+        column = {
+            name: table.column(name)[rows] for name in ("frequency", "damping_ratio", "ratio", "collide_connected")
+        }
         description = {"kind": kinds, **column, **self._drives(entities)}
         for name in ("break_force", "break_torque"):
             description[name] = _or_endless(table.column(name)[rows])
@@ -256,13 +261,12 @@ class SceneJoints:
         self._problems.append(Problem(entity, f"{self._world.describe(Entity(entity))} {what}"))
 
 
-def _fields(joint: Joint) -> dict[str, tuple[Any, ...]]:
-    """A joint's fields, those that can change without joining anew apart from the others."""
-    names = [field.name for field in declaration_of(Joint).fields]
-    return {
-        "build": tuple(getattr(joint, name) for name in names if name not in _DRIVE),
-        "drive": tuple(getattr(joint, name) for name in _DRIVE),
-    }
+def _build(joint: Joint) -> tuple[Any, ...]:
+    return tuple(getattr(joint, field.name) for field in declaration_of(Joint).fields if field.name not in _DRIVE)
+
+
+def _drive(joint: Joint) -> tuple[Any, ...]:
+    return tuple(getattr(joint, name) for name in _DRIVE)
 
 
 def _or_endless(column: Values) -> Values:

@@ -25,8 +25,8 @@ from elys.sim_node.ecs.entities import Entities
 from elys.sim_node.ecs.world import World
 from elys.sim_node.physics.states import Problem
 from elys.sim_node.physics.world import PhysicsWorld
-from elys.sim_node.systems.scene_joints import SceneJoints
 from elys.sim_node.systems.collider_shapes import collider_columns, geometries, stretched_lengths
+from elys.sim_node.systems.scene_joints import SceneJoints
 
 STATIC: Final = 2  # place of "static" among the choices of RigidBody.motion
 REACH: Final = 1e9  # [m] what lies farther from the origin, or is larger, is left out of physics
