@@ -244,7 +244,7 @@ def _resolved(job: _Expansion, changes: ComponentChanges, place: _Place) -> Comp
 
 def _asset(job: _Expansion, value: str, field_name: str, place: _Place) -> str:
     """The content reference for what an ASSET field says."""
-    if is_primitive(value) or value.partition(":")[0].endswith(".py"):
+    if field_name != "heights" and (is_primitive(value) or value.partition(":")[0].endswith(".py")):
         return value
     reference = value if is_reference(value) else _file_asset(job, value, field_name, place)
     if not job.assets.has(reference):

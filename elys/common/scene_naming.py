@@ -32,6 +32,8 @@ class Names:
         ending = text if text.startswith("/") else f"/{text}"
         found = [row for row in self._rows.get(last, ()) if self._paths[row].endswith(ending)]
         whole = [row for row in found if self._paths[row] == ending]
+        if text.startswith("/"):
+            found = whole
         if len(whole) == 1 or (not whole and len(found) == 1):
             return (whole or found)[0]
         if not found:

@@ -138,7 +138,7 @@ def _cart() -> EntityNode:
         wheel.children = [
             ornament(f"{name} hub", "box", size=(0.75, 1.04, 0.14), position=(0.0, 0.0, 0.0), color=_IRON)
         ]
-        joined(wheel, "hinge", "Cart", axis=[0.0, 1.0, 0.0], motor_speed=6.0, motor_limit=120.0)
+        joined(wheel, "hinge", "Cart", axis=[0.0, 1.0, 0.0], motor_speed=11.0, motor_limit=150.0)
         wheels.append(wheel)
     return group("Vehicle", [chassis, *wheels])
 

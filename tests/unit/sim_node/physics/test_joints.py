@@ -300,3 +300,40 @@ def test_a_net_leaves_to_sweeps_what_would_fill_it():
     plan = JointPlan(len(bodies), np.arange(len(bodies)), bodies)
     assert plan.columns["count"].max() <= 12
     assert 0.3 < plan.direct.mean() < 1.0
+
+
+# ---------------------------------------------------------------- frames that are given
+
+
+def turned_pair(angle, **joint):
+    """Two boxes, the second turned by an angle about z, that pointed the same way at rest."""
+    world = PhysicsWorld(WEIGHTLESS)
+    turn = [0, 0, math.sin(angle / 2), math.cos(angle / 2)]
+    world.add_bodies([3, 8], position=[[0, 0, 0], [1.2, 0, 0]], rotation=[[0, 0, 0, 1], turn])
+    world.add_colliders([3, 8])
+    world.add_joints(
+        [5], entity_a=3, entity_b=8, anchor_a=[0, 0, 0], anchor_b=[0, 0, 0], rest_rotation=[0, 0, 0, 1], **joint
+    )
+    return world
+
+
+@pytest.mark.parametrize("angle", [0.7, -3.0, 3.1])
+@pytest.mark.parametrize("turns", [0, 3, -2])
+def test_an_angle_is_counted_from_the_rotation_at_rest(angle, turns):
+    whole = 2.0 * math.pi * turns
+    world = turned_pair(angle, kind="hinge", axis_a=[0, 0, 1], turned=whole + 0.99 * angle)
+    assert world.joints.coordinate[0] == pytest.approx(angle + whole, abs=1e-6)
+    world.step(DT)
+    assert world.joints.coordinate[0] == pytest.approx(angle + whole, abs=1e-6)
+
+
+def test_a_fixed_joint_turns_its_bodies_to_the_rotation_at_rest():
+    world = turned_pair(0.5, kind="fixed")
+    run(world, 60)
+    a, b = world.bodies.rotation
+    assert abs(a @ b) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_rotation_at_rest_is_one():
+    with pytest.raises(PhysicsError, match="rest_rotation must be a unit quaternion x y z w: joint 5 has"):
+        pair_of_boxes(kind="fixed", rest_rotation=[1, 1, 0, 0])
