@@ -444,6 +444,7 @@ class PhysicsWorld(WorldJoints):
         table = self._bodies.rows
         poses = self._bodies.poses[rows]
         self._problems += diagnostics.not_finite(self._bodies, rows)
+        self._joints.calm()
         self._forget_pairs(rows)
         table["motion"][rows] = STATIC
         table["velocity"][rows] = 0.0
