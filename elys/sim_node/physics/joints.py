@@ -226,9 +226,13 @@ class JointTable:
     def calm(self) -> None:
         """Joints whose numbers stopped being finite begin anew: what is no number would spoil their bodies in every step."""
         lost = np.flatnonzero(~np.isfinite(self._remembered(self.rows)).all(1))
-        for name in (*_MEMORY, "coordinate", "impulse_time", "speed", "force", "torque", "swing"):
-            self.rows[name][lost] = 0.0
+        names = JOINT.names or ()
+        work = names[names.index("shift") :]  # the loads of the last substep among it, which the next one reads
+        for name in (*_MEMORY, "coordinate", "impulse_time", "speed", "force", "torque", *work):
+            self.rows[name][lost] = 0
         self.rows["stiffness"][lost] = -1.0
+        for room in (self._loads, self._rest, self._turned):
+            room[:] = 0.0
 
     def set_broken(self, rows: Array) -> None:
         """Joints that broke hold nothing any more, nor do the gears that couple them."""
