@@ -15,15 +15,16 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numba import njit, typeof
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, _CacheLocator
-from numba.core.runtime import rtsys
 
 from elys.sim_node.compilation_target import TARGET
 from elys.sim_node.kernel_directory import cache_directory, shipped_directory, source_hash
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-# No fastmath: the same build must give the same bits. Division by zero gives infinity, as in C, and is not checked.
-_OPTIONS = {"error_model": "numpy", "nogil": True, "_target": TARGET}
+# No fastmath: the same build must give the same bits. Division by zero gives infinity, as in C, and is not checked. And no
+# reference counts (numba's runtime, "nrt"): kernels allocate nothing, their callers hold what they work on, and to count each
+# array that one function hands to another took up to half of a step.
+_OPTIONS = {"error_model": "numpy", "nogil": True, "_nrt": False, "_target": TARGET}
 
 
 def kernel(function: Function) -> Function:
@@ -113,9 +114,8 @@ class _KernelCache(FunctionCache):
         """The compiled function for a signature, None if it has to be compiled.
 
         Numba would first load all that it can type, a third of a second for which machine code has no use; a compilation does it
-        by itself. The code needs the addresses of numba's runtime.
+        by itself.
         """
-        rtsys.initialize(target_context)
         return self._load_overload(sig, target_context)
 
     def _load_overload(self, sig: Any, target_context: Any) -> Any:

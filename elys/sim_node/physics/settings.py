@@ -40,7 +40,7 @@ class PhysicsSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     """How a world is simulated. The defaults suit things from a hand to a house in size."""
 
     gravity: Vec3 = (0.0, -9.81, 0.0)  # [m/s^2]
-    substeps: int = 8  # parts of a step; contacts are solved in each
+    substeps: int = 8  # parts of a step; contacts are solved in each. Half of it in islands of very many bodies
     strengths: int = 5  # how often substeps may be doubled for islands that need it, that and one
     contact_overlap: float = 1.1e-3  # more than this no contact of a small island shall give way [m]
     contact_stiffness: float = (
@@ -151,10 +151,13 @@ def step_constants(settings: PhysicsSettings, dt: float, traits: SceneTraits) ->
 
 
 def step_strengths(settings: PhysicsSettings, dt: float) -> Table:
-    """The strengths that islands may be solved with in a step of `dt` seconds: each has twice the substeps of the last."""
-    strengths: np.ndarray[Any, Any] = np.zeros(settings.strengths, STRENGTH)
+    """The strengths that islands may be solved with in a step of `dt` seconds: each has twice the substeps of the last.
+
+    The first has half of what the settings say, and is for islands of very many bodies.
+    """
+    strengths: np.ndarray[Any, Any] = np.zeros(1 + settings.strengths, STRENGTH)
     for doublings, row in enumerate(strengths):
-        substeps = settings.substeps << doublings
+        substeps = max((settings.substeps << doublings) // 2, 1)
         substep = dt / substeps
         # Stiffer than an eighth of the substep rate the push overshoots and stacks drift.
         frequency = settings.contact_stiffness / substep

@@ -33,10 +33,10 @@ class SolverRoom:
     """Room for the bodies and contacts of one step."""
 
     def __init__(self) -> None:
-        self.groups = np.zeros(MOST_STRENGTHS, GROUP)
-        self.spans = np.zeros(MOST_STRENGTHS * (OVERFLOW + 1), SPAN)
-        self.starts = np.zeros(MOST_STRENGTHS * KEYS + 1, np.int32)
-        self.colour_counts = np.zeros(2 * MOST_STRENGTHS, np.int32)
+        self.groups = np.zeros(1 + MOST_STRENGTHS, GROUP)
+        self.spans = np.zeros((1 + MOST_STRENGTHS) * (OVERFLOW + 1), SPAN)
+        self.starts = np.zeros((1 + MOST_STRENGTHS) * KEYS + 1, np.int32)
+        self.colour_counts = np.zeros(2 * (1 + MOST_STRENGTHS), np.int32)
         self.places = np.zeros(2, BODY)
         self.inertia = np.zeros(6)
         self.shapes = np.zeros(2, COLLIDER)

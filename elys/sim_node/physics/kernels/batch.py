@@ -4,8 +4,9 @@ A batch is a block of `VECTORS` vectors of eight float32, a lane for each manifo
 it. All of one colour are independent of each other: no body that can move is in two of their manifolds. What is empty in a
 lane is zero, and so are its masses, so that it does nothing.
 
-Everything is expressed in contact space: with the levers r x n and the response of each point to the others' impulses the
-solver needs no cross product and touches the bodies' velocities twice a manifold, not twice a point.
+Everything is expressed in the frame of the contact: two tangents and the normal. There a point is two numbers, its place in
+the tangent plane, for both bodies alike, and needs no cross product; with the response of each point to the others' impulses
+the bodies' velocities are touched twice a manifold, not twice a point.
 """
 
 from __future__ import annotations
@@ -16,20 +17,17 @@ from elys.sim_node.physics.kernels.tables import MANIFOLD, POINTS, SOLVER_BODY, 
 
 NORMAL = 0  # 3
 TANGENT = 3  # 3, the first; the second is normal x tangent
-FRICTION_ARM = 6  # 12: r x tangent at the centre of friction, on a and b for the first, on a and b for the second
-FRICTION_MASS = 18  # 3: inverse of the 2 x 2 effective inverse mass, 11 12 22
-TWIST_MASS = 21
-FRICTION = 22
-FRICTION_IMPULSE = 23  # 3: along both tangents, about the normal
-LEVER = 26  # 4: distance of each point from the centre of friction
-INERTIA_A = 30  # 6: inverse inertia xx yy zz xy xz yz
-INERTIA_B = 36  # 6
-MASS = 42  # 4: effective mass of each point
-COUPLING = 46  # 6: response of points 01 02 03 12 13 23 to each other
-LEAD = 52  # what `take_back` will do to the gap, as a speed: only where restitution waits for the exact gap
-STEP_IMPULSE = 53  # 4
-POINT = 57  # four times POINT_SIZE: r x n on a (3), on b (3), gap as the step began, impulse
-POINT_SIZE = 8
+ARM = 6  # 6: from the centre of mass to the centre of friction along tangent, second tangent and normal, on a and on b
+FRICTION_MASS = 12  # 3: inverse of the 2 x 2 effective inverse mass, 11 12 22
+TWIST_MASS = 15
+FRICTION = 16
+FRICTION_IMPULSE = 17  # 3: along both tangents, about the normal
+LEAD = 20  # what `take_back` will do to the gap, as a speed: only where restitution waits for the exact gap
+INERTIA_A = 21  # 6: inverse inertia about tangent, second tangent and normal: 11 22 33 12 13 23
+INERTIA_B = 27  # 6
+COUPLING = 33  # 6: response of points 01 02 03 12 13 23 to each other
+POINT = 39  # four times POINT_SIZE
+POINT_SIZE = 7
 # Used only where some body has a locked axis, or some collider resists rolling: others never look there.
 AXIS_MASS = POINT + POINTS * POINT_SIZE  # 6: inverse mass along x y z, of a and of b
 ROLLING = AXIS_MASS + 6  # 2: arms of the normal force that resist rolling, and turning about the normal
@@ -38,10 +36,15 @@ ROLLING_IMPULSE = ROLLING_MASS + 3  # 2: about both tangents
 VECTORS = ROLLING_IMPULSE + 2
 FLOATS = VECTORS * LANES
 
-WEDGE = 1e-3  # share of a body's inverse mass below which a normal counts as locked
+# Of a point:
+PLACE = 0  # 2: along both tangents, from the centre of friction
+MASS = 2  # effective mass
+LEVER = 3  # distance from the centre of friction
+GAP = 4  # as the step began
+IMPULSE = 5  # of the substep
+STEP_IMPULSE = 6
 
-GAP = 6
-IMPULSE = 7
+WEDGE = 1e-3  # share of a body's inverse mass below which a normal counts as locked
 
 BODY_FLOATS = SOLVER_BODY.itemsize // 4
 DRIVE_FLOATS = SOLVER_DRIVE.itemsize // 4
@@ -86,6 +89,38 @@ def turned(inertia, at, x, y, z):
 
 
 @inner
+def load_frame(batches, o):
+    """A manifold's frame: both tangents, then the normal."""
+    nx, ny, nz = load3(batches, o + 8 * NORMAL)
+    tx, ty, tz = load3(batches, o + 8 * TANGENT)
+    sx, sy, sz = crossed(nx, ny, nz, tx, ty, tz)
+    return tx, ty, tz, sx, sy, sz, nx, ny, nz
+
+
+@inner
+def along_tangents(frame, x, y, z):
+    """A world vector's parts along the tangents of a frame."""
+    return dotted(x, y, z, frame[0], frame[1], frame[2]), dotted(x, y, z, frame[3], frame[4], frame[5])
+
+
+@inner
+def into_frame(frame, x, y, z):
+    """A world vector's parts along the axes of a frame."""
+    t, s = along_tangents(frame, x, y, z)
+    return t, s, dotted(x, y, z, frame[6], frame[7], frame[8])
+
+
+@inner
+def out_of_frame(frame, t, s, n):
+    """The world vector with these parts along the axes of a frame."""
+    return (
+        t * frame[0] + s * frame[3] + n * frame[6],
+        t * frame[1] + s * frame[4] + n * frame[7],
+        t * frame[2] + s * frame[5] + n * frame[8],
+    )
+
+
+@inner
 def inverse_or_zero(value):
     zero = splat(0.0)
     return where(value > zero, splat(1.0) / value, zero)
@@ -107,36 +142,26 @@ def write_frame(batches, o, nx, ny, nz):
 
 
 @inner
-def write_points(batches, o, count, live, slots, lanes, manifolds, margin):
-    """Levers and gaps of all points; returns the centre of friction, from both centres of mass: where the surfaces touch."""
+def write_gaps(batches, o, count, live, slots, lanes, manifolds, margin):
+    """Gaps of all points; returns the centre of friction, from both centres of mass: where the surfaces touch."""
     zero = splat(0.0)
     one = splat(1.0)
     made = gather_rows(manifolds, slots, lanes, MANIFOLD_FLOATS, MADE_AT)
     turns = gather_rows(manifolds, slots, lanes, MANIFOLD_FLOATS, TURNS_AT)
-    impulses = gather_rows(manifolds, slots, lanes, MANIFOLD_FLOATS, IMPULSES_AT)
     nx, ny, nz = load3(batches, o + 8 * NORMAL)
     opened = dotted(made[4], made[5], made[6], nx, ny, nz)
+    # The turn of an arm moves its end along the normal by turn . (arm x normal) = arm . (normal x turn).
+    ax, ay, az = crossed(nx, ny, nz, turns[0], turns[1], turns[2])
+    bx, by, bz = crossed(nx, ny, nz, turns[3], turns[4], turns[5])
     steep = splat(-4.0 / margin)
     cax = cay = caz = cbx = cby = cbz = weights = zero
-    for k in range(POINTS):
-        at = o + 8 * (POINT + POINT_SIZE * k)
-        store(batches, o + 8 * (STEP_IMPULSE + k), zero)
-        if k >= count:
-            for vector in range(POINT_SIZE):
-                store(batches, at + 8 * vector, zero)
-            continue
+    for k in range(count):
         anchors = gather_rows(manifolds, slots, lanes, MANIFOLD_FLOATS, ANCHORS_AT + 6 * k)
         is_live = live > splat(k)
-        ax, ay, az = crossed(anchors[0], anchors[1], anchors[2], nx, ny, nz)
-        bx, by, bz = crossed(anchors[3], anchors[4], anchors[5], nx, ny, nz)
         made_gap = made[0] if k == 0 else (made[1] if k == 1 else (made[2] if k == 2 else made[3]))
-        impulse = impulses[0] if k == 0 else (impulses[1] if k == 1 else (impulses[2] if k == 2 else impulses[3]))
-        gap = made_gap + opened + dotted(turns[3], turns[4], turns[5], bx, by, bz)
-        gap = gap - dotted(turns[0], turns[1], turns[2], ax, ay, az)
-        store3(batches, at, where(is_live, ax, zero), where(is_live, ay, zero), where(is_live, az, zero))
-        store3(batches, at + 24, where(is_live, bx, zero), where(is_live, by, zero), where(is_live, bz, zero))
-        store(batches, at + 8 * GAP, where(is_live, gap, zero))
-        store(batches, at + 8 * IMPULSE, where(is_live, impulse, zero))
+        gap = made_gap + opened + dotted(anchors[3], anchors[4], anchors[5], bx, by, bz)
+        gap = gap - dotted(anchors[0], anchors[1], anchors[2], ax, ay, az)
+        store(batches, o + 8 * (POINT + POINT_SIZE * k + GAP), where(is_live, gap, zero))
         weight = one + steep * gap
         weight = where(weight > one, one, where(weight < splat(0.01), splat(0.01), weight))
         weight = where(is_live, weight, zero)
@@ -148,37 +173,87 @@ def write_points(batches, o, count, live, slots, lanes, manifolds, margin):
         cby = cby + weight * anchors[4]
         cbz = cbz + weight * anchors[5]
     scale = inverse_or_zero(weights)
-    cax, cay, caz = cax * scale, cay * scale, caz * scale
+    return cax * scale, cay * scale, caz * scale, cbx * scale, cby * scale, cbz * scale
+
+
+@inner
+def write_places(batches, o, count, live, slots, lanes, manifolds, cax, cay, caz, cbx, cby, cbz):
+    """Where the points lie in the tangent plane. Seen from either body that is the same: points of both lie on one normal.
+
+    The body whose arms are shorter tells it more exactly.
+    """
+    frame = load_frame(batches, o)
+    arm_a = into_frame(frame, cax, cay, caz)
+    arm_b = into_frame(frame, cbx, cby, cbz)
+    store3(batches, o + 8 * ARM, arm_a[0], arm_a[1], arm_a[2])
+    store3(batches, o + 8 * (ARM + 3), arm_b[0], arm_b[1], arm_b[2])
+    zero = splat(0.0)
+    by_b = dotted(cbx, cby, cbz, cbx, cby, cbz) < dotted(cax, cay, caz, cax, cay, caz)
     for k in range(count):
         anchors = gather_rows(manifolds, slots, lanes, MANIFOLD_FLOATS, ANCHORS_AT + 6 * k)
-        x, y, z = anchors[0] - cax, anchors[1] - cay, anchors[2] - caz
-        store(batches, o + 8 * (LEVER + k), square_root(dotted(x, y, z, x, y, z)))
-    return cax, cay, caz, cbx * scale, cby * scale, cbz * scale
+        x = where(by_b, anchors[3] - cbx, anchors[0] - cax)
+        y = where(by_b, anchors[4] - cby, anchors[1] - cay)
+        z = where(by_b, anchors[5] - cbz, anchors[2] - caz)
+        u, v = along_tangents(frame, x, y, z)
+        is_live = live > splat(k)
+        u = where(is_live, u, zero)
+        v = where(is_live, v, zero)
+        at = o + 8 * (POINT + POINT_SIZE * k)
+        store(batches, at + 8 * PLACE, u)
+        store(batches, at + 8 * (PLACE + 1), v)
+        store(batches, at + 8 * LEVER, square_root(u * u + v * v))
+        store(batches, at + 8 * STEP_IMPULSE, zero)
+
+
+@inner
+def write_inertia(batches, o, frame, xx, yy, zz, xy, xz, yz):
+    """Stores a symmetric matrix given in world axes as it is in a frame."""
+    ax, ay, az = frame[0], frame[1], frame[2]
+    bx, by, bz = frame[3], frame[4], frame[5]
+    cx, cy, cz = frame[6], frame[7], frame[8]
+    x, y, z = xx * ax + xy * ay + xz * az, xy * ax + yy * ay + yz * az, xz * ax + yz * ay + zz * az
+    store(batches, o, dotted(x, y, z, ax, ay, az))
+    store(batches, o + 24, dotted(x, y, z, bx, by, bz))
+    store(batches, o + 32, dotted(x, y, z, cx, cy, cz))
+    x, y, z = xx * bx + xy * by + xz * bz, xy * bx + yy * by + yz * bz, xz * bx + yz * by + zz * bz
+    store(batches, o + 8, dotted(x, y, z, bx, by, bz))
+    store(batches, o + 40, dotted(x, y, z, cx, cy, cz))
+    x, y, z = xx * cx + xy * cy + xz * cz, xy * cx + yy * cy + yz * cz, xz * cx + yz * cy + zz * cz
+    store(batches, o + 16, dotted(x, y, z, cx, cy, cz))
+
+
+@inner
+def load_block(batches, at):
+    """The part of a matrix that is about the tangents: 11 12 22."""
+    return load(batches, at), load(batches, at + 24), load(batches, at + 8)
 
 
 @inner
 def write_responses(batches, o, count, live, mass):
     """How each point answers to an impulse at itself and at the others."""
     zero = splat(0.0)
-    for k in range(POINTS):
-        store(batches, o + 8 * (MASS + k), zero)
+    arm_a = load3(batches, o + 8 * ARM)
+    arm_b = load3(batches, o + 8 * (ARM + 3))
+    a11, a12, a22 = load_block(batches, o + 8 * INERTIA_A)
+    b11, b12, b22 = load_block(batches, o + 8 * INERTIA_B)
     coupling = 0
     for k in range(POINTS):
         if k >= count:
             break
+        # arm x normal has the parts (v, -u) about the tangents
         at = o + 8 * (POINT + POINT_SIZE * k)
-        ax, ay, az = load3(batches, at)
-        bx, by, bz = load3(batches, at + 24)
-        x, y, z = turned(batches, o + 8 * INERTIA_A, ax, ay, az)
-        u, v, w = turned(batches, o + 8 * INERTIA_B, bx, by, bz)
-        own = mass + dotted(x, y, z, ax, ay, az) + dotted(u, v, w, bx, by, bz)
-        store(batches, o + 8 * (MASS + k), where(live > splat(k), inverse_or_zero(own), zero))
+        u, v = load(batches, at), load(batches, at + 8)
+        ua, va, ub, vb = arm_a[0] + u, arm_a[1] + v, arm_b[0] + u, arm_b[1] + v
+        a1, a2 = a11 * va - a12 * ua, a12 * va - a22 * ua
+        b1, b2 = b11 * vb - b12 * ub, b12 * vb - b22 * ub
+        own = mass + (a1 * va - a2 * ua) + (b1 * vb - b2 * ub)
+        store(batches, at + 8 * MASS, where(live > splat(k), inverse_or_zero(own), zero))
         for other in range(k + 1, POINTS):
             if other < count:
                 to = o + 8 * (POINT + POINT_SIZE * other)
-                ax, ay, az = load3(batches, to)
-                bx, by, bz = load3(batches, to + 24)
-                response = mass + dotted(x, y, z, ax, ay, az) + dotted(u, v, w, bx, by, bz)
+                u, v = load(batches, to), load(batches, to + 8)
+                response = mass + (a1 * (arm_a[1] + v) - a2 * (arm_a[0] + u))
+                response = response + (b1 * (arm_b[1] + v) - b2 * (arm_b[0] + u))
                 store(batches, o + 8 * (COUPLING + coupling), response)
             coupling += 1
 
@@ -236,69 +311,57 @@ def write_inverse(batches, at, k11, k12, k22):
 def write_rolling(batches, o, scale, slots, lanes, manifolds):
     """Resistance against rolling: a 2 x 2 block about both tangents, and last step's impulses, which are kept in world axes."""
     kept = gather_rows(manifolds, slots, lanes, MANIFOLD_FLOATS, ROLLING_AT)
-    nx, ny, nz = load3(batches, o + 8 * NORMAL)
-    tx, ty, tz = load3(batches, o + 8 * TANGENT)
-    sx, sy, sz = crossed(nx, ny, nz, tx, ty, tz)
+    frame = load_frame(batches, o)
     store(batches, o + 8 * ROLLING, kept[3])
     store(batches, o + 8 * (ROLLING + 1), kept[4])
-    along = dotted(kept[0], kept[1], kept[2], tx, ty, tz) * scale
-    store(batches, o + 8 * ROLLING_IMPULSE, along)
-    store(batches, o + 8 * (ROLLING_IMPULSE + 1), dotted(kept[0], kept[1], kept[2], sx, sy, sz) * scale)
-    x, y, z = turned(batches, o + 8 * INERTIA_A, tx, ty, tz)
-    u, v, w = turned(batches, o + 8 * INERTIA_B, tx, ty, tz)
-    k11 = dotted(x + u, y + v, z + w, tx, ty, tz)
-    k12 = dotted(x + u, y + v, z + w, sx, sy, sz)
-    x, y, z = turned(batches, o + 8 * INERTIA_A, sx, sy, sz)
-    u, v, w = turned(batches, o + 8 * INERTIA_B, sx, sy, sz)
-    k22 = dotted(x + u, y + v, z + w, sx, sy, sz)
-    write_inverse(batches, o + 8 * ROLLING_MASS, k11, k12, k22)
+    first, second = along_tangents(frame, kept[0], kept[1], kept[2])
+    store(batches, o + 8 * ROLLING_IMPULSE, first * scale)
+    store(batches, o + 8 * (ROLLING_IMPULSE + 1), second * scale)
+    a11, a12, a22 = load_block(batches, o + 8 * INERTIA_A)
+    b11, b12, b22 = load_block(batches, o + 8 * INERTIA_B)
+    write_inverse(batches, o + 8 * ROLLING_MASS, a11 + b11, a12 + b12, a22 + b22)
 
 
 @inner
-def write_friction(batches, o, along1, across, along2, cax, cay, caz, cbx, cby, cbz):
+def friction_torque(arm, d1, d2, d3):
+    """The torque of friction impulses along both tangents and about the normal, in their frame."""
+    return -(arm[2] * d2), arm[2] * d1, arm[0] * d2 - arm[1] * d1 + d3
+
+
+@inner
+def write_friction(batches, o, along1, across, along2):
     """Friction at one centre: a 2 x 2 block in the tangent plane and a twist about the normal.
 
     How the masses alone respond is given: along the first tangent, across both, along the second.
     """
-    nx, ny, nz = load3(batches, o + 8 * NORMAL)
-    tx, ty, tz = load3(batches, o + 8 * TANGENT)
-    sx, sy, sz = crossed(nx, ny, nz, tx, ty, tz)
-    ax, ay, az = crossed(cax, cay, caz, tx, ty, tz)
-    bx, by, bz = crossed(cbx, cby, cbz, tx, ty, tz)
-    ex, ey, ez = crossed(cax, cay, caz, sx, sy, sz)
-    fx, fy, fz = crossed(cbx, cby, cbz, sx, sy, sz)
-    at = o + 8 * FRICTION_ARM
-    store3(batches, at, ax, ay, az)
-    store3(batches, at + 24, bx, by, bz)
-    store3(batches, at + 48, ex, ey, ez)
-    store3(batches, at + 72, fx, fy, fz)
-    x, y, z = turned(batches, o + 8 * INERTIA_A, ax, ay, az)
-    u, v, w = turned(batches, o + 8 * INERTIA_B, bx, by, bz)
-    k11 = along1 + dotted(x, y, z, ax, ay, az) + dotted(u, v, w, bx, by, bz)
-    k12 = across + dotted(x, y, z, ex, ey, ez) + dotted(u, v, w, fx, fy, fz)
-    x, y, z = turned(batches, o + 8 * INERTIA_A, ex, ey, ez)
-    u, v, w = turned(batches, o + 8 * INERTIA_B, fx, fy, fz)
-    k22 = along2 + dotted(x, y, z, ex, ey, ez) + dotted(u, v, w, fx, fy, fz)
+    zero = splat(0.0)
+    one = splat(1.0)
+    k11, k12, k22, twist = along1, across, along2, zero
+    for side in range(2):
+        arm = load3(batches, o + 8 * (ARM + 3 * side))
+        at = o + 8 * (INERTIA_A + 6 * side)
+        p = friction_torque(arm, one, zero, zero)
+        q = friction_torque(arm, zero, one, zero)
+        x, y, z = turned(batches, at, p[0], p[1], p[2])
+        k11 = k11 + dotted(x, y, z, p[0], p[1], p[2])
+        k12 = k12 + dotted(x, y, z, q[0], q[1], q[2])
+        x, y, z = turned(batches, at, q[0], q[1], q[2])
+        k22 = k22 + dotted(x, y, z, q[0], q[1], q[2])
+        twist = twist + load(batches, at + 16)
     write_inverse(batches, o + 8 * FRICTION_MASS, k11, k12, k22)
-    x, y, z = turned(batches, o + 8 * INERTIA_A, nx, ny, nz)
-    u, v, w = turned(batches, o + 8 * INERTIA_B, nx, ny, nz)
-    store(batches, o + 8 * TWIST_MASS, inverse_or_zero(dotted(x, y, z, nx, ny, nz) + dotted(u, v, w, nx, ny, nz)))
+    store(batches, o + 8 * TWIST_MASS, inverse_or_zero(twist))
 
 
 @inner
-def write_impulses(batches, o, count, scale, slots, lanes, manifolds):
+def write_impulses(batches, o, count, live, scale, slots, lanes, manifolds):
     """Last step's impulses, of a substep as long as those to come; friction was kept as a vector in world axes."""
-    impulses = gather_rows(manifolds, slots, lanes, MANIFOLD_FLOATS, IMPULSES_AT)
+    kept = gather_rows(manifolds, slots, lanes, MANIFOLD_FLOATS, IMPULSES_AT)
     for k in range(count):
+        impulse = kept[0] if k == 0 else (kept[1] if k == 1 else (kept[2] if k == 2 else kept[3]))
         at = o + 8 * (POINT + POINT_SIZE * k + IMPULSE)
-        store(batches, at, load(batches, at) * scale)
-    nx, ny, nz = load3(batches, o + 8 * NORMAL)
-    tx, ty, tz = load3(batches, o + 8 * TANGENT)
-    sx, sy, sz = crossed(nx, ny, nz, tx, ty, tz)
-    fx, fy, fz = impulses[4] * scale, impulses[5] * scale, impulses[6] * scale
-    along = dotted(fx, fy, fz, tx, ty, tz)
-    across = dotted(fx, fy, fz, sx, sy, sz)
-    store3(batches, o + 8 * FRICTION_IMPULSE, along, across, impulses[7] * scale)
+        store(batches, at, where(live > splat(k), impulse * scale, splat(0.0)))
+    first, second = along_tangents(load_frame(batches, o), kept[4] * scale, kept[5] * scale, kept[6] * scale)
+    store3(batches, o + 8 * FRICTION_IMPULSE, first, second, kept[7] * scale)
 
 
 @inner
@@ -315,24 +378,22 @@ def write_batch(batches, batch, count, body_a, body_b, slots, solver, drive, man
     mass = va[6] + vb[6]
     write_frame(batches, o, head[0], head[1], head[2])
     store(batches, o + 8 * FRICTION, head[3])
-    store3(batches, o + 8 * INERTIA_A, ia[0], ia[1], ia[2])
-    store3(batches, o + 8 * (INERTIA_A + 3), ia[3], ia[4], ia[5])
-    store3(batches, o + 8 * INERTIA_B, ib[0], ib[1], ib[2])
-    store3(batches, o + 8 * (INERTIA_B + 3), ib[3], ib[4], ib[5])
+    frame = load_frame(batches, o)
+    write_inertia(batches, o + 8 * INERTIA_A, frame, ia[0], ia[1], ia[2], ia[3], ia[4], ia[5])
+    write_inertia(batches, o + 8 * INERTIA_B, frame, ib[0], ib[1], ib[2], ib[3], ib[4], ib[5])
     g = constants.gravity
     along = dotted(splat(g[0]), splat(g[1]), splat(g[2]), head[0], head[1], head[2])
     closing = (ia[6] - ib[6]) * along
     zero = splat(0.0)
     lead = where(head[4] > zero, splat(0.5 * substep) * larger(closing, zero), zero)
     store(batches, o + 8 * LEAD, lead)
-    cax, cay, caz, cbx, cby, cbz = write_points(batches, o, count, live, slots, lanes, manifolds, constants.margin)
+    cax, cay, caz, cbx, cby, cbz = write_gaps(batches, o, count, live, slots, lanes, manifolds, constants.margin)
+    write_places(batches, o, count, live, slots, lanes, manifolds, cax, cay, caz, cbx, cby, cbz)
     along1 = along2 = mass
     across = zero
     if constants.can_lock != 0:
         write_axis_masses(batches, o, va[6], vb[6], ia[7], ib[7])
-        nx, ny, nz = head[0], head[1], head[2]
-        tx, ty, tz = load3(batches, o + 8 * TANGENT)
-        sx, sy, sz = crossed(nx, ny, nz, tx, ty, tz)
+        tx, ty, tz, sx, sy, sz, nx, ny, nz = frame
         mass = normal_response(batches, o, 0, va[6], nx, ny, nz) + normal_response(batches, o, 1, vb[6], nx, ny, nz)
         along1 = across = along2 = zero
         for side in range(2):
@@ -340,9 +401,9 @@ def write_batch(batches, batch, count, body_a, body_b, slots, solver, drive, man
             across = across + response_along(batches, o, side, tx, ty, tz, sx, sy, sz)
             along2 = along2 + response_along(batches, o, side, sx, sy, sz, sx, sy, sz)
     write_responses(batches, o, count, live, mass)
-    write_friction(batches, o, along1, across, along2, cax, cay, caz, cbx, cby, cbz)
+    write_friction(batches, o, along1, across, along2)
     # An impulse belongs to a length of time: where substeps have become shorter or longer it is another one.
     scale = where(head[6] > zero, splat(substep) / head[6], splat(1.0))
-    write_impulses(batches, o, count, scale, slots, lanes, manifolds)
+    write_impulses(batches, o, count, live, scale, slots, lanes, manifolds)
     if constants.can_roll != 0:
         write_rolling(batches, o, scale, slots, lanes, manifolds)

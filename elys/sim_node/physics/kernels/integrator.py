@@ -21,6 +21,7 @@ from elys.sim_node.physics.kernels.locks import (
     applied,
     free_part,
     hold_axes,
+    hold_solved,
     lock_inertia,
     turn_locked,
 )
@@ -244,11 +245,15 @@ def turn_held(body, solved, h):
 @inner
 def move_held(body, solved, h):
     """Takes over what the solver found in a step of length h."""
+    if body.locked != 0:
+        hold_solved(body.locked, solved)
     for k in range(3):
         if body.held != JOINTED:
             body.velocity[k] = solved.velocity[k]
         body.position[k] += solved.displacement[k]
     turn_held(body, solved, h)
+    if body.locked != 0:
+        hold_axes(body)
 
 
 @inner

@@ -3,10 +3,13 @@
 A contact that is solved in n substeps gives way like a spring whose stiffness grows with n^2. What presses on it is known
 from the last step; so each island is given the fewest substeps with which none of its contacts would give way more than
 is allowed. Most need the fewest there are; a column, or something heavy on something light, gets more, and pays for itself
-alone. An island of very many bodies is allowed ten times as much: a heap need not be exact to a fraction of a millimetre.
+alone. The more bodies an island has the more is allowed, up to ten times as much for hundreds, and those may do with half
+of the fewest: a heap need not be exact to a fraction of a millimetre.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -14,10 +17,11 @@ from elys.sim_node.compilation import inner, kernel
 from elys.sim_node.physics.kernels.fields import field_at
 from elys.sim_node.physics.kernels.tables import DYNAMIC, JOINTED, KINEMATIC, POINTS, STATIC
 
-LAYERS = 9.0  # up to which each contact of an island may give way by the allowed overlap: higher up it adds up
-SMALL = 512  # bodies up to which an island is solved exactly at all
+LAYERS = 9.5  # up to which each contact of an island may give way by the allowed overlap: higher up it adds up
+LOW = 1.2  # how much more it may give way in a lower one, at most
+HUGE = 512  # bodies from which on an island is solved coarsely
 SIDE = 1.1547  # of a cube, whose corners are 1 from its middle
-COARSE = 10.0  # how much more contacts of a larger one may give way
+COARSE = 10.0  # how much more its contacts may give way; those of a smaller one by its size cubed
 EASED = 0.9  # of the allowed overlap, below which a weaker solution would do
 PATIENCE = 60  # steps for which it must have been so: a change shakes what stands
 BELIEF = 1.1  # a contact's load is believed to grow so fast a step, and by the weight on it: a blow is not a load
@@ -68,14 +72,19 @@ def pressing(first, second, manifold, constants):
 
 
 @inner
-def wanted_strength(first, second, manifold, allowed, present, strengths, constants):
-    """The weakest row of STRENGTH with which a contact gives way no more than is allowed."""
+def contact_overlap(first, second, manifold, strengths, constants):
+    """How much a contact gives way when it is solved with the first row of STRENGTH [m]."""
     inverse_mass = first.inverse_mass + second.inverse_mass
     softness = strengths[0].softness
     if first.inverse_mass == 0.0 or second.inverse_mass == 0.0:
         softness *= 0.25  # twice the frequency
-    overlap = softness * pressing(first, second, manifold, constants) * inverse_mass
-    chosen = 0
+    return softness * pressing(first, second, manifold, constants) * inverse_mass
+
+
+@inner
+def strength_against(overlap, allowed, least, present, strengths):
+    """The weakest row of STRENGTH, from `least` on, with which a contact gives way no more than is allowed."""
+    chosen = least
     while chosen + 1 < strengths.shape[0]:
         ratio = strengths[chosen].substep / strengths[0].substep
         limit = EASED * allowed if chosen < present else allowed
@@ -86,12 +95,33 @@ def wanted_strength(first, second, manifold, allowed, present, strengths, consta
 
 
 @inner
+def layers_of(island):
+    """How many cubes an island is high."""
+    return 1.0 + (island.high - island.low) * island.body_count / (SIDE * island.extent)
+
+
+@inner
 def allowance(island):
-    """How much each contact of an island may give way: in a high one the overlaps add up, so less; in a huge one more."""
-    if island.body_count > SMALL:
+    """How much each contact of an island may give way: in a high one the overlaps add up, so less; in a large one more."""
+    if island.body_count > HUGE:
         return COARSE
-    layers = 1.0 + (island.high - island.low) * island.body_count / (SIDE * island.extent)
-    return min(LAYERS / layers, 1.0)
+    size = island.body_count / HUGE
+    return min(LAYERS / layers_of(island), LOW) * (1.0 + (COARSE - 1.0) * size * size * size)
+
+
+@inner
+def least_strength(island):
+    """The weakest row of STRENGTH that an island may be solved with: the first only where it is huge and has no joints."""
+    return 0 if island.body_count > HUGE and island.is_jointed == 0 else 1
+
+
+@inner
+def first_strength(island, strengths, constants):
+    """The strength for an island that was none before. No contact tells of its load yet: it is taken for a column of equals."""
+    g = constants.gravity
+    weight = (layers_of(island) - 1.0) * math.sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2])
+    allowed = constants.overlap * allowance(island)
+    return strength_against(2.0 * strengths[0].softness * weight, allowed, least_strength(island), 0, strengths)
 
 
 @inner
@@ -128,6 +158,7 @@ def find_islands(bodies, awake, awake_count, colliders, pairs, touching, touchin
         island.high = -np.inf
         island.extent = 0.0
         island.body_count = 0
+        island.is_jointed = 0
         island.wanted = 0
         island.present = 0
     for t in range(touching_count):
@@ -158,6 +189,8 @@ def find_islands(bodies, awake, awake_count, colliders, pairs, touching, touchin
             island.extent += bodies[i].extent
             island.body_count += 1
             island.present = max(island.present, bodies[i].strength)
+            if bodies[i].held == JOINTED:
+                island.is_jointed = 1
 
 
 @inner
@@ -171,7 +204,8 @@ def ask_contacts(bodies, colliders, pairs, touching, touching_count, manifolds, 
         second = bodies[b]
         island = islands[root_of(parent, a if first.motion == DYNAMIC else b)]
         allowed = constants.overlap * allowance(island)
-        wanted = wanted_strength(first, second, manifolds[touching[t]], allowed, island.present, strengths, constants)
+        overlap = contact_overlap(first, second, manifolds[touching[t]], strengths, constants)
+        wanted = strength_against(overlap, allowed, least_strength(island), island.present, strengths)
         island.wanted = max(island.wanted, wanted)
 
 
@@ -211,6 +245,9 @@ def build_islands(
             root = root_of(parent, i)
             island = islands[root]
             if root == i:  # the first of its island to come by decides for all
+                island.wanted = max(island.wanted, least_strength(island))
+                if island.present == 0:
+                    island.wanted = max(island.wanted, first_strength(island, strengths, constants))
                 is_calm = island.wanted < island.present
                 body.calm = min(body.calm + 1, PATIENCE) if is_calm else 0
                 if is_calm and body.calm < PATIENCE:

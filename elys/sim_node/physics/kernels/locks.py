@@ -24,6 +24,15 @@ def hold_axes(body):
 
 
 @inner
+def hold_solved(locked, solved):
+    """Takes out of what the solver found what rounding put along locked axes; `locked` is a body's bits."""
+    for k in range(6):
+        if locked >> k & 1:
+            solved.velocity[k] = 0.0
+            solved.displacement[k] = 0.0
+
+
+@inner
 def lock_inertia(inertia, locked):
     """Takes locked turns out of an inverse inertia in world axes, xx yy zz xy xz yz: a Schur complement for each."""
     for axis in range(3):

@@ -11,14 +11,14 @@ a stack a little, and fewer solves round less.
 
 from __future__ import annotations
 
-from elys.sim_node.compilation import inner, kernel
+from elys.sim_node.compilation import inlined, inner, kernel
 from elys.sim_node.physics.kernels.batch import (
+    ARM,
     AXIS_MASS,
     BODY_FLOATS,
     COUPLING,
     FLOATS,
     FRICTION,
-    FRICTION_ARM,
     FRICTION_IMPULSE,
     FRICTION_MASS,
     GAP,
@@ -30,7 +30,7 @@ from elys.sim_node.physics.kernels.batch import (
     LEVER,
     MANIFOLD_FLOATS,
     MASS,
-    NORMAL,
+    PLACE,
     POINT,
     POINT_SIZE,
     RESULTS_AT,
@@ -39,11 +39,14 @@ from elys.sim_node.physics.kernels.batch import (
     ROLLING_IMPULSE,
     ROLLING_MASS,
     STEP_IMPULSE,
-    TANGENT,
     TWIST_MASS,
-    crossed,
+    along_tangents,
     dotted,
+    friction_torque,
+    into_frame,
     load3,
+    load_frame,
+    out_of_frame,
     store3,
     turned,
 )
@@ -70,19 +73,19 @@ TOUCHING = 1e-6
 FELT = 1e-6
 
 
-@inner
-def push(batches, body_a, body_b, batch, solver, can_lock, a, b, px, py, pz, tax, tay, taz, tbx, tby, tbz, struck):
-    """Writes back the velocities of both sides after an impulse p on b and torques on a and b, the opposite on a."""
-    o = batch * FLOATS
+@inlined
+def push(batches, body_a, body_b, batch, solver, can_lock, frame, a, b, px, py, pz, turn_a, turn_b, struck):
+    """Writes back the velocities of both sides after an impulse p on b, the opposite on a, and turns given in the frame."""
     ma = a[6]
     mb = b[6]
-    x, y, z = turned(batches, o + 8 * INERTIA_A, tax, tay, taz)
-    u, v, w = turned(batches, o + 8 * INERTIA_B, tbx, tby, tbz)
+    x, y, z = out_of_frame(frame, turn_a[0], turn_a[1], turn_a[2])
+    u, v, w = out_of_frame(frame, turn_b[0], turn_b[1], turn_b[2])
     ax, ay, az = ma * px, ma * py, ma * pz
     bx, by, bz = mb * px, mb * py, mb * pz
     if can_lock:
-        fx, fy, fz = load3(batches, o + 8 * AXIS_MASS)
-        gx, gy, gz = load3(batches, o + 8 * (AXIS_MASS + 3))
+        at = batch * FLOATS + 8 * AXIS_MASS
+        fx, fy, fz = load3(batches, at)
+        gx, gy, gz = load3(batches, at + 24)
         ax, ay, az = fx * px, fy * py, fz * pz
         bx, by, bz = gx * px, gy * py, gz * pz
     va = (a[0] - ax, a[1] - ay, a[2] - az, a[3] - x, a[4] - y, a[5] - z, ma, larger(a[7], struck))
@@ -91,43 +94,46 @@ def push(batches, body_a, body_b, batch, solver, can_lock, a, b, px, py, pz, tax
     scatter_rows(solver, body_b, batch * 8, BODY_FLOATS, 0, vb)
 
 
-@inner
+@inlined
 def warm_start(batches, body_a, body_b, batch, count, solver, constants):
     """Begins the step with the impulses of the last one."""
     o = batch * FLOATS
     a = gather_rows(solver, body_a, batch * 8, BODY_FLOATS, 0)
     b = gather_rows(solver, body_b, batch * 8, BODY_FLOATS, 0)
-    nx, ny, nz = load3(batches, o + 8 * NORMAL)
-    tx, ty, tz = load3(batches, o + 8 * TANGENT)
-    sx, sy, sz = crossed(nx, ny, nz, tx, ty, tz)
+    frame = load_frame(batches, o)
     f1, f2, twist = load3(batches, o + 8 * FRICTION_IMPULSE)
-    at = o + 8 * FRICTION_ARM
-    ax, ay, az = load3(batches, at)
-    bx, by, bz = load3(batches, at + 24)
-    ex, ey, ez = load3(batches, at + 48)
-    gx, gy, gz = load3(batches, at + 72)
-    tax, tay, taz = f1 * ax + f2 * ex + twist * nx, f1 * ay + f2 * ey + twist * ny, f1 * az + f2 * ez + twist * nz
-    tbx, tby, tbz = f1 * bx + f2 * gx + twist * nx, f1 * by + f2 * gy + twist * ny, f1 * bz + f2 * gz + twist * nz
-    total = splat(0.0)
+    total = along1 = along2 = splat(0.0)
     for k in range(count):
         at = o + 8 * (POINT + POINT_SIZE * k)
         impulse = load(batches, at + 8 * IMPULSE)
-        ax, ay, az = load3(batches, at)
-        bx, by, bz = load3(batches, at + 24)
         total = total + impulse
-        tax, tay, taz = tax + impulse * ax, tay + impulse * ay, taz + impulse * az
-        tbx, tby, tbz = tbx + impulse * bx, tby + impulse * by, tbz + impulse * bz
-    px = total * nx + f1 * tx + f2 * sx
-    py = total * ny + f1 * ty + f2 * sy
-    pz = total * nz + f1 * tz + f2 * sz
+        along1 = along1 + impulse * load(batches, at + 8 * PLACE)
+        along2 = along2 + impulse * load(batches, at + 8 * (PLACE + 1))
+    r1 = r2 = splat(0.0)
     if constants.can_roll != 0:
         r1 = load(batches, o + 8 * ROLLING_IMPULSE)
         r2 = load(batches, o + 8 * (ROLLING_IMPULSE + 1))
-        rx, ry, rz = r1 * tx + r2 * sx, r1 * ty + r2 * sy, r1 * tz + r2 * sz
-        tax, tay, taz = tax + rx, tay + ry, taz + rz
-        tbx, tby, tbz = tbx + rx, tby + ry, tbz + rz
+    arm_a = load3(batches, o + 8 * ARM)
+    arm_b = load3(batches, o + 8 * (ARM + 3))
+    fa = friction_torque(arm_a, f1, f2, twist)
+    fb = friction_torque(arm_b, f1, f2, twist)
+    ta = (arm_a[1] * total + along2 + r1, r2 - (arm_a[0] * total + along1))
+    tb = (arm_b[1] * total + along2 + r1, r2 - (arm_b[0] * total + along1))
+    turn_a = turned(batches, o + 8 * INERTIA_A, ta[0] + fa[0], ta[1] + fa[1], fa[2])
+    turn_b = turned(batches, o + 8 * INERTIA_B, tb[0] + fb[0], tb[1] + fb[1], fb[2])
+    px, py, pz = out_of_frame(frame, f1, f2, total)
     lock = constants.can_lock != 0
-    push(batches, body_a, body_b, batch, solver, lock, a, b, px, py, pz, tax, tay, taz, tbx, tby, tbz, splat(0.0))
+    push(batches, body_a, body_b, batch, solver, lock, frame, a, b, px, py, pz, turn_a, turn_b, splat(0.0))
+
+
+@inner
+def turned_by_normals(batches, at, arm, total, along1, along2):
+    """The turn, in the frame, that normal impulses give: their sum and the sums of their moments about the tangents."""
+    xx, yy = load(batches, at), load(batches, at + 8)
+    xy, xz, yz = load3(batches, at + 24)
+    x = arm[1] * total + along2
+    y = -(arm[0] * total + along1)
+    return xx * x + xy * y, xy * x + yy * y, xz * x + yz * y
 
 
 @inner
@@ -142,12 +148,11 @@ def coupled(batches, o, k, c0, c1, c2):
 
 
 @inner
-def resist_rolling(batches, o, load_sum, wx, wy, wz, tx, ty, tz, sx, sy, sz):
-    """Changes a manifold's rolling impulse towards no relative turn w about the tangents; returns its change, in world axes.
+def resist_rolling(batches, o, load_sum, roll1, roll2):
+    """Changes a manifold's rolling impulse towards no relative turn about the tangents; returns its change about both.
 
     The impulse stays within the rolling friction, an arm, times the sum of the normal impulses.
     """
-    roll1, roll2 = dotted(wx, wy, wz, tx, ty, tz), dotted(wx, wy, wz, sx, sy, sz)
     m11, m12, m22 = load3(batches, o + 8 * ROLLING_MASS)
     at = o + 8 * ROLLING_IMPULSE
     old1, old2 = load(batches, at), load(batches, at + 8)
@@ -160,11 +165,16 @@ def resist_rolling(batches, o, load_sum, wx, wy, wz, tx, ty, tz, sx, sy, sz):
     r2 = r2 * scale
     store(batches, at, r1)
     store(batches, at + 8, r2)
-    d1, d2 = r1 - old1, r2 - old2
-    return d1 * tx + d2 * sx, d1 * ty + d2 * sy, d1 * tz + d2 * sz
+    return r1 - old1, r2 - old2
 
 
 @inner
+def opening(arm_a, arm_b, turn_a, turn_b):
+    """How fast two turns, given about the tangents, open the gap at the centre of friction."""
+    return arm_b[1] * turn_b[0] - arm_b[0] * turn_b[1] - (arm_a[1] * turn_a[0] - arm_a[0] * turn_a[1])
+
+
+@inlined
 def solve_batch(batches, body_a, body_b, batch, count, solver, strength, constants, biased, last):
     """One pass over a batch: normal impulses, then friction within the cone of their sum.
 
@@ -179,7 +189,8 @@ def solve_batch(batches, body_a, body_b, batch, count, solver, strength, constan
     b = gather_rows(solver, body_b, lanes, BODY_FLOATS, 0)
     da = gather_rows(solver, body_a, lanes, BODY_FLOATS, 8)
     db = gather_rows(solver, body_b, lanes, BODY_FLOATS, 8)
-    nx, ny, nz = load3(batches, o + 8 * NORMAL)
+    frame = load_frame(batches, o)
+    nx, ny, nz = frame[6], frame[7], frame[8]
     if biased:
         both = a[6] * b[6] > zero
         soft = strength.soft
@@ -196,25 +207,31 @@ def solve_batch(batches, body_a, body_b, batch, count, solver, strength, constan
     slowest = splat(-strength.push_speed)
     inverse_h = splat(1.0 / strength.substep)
     lead = load(batches, o + 8 * LEAD)
-    speed = dotted(b[0] - a[0], b[1] - a[1], b[2] - a[2], nx, ny, nz)
-    apart = dotted(db[0] - da[0], db[1] - da[1], db[2] - da[2], nx, ny, nz)
-    total = load_sum = turning = struck = zero
-    tax = tay = taz = tbx = tby = tbz = zero
+    arm_a = load3(batches, o + 8 * ARM)
+    arm_b = load3(batches, o + 8 * (ARM + 3))
+    wa = into_frame(frame, a[3], a[4], a[5])
+    wb = into_frame(frame, b[3], b[4], b[5])
+    leant_a = along_tangents(frame, da[3], da[4], da[5])
+    leant_b = along_tangents(frame, db[3], db[4], db[5])
+    rx, ry, rz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    speed = dotted(rx, ry, rz, nx, ny, nz) + opening(arm_a, arm_b, wa, wb)
+    apart = dotted(db[0] - da[0], db[1] - da[1], db[2] - da[2], nx, ny, nz) + opening(arm_a, arm_b, leant_a, leant_b)
+    tilt1, tilt2 = wb[0] - wa[0], wb[1] - wa[1]
+    leant1, leant2 = leant_b[0] - leant_a[0], leant_b[1] - leant_a[1]
+    total = load_sum = turning = struck = along1 = along2 = zero
     c0 = c1 = c2 = zero
     for k in range(count):
         at = o + 8 * (POINT + POINT_SIZE * k)
-        ax, ay, az = load3(batches, at)
-        bx, by, bz = load3(batches, at + 24)
-        mass = load(batches, o + 8 * (MASS + k))
+        u, v = load(batches, at + 8 * PLACE), load(batches, at + 8 * (PLACE + 1))
+        mass = load(batches, at + 8 * MASS)
         old = load(batches, at + 8 * IMPULSE)
-        gap = load(batches, at + 8 * GAP) + apart
-        gap = gap + dotted(db[3], db[4], db[5], bx, by, bz) - dotted(da[3], da[4], da[5], ax, ay, az)
-        opening = speed + dotted(b[3], b[4], b[5], bx, by, bz) - dotted(a[3], a[4], a[5], ax, ay, az)
+        gap = load(batches, at + 8 * GAP) + apart + (v * leant1 - u * leant2)
+        closing = speed + (v * tilt1 - u * tilt2)
         if k > 0:
-            opening = opening + coupled(batches, o, k, c0, c1, c2)
+            closing = closing + coupled(batches, o, k, c0, c1, c2)
         is_open = gap > splat(TOUCHING)
         wanted = where(is_open, gap * inverse_h + lead, larger(rate * gap, slowest))
-        new = old - mass * where(is_open, one, share) * (opening + wanted) - where(is_open, zero, leak) * old
+        new = old - mass * where(is_open, one, share) * (closing + wanted) - where(is_open, zero, leak) * old
         # What is about to touch is left to the next substep: the relaxation begins no contact.
         new = where(old <= mass * least, zero, larger(new, zero))
         store(batches, at + 8 * IMPULSE, new)
@@ -228,43 +245,35 @@ def solve_batch(batches, body_a, body_b, batch, count, solver, strength, constan
         elif k == 2:
             c2 = change
         if last:
-            place = o + 8 * (STEP_IMPULSE + k)
+            place = at + 8 * STEP_IMPULSE
             store(batches, place, load(batches, place) + new)
         total = total + change
         load_sum = load_sum + new
-        turning = turning + new * load(batches, o + 8 * (LEVER + k))
-        tax, tay, taz = tax + change * ax, tay + change * ay, taz + change * az
-        tbx, tby, tbz = tbx + change * bx, tby + change * by, tbz + change * bz
-    ux, uy, uz = turned(batches, o + 8 * INERTIA_A, tax, tay, taz)
-    wx, wy, wz = turned(batches, o + 8 * INERTIA_B, tbx, tby, tbz)
-    wax, way, waz = a[3] - ux, a[4] - uy, a[5] - uz
-    wbx, wby, wbz = b[3] + wx, b[4] + wy, b[5] + wz
+        turning = turning + new * load(batches, at + 8 * LEVER)
+        along1 = along1 + change * u
+        along2 = along2 + change * v
+    turn_a = turned_by_normals(batches, o + 8 * INERTIA_A, arm_a, total, along1, along2)
+    turn_b = turned_by_normals(batches, o + 8 * INERTIA_B, arm_b, total, along1, along2)
+    hold = zero
     # The normal impulses' own change of the linear velocities is perpendicular to both tangents.
-    rx, ry, rz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     if constants.can_lock != 0:  # or not: where an axis is locked
         fx, fy, fz = load3(batches, o + 8 * AXIS_MASS)
         gx, gy, gz = load3(batches, o + 8 * (AXIS_MASS + 3))
         rx, ry, rz = rx + total * nx * (fx + gx), ry + total * ny * (fy + gy), rz + total * nz * (fz + gz)
-    tx, ty, tz = load3(batches, o + 8 * TANGENT)
-    sx, sy, sz = crossed(nx, ny, nz, tx, ty, tz)
-    hold = zero
     if constants.can_roll != 0:
         hold = load(batches, o + 8 * (ROLLING + 1)) * load_sum
-        qx, qy, qz = resist_rolling(batches, o, load_sum, wbx - wax, wby - way, wbz - waz, tx, ty, tz, sx, sy, sz)
-        ux, uy, uz = turned(batches, o + 8 * INERTIA_A, qx, qy, qz)
-        wx, wy, wz = turned(batches, o + 8 * INERTIA_B, qx, qy, qz)
-        wax, way, waz = wax - ux, way - uy, waz - uz
-        wbx, wby, wbz = wbx + wx, wby + wy, wbz + wz
-        tax, tay, taz = tax + qx, tay + qy, taz + qz
-        tbx, tby, tbz = tbx + qx, tby + qy, tbz + qz
-    at = o + 8 * FRICTION_ARM
-    ax, ay, az = load3(batches, at)
-    bx, by, bz = load3(batches, at + 24)
-    ex, ey, ez = load3(batches, at + 48)
-    gx, gy, gz = load3(batches, at + 72)
-    slip1 = dotted(rx, ry, rz, tx, ty, tz) + dotted(wbx, wby, wbz, bx, by, bz) - dotted(wax, way, waz, ax, ay, az)
-    slip2 = dotted(rx, ry, rz, sx, sy, sz) + dotted(wbx, wby, wbz, gx, gy, gz) - dotted(wax, way, waz, ex, ey, ez)
-    spin = dotted(wbx - wax, wby - way, wbz - waz, nx, ny, nz)
+        roll1 = (wb[0] + turn_b[0]) - (wa[0] - turn_a[0])
+        roll2 = (wb[1] + turn_b[1]) - (wa[1] - turn_a[1])
+        q1, q2 = resist_rolling(batches, o, load_sum, roll1, roll2)
+        x, y, z = turned(batches, o + 8 * INERTIA_A, q1, q2, zero)
+        turn_a = (turn_a[0] + x, turn_a[1] + y, turn_a[2] + z)
+        x, y, z = turned(batches, o + 8 * INERTIA_B, q1, q2, zero)
+        turn_b = (turn_b[0] + x, turn_b[1] + y, turn_b[2] + z)
+    wa = (wa[0] - turn_a[0], wa[1] - turn_a[1], wa[2] - turn_a[2])
+    wb = (wb[0] + turn_b[0], wb[1] + turn_b[1], wb[2] + turn_b[2])
+    slip1, slip2 = along_tangents(frame, rx, ry, rz)
+    slip1 = slip1 + (arm_b[2] * wb[1] - arm_b[1] * wb[2]) - (arm_a[2] * wa[1] - arm_a[1] * wa[2])
+    slip2 = slip2 + (arm_b[0] * wb[2] - arm_b[2] * wb[0]) - (arm_a[0] * wa[2] - arm_a[2] * wa[0])
     old1, old2, old3 = load3(batches, o + 8 * FRICTION_IMPULSE)
     m11, m12, m22 = load3(batches, o + 8 * FRICTION_MASS)
     friction = load(batches, o + 8 * FRICTION)
@@ -276,67 +285,62 @@ def solve_batch(batches, body_a, body_b, batch, count, solver, strength, constan
     f1 = f1 * scale
     f2 = f2 * scale
     hold = hold + friction * turning
-    f3 = larger(smaller(old3 - load(batches, o + 8 * TWIST_MASS) * spin, hold), -hold)
+    f3 = larger(smaller(old3 - load(batches, o + 8 * TWIST_MASS) * (wb[2] - wa[2]), hold), -hold)
     store3(batches, o + 8 * FRICTION_IMPULSE, f1, f2, f3)
     d1, d2, d3 = f1 - old1, f2 - old2, f3 - old3
-    px = total * nx + d1 * tx + d2 * sx
-    py = total * ny + d1 * ty + d2 * sy
-    pz = total * nz + d1 * tz + d2 * sz
-    tax, tay, taz = (
-        tax + d1 * ax + d2 * ex + d3 * nx,
-        tay + d1 * ay + d2 * ey + d3 * ny,
-        taz + d1 * az + d2 * ez + d3 * nz,
-    )
-    tbx, tby, tbz = (
-        tbx + d1 * bx + d2 * gx + d3 * nx,
-        tby + d1 * by + d2 * gy + d3 * ny,
-        tbz + d1 * bz + d2 * gz + d3 * nz,
-    )
+    px, py, pz = out_of_frame(frame, d1, d2, total)
+    ta = friction_torque(arm_a, d1, d2, d3)
+    tb = friction_torque(arm_b, d1, d2, d3)
+    x, y, z = turned(batches, o + 8 * INERTIA_A, ta[0], ta[1], ta[2])
+    turn_a = (turn_a[0] + x, turn_a[1] + y, turn_a[2] + z)
+    x, y, z = turned(batches, o + 8 * INERTIA_B, tb[0], tb[1], tb[2])
+    turn_b = (turn_b[0] + x, turn_b[1] + y, turn_b[2] + z)
     lock = constants.can_lock != 0
-    push(batches, body_a, body_b, batch, solver, lock, a, b, px, py, pz, tax, tay, taz, tbx, tby, tbz, struck)
+    push(batches, body_a, body_b, batch, solver, lock, frame, a, b, px, py, pz, turn_a, turn_b, struck)
 
 
-@inner
+@inlined
 def store_impulses(batches, body_a, body_b, slots, batch, count, solver, manifolds, can_roll):
     """Keeps impulses and gaps of a batch for the next step, friction as a world vector: the tangents may be others then."""
     o = batch * FLOATS
     lanes = batch * 8
     zero = splat(0.0)
-    nx, ny, nz = load3(batches, o + 8 * NORMAL)
-    tx, ty, tz = load3(batches, o + 8 * TANGENT)
-    sx, sy, sz = crossed(nx, ny, nz, tx, ty, tz)
+    frame = load_frame(batches, o)
     f1, f2, twist = load3(batches, o + 8 * FRICTION_IMPULSE)
     da = gather_rows(solver, body_a, lanes, BODY_FLOATS, 8)
     db = gather_rows(solver, body_b, lanes, BODY_FLOATS, 8)
-    apart = dotted(db[0] - da[0], db[1] - da[1], db[2] - da[2], nx, ny, nz)
+    leant_a = along_tangents(frame, da[3], da[4], da[5])
+    leant_b = along_tangents(frame, db[3], db[4], db[5])
+    arm_a = load3(batches, o + 8 * ARM)
+    arm_b = load3(batches, o + 8 * (ARM + 3))
+    apart = dotted(db[0] - da[0], db[1] - da[1], db[2] - da[2], frame[6], frame[7], frame[8])
+    apart = apart + opening(arm_a, arm_b, leant_a, leant_b)
+    leant1, leant2 = leant_b[0] - leant_a[0], leant_b[1] - leant_a[1]
     i0 = i1 = i2 = i3 = zero
     g0 = g1 = g2 = g3 = zero
+    s0 = s1 = s2 = s3 = zero
     for k in range(count):
         at = o + 8 * (POINT + POINT_SIZE * k)
-        ax, ay, az = load3(batches, at)
-        bx, by, bz = load3(batches, at + 24)
-        gap = load(batches, at + 8 * GAP) + apart
-        gap = gap + dotted(db[3], db[4], db[5], bx, by, bz) - dotted(da[3], da[4], da[5], ax, ay, az)
+        u, v = load(batches, at + 8 * PLACE), load(batches, at + 8 * (PLACE + 1))
+        gap = load(batches, at + 8 * GAP) + apart + (v * leant1 - u * leant2)
         impulse = load(batches, at + 8 * IMPULSE)
+        step_impulse = load(batches, at + 8 * STEP_IMPULSE)
         if k == 0:
-            i0, g0 = impulse, gap
+            i0, g0, s0 = impulse, gap, step_impulse
         elif k == 1:
-            i1, g1 = impulse, gap
+            i1, g1, s1 = impulse, gap, step_impulse
         elif k == 2:
-            i2, g2 = impulse, gap
+            i2, g2, s2 = impulse, gap, step_impulse
         else:
-            i3, g3 = impulse, gap
-    fx, fy, fz = f1 * tx + f2 * sx, f1 * ty + f2 * sy, f1 * tz + f2 * sz
+            i3, g3, s3 = impulse, gap, step_impulse
+    fx, fy, fz = out_of_frame(frame, f1, f2, zero)
     scatter_rows(manifolds, slots, lanes, MANIFOLD_FLOATS, IMPULSES_AT, (i0, i1, i2, i3, fx, fy, fz, twist))
-    at = o + 8 * STEP_IMPULSE
-    s0, s1, s2 = load3(batches, at)
-    s3 = load(batches, at + 24)
     scatter_rows(manifolds, slots, lanes, MANIFOLD_FLOATS, RESULTS_AT, (g0, g1, g2, g3, s0, s1, s2, s3))
     if can_roll:
         r1 = load(batches, o + 8 * ROLLING_IMPULSE)
         r2 = load(batches, o + 8 * (ROLLING_IMPULSE + 1))
         rolling, spin = load(batches, o + 8 * ROLLING), load(batches, o + 8 * (ROLLING + 1))
-        rx, ry, rz = r1 * tx + r2 * sx, r1 * ty + r2 * sy, r1 * tz + r2 * sz
+        rx, ry, rz = out_of_frame(frame, r1, r2, zero)
         scatter_rows(
             manifolds, slots, lanes, MANIFOLD_FLOATS, ROLLING_AT, (rx, ry, rz, rolling, spin, zero, zero, zero)
         )

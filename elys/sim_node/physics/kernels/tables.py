@@ -489,6 +489,7 @@ ISLAND = np.dtype(
         ("body_count", "i4"),
         ("wanted", "u1"),  # the strength that its contacts ask for
         ("present", "u1"),  # the largest that its bodies had in the last step
+        ("is_jointed", "u1"),
     ],
     align=True,
 )
