@@ -18,6 +18,7 @@ from elys.common.errors import SceneError
 from elys.common.scene_collapsing import collapse
 from elys.common.scene_document import (
     SCENE_VERSION,
+    AttractorSettings,
     ComponentChanges,
     ComponentValues,
     EntityNode,
@@ -34,6 +35,7 @@ __all__ = [
     "PREFAB_SUFFIX",
     "SCENE_SUFFIX",
     "SCENE_VERSION",
+    "AttractorSettings",
     "ComponentChanges",
     "ComponentValues",
     "EntityNode",

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from elys.common.assets.store import AssetStore, is_reference
-from elys.common.components import FieldDeclaration, component_from, declaration_of, declarations
+from elys.common.components import FieldDeclaration, Kind, component_from, declaration_of, declarations
 from elys.common.components.decimals import FLOAT32_MAX, shortest_decimal
 from elys.common.errors import AssetError, SceneError
 from elys.common.scene_document import (
@@ -20,6 +20,7 @@ from elys.common.scene_document import (
     SceneSettings,
 )
 from elys.common.scene_expansion import expand, relative_name
+from elys.common.scene_naming import Names
 from elys.common.scene_reading import MAX_DEPTH
 
 
@@ -39,7 +40,8 @@ def collapse(
 
     Raises:
         SceneError: the records are no tree, or nested deeper than a file may be, or a number is out of all bounds; a prefab
-            cannot be read; no file is known to hold what a content reference names.
+            cannot be read; no file is known to hold what a content reference names; a field names an entity by its id, or one
+            whose path of names others have as well.
         ComponentError: a value is not what its component takes.
     """
     directory = Path(directory).absolute()
@@ -55,6 +57,7 @@ def collapse(
         directory=directory,
         assets=assets,
         baselines={},
+        names=Names([(record.name, record.parent) for record in records]),
     )
     return SceneDocument(name=name, settings=settings, entities=[_node(job, row, 1) for row in roots])
 
@@ -68,6 +71,7 @@ class _Collapse:
     directory: Path
     assets: AssetStore
     baselines: dict[str, list[EntityRecord]]
+    names: Names
 
 
 def _node(job: _Collapse, row: int, depth: int) -> EntityNode:
@@ -81,7 +85,7 @@ def _node(job: _Collapse, row: int, depth: int) -> EntityNode:
     return EntityNode(
         name=record.name,
         enabled=record.enabled,
-        components=_in_files(job, record, _differences({}, record.components)),
+        components=_in_files(job, record, _changes(job, None, record, {})),
         children=[_node(job, child, depth + 1) for child in job.children[row]],
     )
 
@@ -98,16 +102,17 @@ def _instance(job: _Collapse, row: int, depth: int) -> EntityNode | None:
     if any(job.records[r].parent != row for r in added):
         return None
     overrides: dict[str, ComponentChanges] = {}
+    place_now = {place: present[path] for path, place in original.items()}
     for path, place in original.items():
         was, now = baseline[place], job.records[present[path]]
         if path and was.enabled != now.enabled:
             return None
-        changes = _differences(was.components, now.components)
+        changes = _changes(job, was, now, place_now)
         if path and changes:
             overrides[path] = _in_files(job, now, changes)
     if not baseline[0].enabled and record.enabled:
         return None
-    changes = _differences(baseline[0].components, record.components)
+    changes = _changes(job, baseline[0], record, place_now)
     return EntityNode(
         name="" if record.name == baseline[0].name else record.name,
         enabled=record.enabled or not baseline[0].enabled,
@@ -150,6 +155,43 @@ def _paths(records: Sequence[EntityRecord], children: list[list[int]], root: int
         paths[path] = row
         waiting.extend((child, path) for child in reversed(children[row]))
     return paths
+
+
+def _changes(
+    job: _Collapse, was: EntityRecord | None, now: EntityRecord, place_now: Mapping[int, int]
+) -> ComponentChanges:
+    """What must be laid over a record to get another; `place_now` tells where those that `was` names stand now."""
+    changes = _differences(was.components if was is not None else {}, now.components)
+    before = {} if was is None else {key: place_now.get(row) for key, row in was.references.items()}
+    for name in now.components:
+        for field in declaration_of(name).fields:
+            if field.kind is not Kind.ENTITY:
+                continue
+            if now.components[name].get(field.name, 0):
+                raise SceneError(
+                    f"'{now.name}' cannot be saved: its {name}.{field.name} is an entity that is not there any more, or not part "
+                    "of what is saved; name another one, or none"
+                )
+            key = f"{name}.{field.name}"
+            target = now.references.get(key)
+            values = changes.get(name) or {}
+            values.pop(field.name, None)
+            if target is not None and target != before.get(key):
+                values[field.name] = _name_of(job, now, key, target)
+            elif target is None and key in before:
+                values[field.name] = ""
+            if values:
+                changes[name] = values
+    return changes
+
+
+def _name_of(job: _Collapse, record: EntityRecord, key: str, target: int) -> str:
+    try:
+        return job.names.name_of(target)
+    except SceneError as error:
+        raise SceneError(
+            f"'{record.name}' cannot be saved, whose {key} is '{job.records[target].name}': {error}"
+        ) from error
 
 
 def _differences(was: ComponentValues, now: ComponentValues) -> ComponentChanges:

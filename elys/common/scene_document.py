@@ -17,9 +17,31 @@ SCENE_VERSION: Final = 1
 # Both bounds are given wherever one is needed: they are what refuses NaN on the bus.
 Acceleration = Annotated[float, Meta(ge=-1e6, le=1e6)]
 Radiance = Annotated[float, Meta(ge=0.0, le=1e6)]
+Coordinate = Annotated[float, Meta(ge=-1e9, le=1e9)]
 
 ComponentValues = dict[str, dict[str, Any]]  # component name -> field name -> plain JSON value
 ComponentChanges = dict[str, dict[str, Any] | None]  # the same over a prefab's; null takes the component away
+
+
+class AttractorSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A point that attracts all bodies, by their gravity_scale: a = strength r / (r^2 + softening^2)^(3/2)."""
+
+    position: Annotated[
+        tuple[Coordinate, Coordinate, Coordinate], Meta(description="Place in the world.", extra={"unit": "m"})
+    ] = (0.0, 0.0, 0.0)
+    strength: Annotated[
+        float,
+        Meta(
+            ge=-1e30,
+            le=1e30,
+            description="Surface gravity times the squared radius of a planet; negative repels.",
+            extra={"unit": "m3/s2"},
+        ),
+    ] = 0.0
+    softening: Annotated[
+        float,
+        Meta(ge=0.0, le=1e9, description="Within about this distance the pull fades.", extra={"unit": "m"}),
+    ] = 0.0
 
 
 class SceneSettings(msgspec.Struct, frozen=True, kw_only=True):
@@ -29,6 +51,9 @@ class SceneSettings(msgspec.Struct, frozen=True, kw_only=True):
         tuple[Acceleration, Acceleration, Acceleration],
         Meta(description="Acceleration of everything that falls.", extra={"unit": "m/s2"}),
     ] = (0.0, -9.81, 0.0)
+    attractors: Annotated[
+        tuple[AttractorSettings, ...], Meta(max_length=16, description="Points that attract, beside gravity.")
+    ] = ()
     tick_rate: Annotated[
         int, Meta(ge=1, le=10_000, description="Ticks in a second of simulation.", extra={"unit": "Hz"})
     ] = 60
@@ -73,7 +98,8 @@ class EntityRecord(msgspec.Struct, frozen=True, kw_only=True):
 
     `parent` is the index of the parent within the same list (-1: a root); parents stand before their children.
     `components` need to hold only what differs from the defaults. `prefab` is the file, by
-    absolute path, of which an instance's root came.
+    absolute path, of which an instance's root came. `references` says which ENTITY fields, as "Joint.other", name entities of
+    the same list, by index: those have no ids yet. In `components` such a field may name one that lives, by its id.
     """
 
     name: str
@@ -81,3 +107,4 @@ class EntityRecord(msgspec.Struct, frozen=True, kw_only=True):
     enabled: bool = True
     components: ComponentValues = {}
     prefab: str = ""
+    references: dict[str, int] = {}

@@ -4,19 +4,27 @@ from __future__ import annotations
 
 import difflib
 import os
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, NoReturn
 
 from elys.common.assets.gltf import MODEL_SUFFIXES, ImportedModel, import_model
+from elys.common.assets.heights import HEIGHT_SUFFIXES, read_height_mesh, read_heights
 from elys.common.assets.images import IMAGE_SUFFIXES, read_image
 from elys.common.assets.primitives import PRIMITIVES, is_primitive
-from elys.common.assets.store import AssetStore, is_reference
+from elys.common.assets.store import AssetKind, AssetStore, is_reference
 from elys.common.components import Kind, declaration_of
 from elys.common.errors import AssetError, SceneError
 from elys.common.scene_document import ComponentChanges, ComponentValues, EntityNode, EntityRecord, SceneDocument
+from elys.common.scene_naming import Names
 from elys.common.scene_reading import read_scene
 
+# Ground may be named where it is collided with, and where it is drawn.
+_HEIGHT_READERS: Final[Mapping[AssetKind, Callable[[Path, AssetStore], str]]] = {
+    "heights": read_heights,
+    "mesh": read_height_mesh,
+}
 MAX_EXPANDED: Final = 1_000_000  # a few prefabs inside one another could ask for any number of entities
 
 
@@ -26,14 +34,22 @@ def expand(document: SceneDocument, *, directory: str | Path, assets: AssetStore
     Prefabs are named by absolute path: in a world nothing tells any more which folder a name was relative to.
 
     Raises:
-        SceneError: a prefab or asset is missing or wrong, prefabs contain themselves, an override names nobody; the sentence
-            starts with the place in the document.
+        SceneError: a prefab or asset is missing or wrong, prefabs contain themselves, an override or a reference names nobody;
+            the sentence starts with the place in the document.
     """
     job = _Expansion(directory=Path(directory).absolute(), assets=assets)
     for index, node in enumerate(document.entities):
         _append_entity(job, node, -1, _Place(job.directory, f"entities[{index}]", ()))
+    _resolve_references(job, 0, 0)
     return [
-        EntityRecord(name=d.name, parent=d.parent, enabled=d.enabled, components=d.components, prefab=d.prefab)
+        EntityRecord(
+            name=d.name,
+            parent=d.parent,
+            enabled=d.enabled,
+            components=d.components,
+            prefab=d.prefab,
+            references=d.references,
+        )
         for d in job.drafts
     ]
 
@@ -47,6 +63,18 @@ class _Draft:
     enabled: bool
     components: ComponentValues
     prefab: str = ""
+    references: dict[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class _Reference:
+    """A field of a draft that names an entity of the file it stands in."""
+
+    row: int
+    component: str
+    field_name: str
+    text: str
+    place: _Place
 
 
 @dataclass(slots=True, kw_only=True)
@@ -58,7 +86,8 @@ class _Expansion:
     drafts: list[_Draft] = field(default_factory=list)
     documents: dict[Path, SceneDocument] = field(default_factory=dict)
     models: dict[Path, ImportedModel] = field(default_factory=dict)
-    references: dict[Path, str] = field(default_factory=dict)
+    files: dict[tuple[str, Path], str] = field(default_factory=dict)  # what was read, and as what
+    references: list[_Reference] = field(default_factory=list)  # still to be looked up
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,12 +114,11 @@ def _append_entity(job: _Expansion, node: EntityNode, parent: int, place: _Place
         root.name = node.name or root.name
         root.enabled = root.enabled and node.enabled
         root.prefab = _path(place.directory, node.prefab, place).as_posix()
-        _lay_over(root, components)
+        _lay_over(job, row, components, place.at("components"))
         _apply_overrides(job, row, node, place)
     else:
-        draft = _Draft(name=node.name or "Entity", parent=parent, enabled=node.enabled, components={})
-        _lay_over(draft, components)
-        job.drafts.append(draft)
+        job.drafts.append(_Draft(name=node.name or "Entity", parent=parent, enabled=node.enabled, components={}))
+        _lay_over(job, row, components, place.at("components"))
     for index, child in enumerate(node.children):
         _append_entity(job, child, row, place.at(f"children[{index}]"))
 
@@ -105,7 +133,9 @@ def _append_prefab(job: _Expansion, prefab: str, parent: int, place: _Place) -> 
             chain = " -> ".join(p.name for p in (*place.inside[place.inside.index(path) :], path))
             _fail(here, f"prefabs contain themselves: {chain}")
         document = _prefab_document(job, path, here)
+        first, waiting = len(job.drafts), len(job.references)
         _append_entity(job, document.entities[0], parent, _Place(path.parent, here.words, (*place.inside, path)))
+        _resolve_references(job, first, waiting)  # by the prefab's own names, before anybody lays others over them
     else:
         _fail(here, f"{prefab} is no prefab; prefabs are .prefab.json, .scene.json, .gltf or .glb files")
 
@@ -144,12 +174,36 @@ def _model(job: _Expansion, path: Path, place: _Place) -> ImportedModel:
     return job.models[path]
 
 
-def _lay_over(draft: _Draft, changes: ComponentChanges) -> None:
+def _lay_over(job: _Expansion, row: int, changes: ComponentChanges, place: _Place) -> None:
+    draft = job.drafts[row]
     for name, values in changes.items():
+        named = {f.name for f in declaration_of(name).fields if f.kind is Kind.ENTITY}
+        for key in named if values is None else named & values.keys():
+            draft.references.pop(f"{name}.{key}", None)
         if values is None:
             draft.components.pop(name, None)
-        else:
-            draft.components[name] = {**draft.components.get(name, {}), **values}
+            continue
+        plain = {key: value for key, value in values.items() if key not in named}
+        draft.components[name] = {**draft.components.get(name, {}), **plain}
+        job.references += [
+            _Reference(row, name, key, text, place.at(f"{name}.{key}"))
+            for key, text in values.items()
+            if key in named and text
+        ]
+
+
+def _resolve_references(job: _Expansion, first: int, waiting: int) -> None:
+    """Finds whom the references from place `waiting` on name, among the drafts from `first` on."""
+    if len(job.references) == waiting:
+        return
+    names = Names([(draft.name, draft.parent - first) for draft in job.drafts[first:]])
+    for reference in job.references[waiting:]:
+        try:
+            found = names.find(reference.text)
+        except SceneError as error:
+            _fail(reference.place, str(error), error)
+        job.drafts[reference.row].references[f"{reference.component}.{reference.field_name}"] = first + found
+    del job.references[waiting:]
 
 
 def _apply_overrides(job: _Expansion, root: int, node: EntityNode, place: _Place) -> None:
@@ -170,7 +224,7 @@ def _apply_overrides(job: _Expansion, root: int, node: EntityNode, place: _Place
             _fail(here, f"the prefab has nobody at this path{remedy}")
         if len(rows) > 1:
             _fail(here, f"the prefab has {len(rows)} entities at this path; give siblings different names")
-        _lay_over(job.drafts[rows[0]], _resolved(job, changes, here))
+        _lay_over(job, rows[0], _resolved(job, changes, here), here)
 
 
 def _resolved(job: _Expansion, changes: ComponentChanges, place: _Place) -> ComponentChanges:
@@ -190,35 +244,51 @@ def _resolved(job: _Expansion, changes: ComponentChanges, place: _Place) -> Comp
 
 def _asset(job: _Expansion, value: str, field_name: str, place: _Place) -> str:
     """The content reference for what an ASSET field says."""
-    if is_primitive(value) or value.partition(":")[0].endswith(".py"):
+    if field_name != "heights" and (is_primitive(value) or value.partition(":")[0].endswith(".py")):
         return value
-    reference = value if is_reference(value) else _file_asset(job, value, place)
+    reference = value if is_reference(value) else _file_asset(job, value, field_name, place)
     if not job.assets.has(reference):
         _fail(place, f"there is no asset {value}; name the file it comes from")
-    expected = "mesh" if field_name == "mesh" else "image" if field_name.endswith("_texture") else None
+    expected = _expected_kind(field_name)
     kind = job.assets.kind(reference)
     if expected and kind and kind != expected:
         _fail(place, f"{value} is a {kind}, expected a {expected}")
     return reference
 
 
-def _file_asset(job: _Expansion, value: str, place: _Place) -> str:
+def _expected_kind(field_name: str) -> AssetKind | None:
+    if field_name.endswith("_texture"):
+        return "image"
+    return "mesh" if field_name == "mesh" else "heights" if field_name == "heights" else None
+
+
+def _file_asset(job: _Expansion, value: str, field_name: str, place: _Place) -> str:
     name, _, fragment = value.partition("#")
     suffix = Path(name).suffix.lower()
     if suffix in MODEL_SUFFIXES:
         model = _model(job, _path(place.directory, name, place), place)
         return _part_of_model(model, Path(name).name, fragment, place)
+    expected = _expected_kind(field_name)
+    if expected is not None and expected in _HEIGHT_READERS and suffix in HEIGHT_SUFFIXES:
+        return _read_once(job, expected, _HEIGHT_READERS[expected], _path(place.directory, name, place), place)
     if suffix in IMAGE_SUFFIXES:
-        path = _path(place.directory, name, place)
-        if path not in job.references:
-            try:
-                job.references[path] = read_image(path, job.assets)
-            except AssetError as error:
-                _fail(place, str(error), error)
-        return job.references[path]
+        return _read_once(job, "image", read_image, _path(place.directory, name, place), place)
+    if expected == "heights":
+        _fail(place, f"{value!r} is no file of heights; those are {' and '.join(HEIGHT_SUFFIXES)} files")
     close = difflib.get_close_matches(value.lower(), list(PRIMITIVES), n=1, cutoff=0.6)
     remedy = f"did you mean '{close[0]}'?" if close else f"built in are {', '.join(PRIMITIVES)}"
     return _fail(place, f"{value!r} is no mesh that is built in, no model and no image; {remedy}")
+
+
+def _read_once(
+    job: _Expansion, kind: AssetKind, read: Callable[[Path, AssetStore], str], path: Path, place: _Place
+) -> str:
+    if (kind, path) not in job.files:
+        try:
+            job.files[kind, path] = read(path, job.assets)
+        except AssetError as error:
+            _fail(place, str(error), error)
+    return job.files[kind, path]
 
 
 def _part_of_model(model: ImportedModel, name: str, fragment: str, place: _Place) -> str:

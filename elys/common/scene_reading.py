@@ -10,7 +10,7 @@ from typing import Any, Final, NoReturn
 
 import msgspec
 
-from elys.common.components import check_value, declaration_of, declarations
+from elys.common.components import Kind, check_value, declaration_of, declarations
 from elys.common.components.decimals import FLOAT32_MAX
 from elys.common.errors import ComponentError, SceneError
 from elys.common.scene_document import (
@@ -197,6 +197,9 @@ def check_fields(component: str, values: Mapping[str, Any], where: str) -> None:
         field = known.get(name)
         if field is None:
             _fail(f"{where}.{name}", f"{component} has no such field{_near_miss(name, known)}")
+        if field.kind is Kind.ENTITY:
+            _entity_name(value, f"{where}.{name}")
+            continue
         try:
             checked = check_value(declaration, field, value)
         except ComponentError as error:
@@ -208,6 +211,14 @@ def check_fields(component: str, values: Mapping[str, Any], where: str) -> None:
             if field.dtype == "f4" and abs(number) > FLOAT32_MAX:
                 _fail(f"{where}.{name}", f"must fit 32 bits (3.4e38), not {number:g}")
         _plain_text(value, f"{where}.{name}")
+
+
+def _entity_name(value: Any, where: str) -> None:
+    """In a file nobody has an id: entities are called by name."""
+    if isinstance(value, str) or (value == 0 and not isinstance(value, bool)):
+        _plain_text(value, where)
+        return
+    _fail(where, f'must be the name of an entity, as "Door" or "House/Door", or "" for none, not {_shown(value)}')
 
 
 def _known_keys(table: Mapping[str, Any], known: Iterable[str], where: str, owner: str) -> None:

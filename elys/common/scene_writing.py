@@ -15,7 +15,7 @@ from typing import Any, Final
 import msgspec
 
 from elys.common.assets.store import replace_file
-from elys.common.components import declarations
+from elys.common.components import FieldDeclaration, Kind, declarations
 from elys.common.errors import SceneError
 from elys.common.scene_document import SCENE_VERSION, ComponentChanges, EntityNode, SceneDocument, SceneSettings
 
@@ -46,8 +46,8 @@ def format_scene(document: SceneDocument) -> str:
 
 
 def _changed_settings(settings: SceneSettings) -> dict[str, Any]:
-    values = msgspec.structs.asdict(settings)
-    defaults = msgspec.structs.asdict(SceneSettings())
+    values = {name: msgspec.to_builtins(value) for name, value in msgspec.structs.asdict(settings).items()}
+    defaults = msgspec.to_builtins(SceneSettings())
     return {name: value for name, value in values.items() if value != defaults[name]}
 
 
@@ -83,13 +83,17 @@ def _component_tree(components: ComponentChanges, *, keep_defaults: bool) -> dic
             else {
                 field.name: values[field.name]
                 for field in declaration.fields
-                if field.name in values and (keep_defaults or not _equal(values[field.name], field.default))
+                if field.name in values and (keep_defaults or not _is_default(field, values[field.name]))
             }
         )
     for name in components:
         if name not in tree:
             raise SceneError(f"there is no component '{name}', so it cannot be written")
     return tree
+
+
+def _is_default(field: FieldDeclaration, value: Any) -> bool:
+    return _equal(value, field.default) or (field.kind is Kind.ENTITY and value == "")
 
 
 def _equal(value: Any, default: Any) -> bool:

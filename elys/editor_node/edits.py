@@ -22,6 +22,7 @@ from elys.bus.messages.commands import (
 )
 from elys.common.components import Kind, declaration_of, declarations, values_of
 from elys.common.scene import EntityRecord
+from elys.common.scene_naming import take_references
 from elys.editor_node.scene_mirror import EditorScene
 
 TRANSFORM = "Transform"
@@ -84,27 +85,29 @@ def _inverse_of_reparent(entity: int, scene: EditorScene) -> tuple[Command, ...]
 
 def records_of(scene: EditorScene, entity: int) -> tuple[tuple[EntityRecord, ...], tuple[int, ...]]:
     """An entity and all below it as records, parents first and siblings in order; and their ids in the same order."""
-    records: list[EntityRecord] = []
-    entities: list[int] = []
+    parents: list[int] = []
+    row_of: dict[int, int] = {}
     waiting = [(entity, -1)]
     while waiting:
         current, parent = waiting.pop()
-        row = len(records)
-        components = {
-            name: values_of(component, only_changed=True) for name, component in scene.components_of(current).items()
-        }
-        records.append(
-            EntityRecord(
-                name=scene.name_of(current),
-                parent=parent,
-                enabled=scene.is_enabled(current),
-                components=components,
-                prefab=scene.prefab_of(current),
-            )
-        )
-        entities.append(current)
-        waiting.extend((child, row) for child in reversed(scene.children_of(current)))
-    return tuple(records), tuple(entities)
+        row_of[current] = len(parents)
+        parents.append(parent)
+        waiting.extend((child, row_of[current]) for child in reversed(scene.children_of(current)))
+    return tuple(_record(scene, current, parents[row], row_of) for current, row in row_of.items()), tuple(row_of)
+
+
+def _record(scene: EditorScene, entity: int, parent: int, row_of: Mapping[int, int]) -> EntityRecord:
+    components = {
+        name: values_of(component, only_changed=True) for name, component in scene.components_of(entity).items()
+    }
+    return EntityRecord(
+        name=scene.name_of(entity),
+        parent=parent,
+        enabled=scene.is_enabled(entity),
+        components=components,
+        prefab=scene.prefab_of(entity),
+        references=take_references(components, row_of),
+    )
 
 
 def with_new_ids(command: Command, new_ids: Mapping[int, int]) -> Command:

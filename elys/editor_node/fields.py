@@ -12,7 +12,7 @@ from imgui_bundle import imgui
 
 from elys.common.assets import PRIMITIVES
 from elys.common.assets.store import PREFIX, is_reference
-from elys.common.components import Collider, Component, FieldDeclaration, Kind, Light
+from elys.common.components import Collider, Component, FieldDeclaration, Joint, Kind, Light
 from elys.common.components.decimals import shortest_decimal
 from elys.common.math import quaternion
 from elys.editor_node.scene_mirror import EditorScene
@@ -21,6 +21,22 @@ from elys.editor_node.ui import Landmarks, color_code
 
 ENTITY_PAYLOAD: Final = "elys_entity"  # what the hierarchy lets one drag
 _MIXED: Final = "—"  # shown where several entities differ
+# Fields that matter only to some shapes and joints, and to which.
+_SHAPES_WITH: Final = {
+    "size": ("box", "height_field"),
+    "radius": ("sphere", "capsule", "cylinder"),
+    "half_length": ("capsule", "cylinder"),
+    "heights": ("height_field",),
+}
+_WITH_COORDINATE: Final = ("hinge", "slider", "distance", "cone_twist")
+_JOINTS_WITH: Final = {
+    "axis": ("hinge", "slider", "cone_twist"),
+    "swing_limit": ("cone_twist",),
+    **dict.fromkeys(("limited", "lower", "upper", "motor_speed", "motor_limit"), _WITH_COORDINATE),
+    **dict.fromkeys(("spring_frequency", "spring_damping", "spring_rest", "spring_limit"), _WITH_COORDINATE),
+    **dict.fromkeys(("drive_velocity", "drive_spin", "drive_force", "drive_torque"), ("motor",)),
+    **dict.fromkeys(("joint_a", "joint_b", "ratio"), ("gear",)),
+}
 
 
 @dataclass(slots=True)
@@ -75,8 +91,10 @@ def edit_field(field: FieldDeclaration, value: Any, context: FieldContext) -> Fi
 def has_effect(component: Component, field: str) -> bool:
     """Whether a field matters, as the component's other fields stand."""
     match component:
-        case Collider(shape=shape) if field in ("size", "radius"):
-            return (shape == "box") == (field == "size")
+        case Collider(shape=shape) if field in _SHAPES_WITH:
+            return shape in _SHAPES_WITH[field]
+        case Joint(kind=kind) if field in _JOINTS_WITH:
+            return kind in _JOINTS_WITH[field]
         case Light(kind=kind) if field in ("inner_cone_angle", "outer_cone_angle"):
             return kind == "spot"
         case Light(kind=kind) if field == "range":
@@ -89,7 +107,8 @@ def asset_label(field: FieldDeclaration, value: str) -> str:
     """What an asset field says: a content reference by what it is and its first digits, else the value itself."""
     if not is_reference(value):
         return value
-    return f"{'mesh' if field.name == 'mesh' else 'image'} {value.removeprefix(PREFIX)[:8]}"
+    what = field.name if field.name in ("mesh", "heights") else "image"
+    return f"{what} {value.removeprefix(PREFIX)[:8]}"
 
 
 def element_width(count: int) -> float:

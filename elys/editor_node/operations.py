@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -195,6 +196,4 @@ class Operations:
 
 
 def _renamed(record: EntityRecord, name: str) -> EntityRecord:
-    return EntityRecord(
-        name=name, parent=record.parent, enabled=record.enabled, components=record.components, prefab=record.prefab
-    )
+    return msgspec.structs.replace(record, name=name)

@@ -11,6 +11,7 @@ from elys.bus.asset_service import open_asset_cache
 from elys.common.assets.store import AssetStore
 from elys.common.errors import ElysError, SceneError
 from elys.common.scene import SCENE_SUFFIX, EntityRecord, collapse, expand, open_scene, write_scene
+from elys.common.scene_naming import take_references
 from elys.editor_node.edits import records_of
 from elys.editor_node.history import History
 from elys.editor_node.scene_mirror import EditorScene
@@ -69,9 +70,17 @@ class SceneFile:
 def scene_records(scene: EditorScene) -> list[EntityRecord]:
     """All entities as records, parents first and siblings in order."""
     records: list[EntityRecord] = []
+    row_of: dict[int, int] = {}
     for root in scene.children_of(0):
         start = len(records)
-        for record in records_of(scene, root)[0]:
+        below, entities = records_of(scene, root)
+        row_of.update((entity, start + row) for row, entity in enumerate(entities))
+        for record in below:
             parent = record.parent + start if record.parent >= 0 else -1
-            records.append(msgspec.structs.replace(record, parent=parent))
-    return records
+            within = {key: start + row for key, row in record.references.items()}
+            records.append(msgspec.structs.replace(record, parent=parent, references=within))
+    # Those to what stands under other roots are known only now.
+    return [
+        msgspec.structs.replace(record, references={**record.references, **take_references(record.components, row_of)})
+        for record in records
+    ]

@@ -36,7 +36,7 @@ def group(name: str, children: list[EntityNode], *, position: Vector = (0.0, 0.0
 
 def body(
     name: str,
-    shape: Literal["box", "sphere"],
+    shape: Literal["box", "sphere", "cylinder"],
     *,
     size: Vector,
     position: Vector,
@@ -49,8 +49,8 @@ def body(
     restitution: float = 0.0,
     velocity: Vector | None = None,
 ) -> EntityNode:
-    """A dynamic body: `size` are a box's edge lengths or thrice a sphere's diameter [m], `density` [kg/m3] gives the mass."""
-    volume = math.prod(size) * (math.pi / 6.0 if shape == "sphere" else 1.0)
+    """A dynamic body: `size` [m] are the edges of the box around it, `density` [kg/m3] gives the mass."""
+    volume = math.prod(size) * {"box": 1.0, "sphere": math.pi / 6.0, "cylinder": math.pi / 4.0}[shape]
     rigid_body: dict[str, Any] = {"mass": float(f"{density * volume:.4g}")}
     if velocity is not None:
         rigid_body["linear_velocity"] = rounded(velocity)
@@ -65,6 +65,12 @@ def body(
             "Material": material(color, roughness=roughness, metallic=metallic),
         },
     )
+
+
+def joined(node: EntityNode, kind: str, other: str, **values: Any) -> EntityNode:
+    """The entity, joined to another by name; `values` are those of a Joint."""
+    node.components["Joint"] = {"kind": kind, "other": other, **values}
+    return node
 
 
 def obstacle(

@@ -10,6 +10,7 @@ from typing import Final
 
 from elys.common.errors import SceneError
 from elys.common.scene import SceneDocument, write_scene
+from elys.samples.bridge import bridge, check_bridge
 from elys.samples.empty import empty
 from elys.samples.pile import pile
 from elys.samples.stack import check_stack, stack
@@ -34,6 +35,7 @@ SAMPLES: Final[Mapping[str, Sample]] = {
     for sample in (
         Sample(name="yard", title="200 boxes and spheres rain into a yard", build=yard, check_final=check_yard),
         Sample(name="stack", title="A tower of ten cubes", build=stack, check_final=check_stack),
+        Sample(name="bridge", title="A cart drives over a hanging bridge", build=bridge, check_final=check_bridge),
         Sample(name="pile", title="A thousand cubes in a bin", build=pile),
         Sample(name="empty", title="A ground, a sun and a camera", build=empty),
     )

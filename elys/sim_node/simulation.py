@@ -18,15 +18,17 @@ from __future__ import annotations
 
 import logging
 
+import msgspec
+
 from elys.bus.messages.session import Event
 from elys.common.assets.store import AssetStore
-from elys.common.components import RigidBody, Transform
+from elys.common.components import Joint, RigidBody, Transform
 from elys.common.ids import Entity
 from elys.common.scene import OpenedScene, SceneSettings
 from elys.sim_node.ecs.changes import WorldChanges
 from elys.sim_node.ecs.schedule import System, run
 from elys.sim_node.ecs.world import World
-from elys.sim_node.physics.settings import PhysicsSettings
+from elys.sim_node.physics.settings import Attractor, PhysicsSettings
 from elys.sim_node.physics.states import WorldEvents
 from elys.sim_node.physics.world import PhysicsWorld
 from elys.sim_node.scene.loading import load_records
@@ -94,6 +96,7 @@ class Simulation:
         if changes:
             self._changes.append(changes)
             self._tell_where_they_are(self._bodies.follow(changes))
+            self._note_changes()
             self._report_problems()
         world.transforms.propagate()
 
@@ -104,6 +107,7 @@ class Simulation:
         self.stage_times.update({f"physics.{stage}": 1000.0 * time for stage, time in seconds.items()})
         self._report_problems()
         self._bodies.write_back()
+        self._tell_what_broke(world)
 
     def propagate_transforms(self, world: World) -> None:
         """World transforms from local ones, parents before children, where anything moved."""
@@ -116,8 +120,22 @@ class Simulation:
                 value = self.world.try_get(entity, component)
                 if value is not None:
                     self.world.set(entity, value)
-        if entities:
-            self._changes.append(self.world.drain_changes())
+
+    def _tell_what_broke(self, world: World) -> None:
+        """Joints that broke in the step say so in their components, and are events."""
+        broken = self._bodies.joints.take_broken()
+        for joint in broken:
+            other = world.get(Entity(joint.joint), Joint).other
+            values = {"force": joint.force, "torque": joint.torque}
+            self._events.append(Event(kind="joint_broken", entity=joint.joint, other=other, values=values))
+        if broken:
+            self.follow_changes(world)
+
+    def _note_changes(self) -> None:
+        """Keeps what physics itself wrote into components for those who follow them."""
+        changes = self.world.drain_changes()
+        if changes:
+            self._changes.append(changes)
 
     def _report_problems(self) -> None:
         in_step = self.physics.take_problems()
@@ -161,4 +179,9 @@ class Simulation:
 
 def physics_settings(settings: SceneSettings) -> PhysicsSettings:
     """What the scene's settings mean for physics."""
-    return PhysicsSettings(gravity=settings.gravity, substeps=settings.substeps, on_problem=settings.on_problem)
+    return PhysicsSettings(
+        gravity=settings.gravity,
+        attractors=tuple(Attractor(**msgspec.structs.asdict(attractor)) for attractor in settings.attractors),
+        substeps=settings.substeps,
+        on_problem=settings.on_problem,
+    )

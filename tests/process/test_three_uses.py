@@ -106,15 +106,16 @@ def frames_of(recording: Path) -> list[StateFrame]:
         return [unpack_frame(message.data) for _, _, message in make_reader(file).iter_messages(topics=["state"])]
 
 
-def test_replaying_gives_the_positions_that_were_recorded_bit_for_bit(elys, free_port, tmp_path):
+@pytest.mark.parametrize("scene", ["yard", "bridge"])
+def test_replaying_gives_the_positions_that_were_recorded_bit_for_bit(scene, elys, free_port, tmp_path):
     """Recorded by one process, replayed by another, compared with a third run of the same scene in this one."""
-    recording = tmp_path / "yard.mcap"
-    run = elys("run", "yard", "--headless", "--steps", "240", "--record", recording, "--json")
+    recording = tmp_path / f"{scene}.mcap"
+    run = elys("run", scene, "--headless", "--steps", "240", "--record", recording, "--json")
     assert run.wait() == 0
     recorded = {frame.tick: frame for frame in frames_of(recording)}
     assert sorted(recorded) == list(range(241))
 
-    simulation = Simulation.load(open_scene_or_sample("yard", assets := AssetStore()), assets)
+    simulation = Simulation.load(open_scene_or_sample(scene, assets := AssetStore()), assets)
     for tick in range(241):
         mine = simulation.moving_bodies()
         for column in COLUMNS:

@@ -33,8 +33,16 @@ DYNAMIC_SHAPES = (BOX, SPHERE, CAPSULE, CYLINDER, HULL)
 TETRAHEDRON = ((0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2))
 
 
-def scene(seed: int, count: int, *, order: np.ndarray | None = None, extreme: bool = True) -> PhysicsWorld:
-    """`count` moving bodies over static ground of every kind, spawned in an order (count,); sizes and masses are log-uniform."""
+JOINTS = ("fixed", "ball", "hinge", "slider", "distance", "cone_twist", "motor")
+
+
+def scene(
+    seed: int, count: int, *, order: np.ndarray | None = None, extreme: bool = True, joints: int = 0
+) -> PhysicsWorld:
+    """`count` moving bodies over static ground of every kind, spawned in an order (count,); sizes and masses are log-uniform.
+
+    `joints` of them are joined to others nearby, to the world or to the ground; they are of more everyday sizes and masses then.
+    """
     rng = np.random.default_rng(seed)
     settings = PhysicsSettings(
         gravity=tuple(rng.normal([0.0, -9.81, 0.0], 5.0)),
@@ -45,6 +53,8 @@ def scene(seed: int, count: int, *, order: np.ndarray | None = None, extreme: bo
     add_ground(world, rng)
     size = 10.0 ** rng.uniform(-2.0, 2.0 if extreme else 0.0, (count, 1)) * rng.uniform(0.3, 1.0, (count, 3))
     size = np.maximum(size, 0.01)
+    if joints:  # joints between a gram and a kiloton, or on arms a thousand times their bodies, are another story
+        size = rng.uniform(0.3, 1.0, (count, 3))
     spread = 0.5 * np.cbrt((size.prod(1)).sum()) + 1.0
     entities = np.arange(101, 101 + count)
     kinds = rng.choice(DYNAMIC_SHAPES, count)
@@ -57,7 +67,7 @@ def scene(seed: int, count: int, *, order: np.ndarray | None = None, extreme: bo
         "rotation": Rotation.random(count, random_state=rng).as_quat(),
         "linear_velocity": rng.normal(0.0, 10.0, (count, 3)),
         "angular_velocity": rng.normal(0.0, 5.0, (count, 3)),
-        "mass": 10.0 ** rng.uniform(-3.0, 6.0, count),
+        "mass": 10.0 ** (rng.uniform(-0.5, 1.0, count) if joints else rng.uniform(-3.0, 6.0, count)),
         "locked": rng.random((count, 6)) < 0.03,
         "linear_damping": rng.choice([0.0, 0.5], count),
     }
@@ -76,7 +86,49 @@ def scene(seed: int, count: int, *, order: np.ndarray | None = None, extreme: bo
         world.add_bodies(entities[chosen], **{name: column[chosen] for name, column in bodies.items()})
         world.add_colliders(entities[chosen], **{name: column[chosen] for name, column in shapes.items()})
     world.set_forces(entities[: count // 10], force=rng.normal(0.0, 5.0, 3), torque=rng.normal(0.0, 1.0, 3))
+    if joints:
+        add_joints(world, np.random.default_rng([seed, 1]), entities, joints, shuffled=order is not None)
     return world
+
+
+def add_joints(
+    world: PhysicsWorld, rng: np.random.Generator, entities: np.ndarray, count: int, *, shuffled: bool
+) -> None:
+    """Joints of all kinds with random limits, springs, motors and loads at which they break, and gears between some."""
+    described = []
+    place = world.bodies.position[np.isin(world.bodies.entity, entities)]
+    for k, b in enumerate(rng.choice(entities[4:], count, replace=False).tolist()):
+        before = entities[entities < b]  # so that no joints close a ring
+        near = before[np.argsort(np.linalg.norm(place[: len(before)] - place[entities == b], axis=1))[:2]]
+        a = int(rng.choice([0, 1, *near, *near]))
+        kind = str(rng.choice(JOINTS))
+        joint = {"kind": kind, "entity_a": a, "entity_b": b, "axis_a": rng.normal(0.0, 1.0, 3)}
+        joint["frequency"] = float(
+            rng.choice([2.0, 5.0])
+        )  # rigid ones and contacts as deep as these tear at each other
+        joint["collide_connected"] = bool(rng.random() < 0.3)
+        joint["anchor_b"] = rng.normal(0.0, 0.5, 3)
+        if rng.random() < 0.2:
+            joint["rest_rotation"] = Rotation.random(random_state=rng).as_quat()
+        if rng.random() < 0.4:
+            lower = 1.0 if kind == "distance" else -rng.uniform(0.0, 1.0)
+            joint |= {"lower": lower, "upper": lower + rng.choice([0.0, 1.0])}
+        if rng.random() < 0.3:
+            joint |= {"spring_frequency": rng.uniform(0.2, 20.0), "spring_damping": rng.uniform(0.0, 1.0)}
+        if rng.random() < 0.3:
+            joint |= {"motor_speed": rng.normal(0.0, 5.0), "motor_limit": 10.0 ** rng.uniform(-1.0, 3.0)}
+        if kind == "motor":
+            joint |= {"drive_velocity": rng.normal(0.0, 1.0, 6), "drive_force": 50.0, "drive_torque": 5.0}
+        if rng.random() < 0.3:
+            joint |= {"break_force": 10.0 ** rng.uniform(0.0, 4.0), "break_torque": 10.0 ** rng.uniform(0.0, 4.0)}
+        described.append((1000 + 2 * k, joint))
+    driven = [joint for joint, values in described if values["kind"] in ("hinge", "slider", "cone_twist")]
+    gears = [(driven[k], driven[k + 1], rng.uniform(-2.0, 2.0)) for k in range(0, len(driven) - 1, 4)]
+    for place in rng.permutation(count).tolist() if shuffled else range(count):
+        joint, values = described[place]
+        world.add_joints([joint], **values)
+    for one, two, ratio in gears:
+        world.add_joints([one + 1], kind="gear", joint_a=one, joint_b=two, ratio=ratio)
 
 
 def add_ground(world: PhysicsWorld, rng: np.random.Generator) -> None:
@@ -109,10 +161,19 @@ def test_a_scene_stays_finite(seed, soak):
         assert_sound(world)
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_a_scene_full_of_joints_stays_finite(seed):
+    world = scene(seed, 60, joints=30)
+    for _ in range(120):
+        world.step(DT)
+        assert_sound(world)
+
+
+@pytest.mark.parametrize("joints", [0, 30])
 @pytest.mark.parametrize("seed", range(2))
-def test_restoring_at_any_tick_gives_the_same_bits(seed, soak):
+def test_restoring_at_any_tick_gives_the_same_bits(seed, joints, soak):
     count, steps = (1000, 200) if soak else (60, 60)
-    world = scene(seed, count)
+    world = scene(seed, count, joints=joints)
     rng = np.random.default_rng(seed)
     ticks = set(rng.integers(1, steps, 5).tolist())
     kept, hashes = {}, []
@@ -129,22 +190,24 @@ def test_restoring_at_any_tick_gives_the_same_bits(seed, soak):
             assert other.state_hash() == expected
 
 
-def test_the_order_of_spawning_does_not_matter(soak):
+@pytest.mark.parametrize("joints", [0, 30])
+def test_the_order_of_spawning_does_not_matter(joints, soak):
     count, steps = (1000, 200) if soak else (60, 80)
-    plain = scene(7, count)
-    shuffled = scene(7, count, order=np.random.default_rng(1).permutation(count))
+    plain = scene(7, count, joints=joints)
+    shuffled = scene(7, count, order=np.random.default_rng(1).permutation(count), joints=joints)
     for _ in range(steps):
         plain.step(DT)
         shuffled.step(DT)
         assert plain.state_hash() == shuffled.state_hash()
 
 
-def test_another_process_gives_the_same_bits(soak):
+@pytest.mark.parametrize("joints", [0, 30])
+def test_another_process_gives_the_same_bits(joints, soak):
     count, steps = (1000, 200) if soak else (60, 80)
-    world = scene(11, count)
+    world = scene(11, count, joints=joints)
     for _ in range(steps):
         world.step(DT)
-    assert int(run_elsewhere(f"run(11, {count}, {steps}).state_hash()")) == world.state_hash()
+    assert int(run_elsewhere(f"run(11, {count}, {steps}, joints={joints}).state_hash()")) == world.state_hash()
 
 
 def test_without_the_compiler_the_motion_is_the_same():
@@ -155,9 +218,9 @@ def test_without_the_compiler_the_motion_is_the_same():
     np.testing.assert_allclose(interpreted, world.bodies.position, atol=1e-5)
 
 
-def run(seed: int, count: int, steps: int, *, extreme: bool = True) -> PhysicsWorld:
+def run(seed: int, count: int, steps: int, *, extreme: bool = True, joints: int = 0) -> PhysicsWorld:
     """A scene, some steps on."""
-    world = scene(seed, count, extreme=extreme)
+    world = scene(seed, count, extreme=extreme, joints=joints)
     for _ in range(steps):
         world.step(DT)
     return world

@@ -3,6 +3,7 @@
 from elys.common.components.builtin import (
     Camera,
     Collider,
+    Joint,
     Light,
     Material,
     MeshRenderer,
@@ -31,6 +32,7 @@ __all__ = [
     "Component",
     "ComponentDeclaration",
     "FieldDeclaration",
+    "Joint",
     "Kind",
     "Light",
     "Material",

@@ -48,16 +48,28 @@ class Collider(Component, frozen=True):
     """The shape with which an entity collides; without a RigidBody on it or above it, an immovable obstacle."""
 
     shape: Annotated[
-        Literal["box", "sphere", "capsule", "cylinder", "hull", "mesh", "plane"],
+        Literal["box", "sphere", "capsule", "cylinder", "hull", "mesh", "plane", "height_field"],
         about(
-            "Form of the collider. Hull and mesh take the entity's mesh; a mesh is static, a plane fills all below it."
+            "Form of the collider. Hull and mesh take the entity's mesh; a mesh is static, a plane fills all below it; a "
+            "height field is static ground after `heights`."
         ),
     ] = "box"
-    size: Annotated[Vec3, about("Full edge lengths of a box, before scale.", unit="m", minimum=1e-4, step=0.05)] = (
-        1.0,
-        1.0,
-        1.0,
-    )
+    size: Annotated[
+        Vec3,
+        about(
+            "Full edge lengths of a box, or of a height field along x and z and the height of 1 in its file, before scale.",
+            unit="m",
+            minimum=1e-4,
+            step=0.05,
+        ),
+    ] = (1.0, 1.0, 1.0)
+    heights: Annotated[
+        str,
+        about(
+            "Of a height field: grayscale PNG, black 0 and white 1, or .npy. North up: x to the right, z down.",
+            kind=Kind.ASSET,
+        ),
+    ] = ""
     radius: Annotated[
         float, about("Radius of a sphere, capsule or cylinder, before scale.", unit="m", minimum=1e-4, step=0.05)
     ] = 0.5
@@ -92,6 +104,83 @@ class Collider(Component, frozen=True):
     layer: Annotated[int, about("Layers it is in, as bits.")] = 1
     mask: Annotated[int, about("Layers that it collides with, as bits; -1 for all.")] = -1
     is_trigger: Annotated[bool, about("Notices what touches it and pushes nothing.")] = False
+
+
+@component
+class Joint(Component, frozen=True):
+    """Joins the body that the entity is, or is part of, to another body or to the world.
+
+    The joint's COORDINATE is how far this body has turned (a hinge, the twist of a cone) or moved (a slider) against the other
+    along `axis`, or the distance between the anchors; limits, spring and motor act on it.
+    """
+
+    kind: Annotated[
+        Literal["fixed", "ball", "hinge", "slider", "distance", "cone_twist", "gear", "motor"],
+        about(
+            "What stays free: nothing, all turns, a turn or a way along the axis, all but a length, a cone of directions. A gear "
+            "couples two joints, a motor drives all six axes."
+        ),
+    ] = "fixed"
+    other: Annotated[int, about("Entity that it is joined to; none for the world.", kind=Kind.ENTITY)] = 0
+    anchor: Annotated[Vec3, about("Where it is joined, in this entity's space.", unit="m", step=0.05, dtype="f8")] = (
+        0.0,
+        0.0,
+        0.0,
+    )
+    axis: Annotated[
+        Vec3, about("Of a hinge, slider or cone, in this entity's space, of any length.", step=0.05, dtype="f8")
+    ] = (1.0, 0.0, 0.0)
+    fit: Annotated[
+        bool,
+        about(
+            "Takes other_anchor, rest_rotation and a length that is not given from how the two stand, once, and turns itself off."
+        ),
+    ] = True
+    other_anchor: Annotated[
+        Vec3, about("Where it is joined, in the other's space.", unit="m", step=0.05, dtype="f8")
+    ] = (0.0, 0.0, 0.0)
+    rest_rotation: Annotated[
+        Quat, about("How this entity is turned in the other's space where angles are 0.", step=0.01, dtype="f8")
+    ] = (0.0, 0.0, 0.0, 1.0)
+    collide_connected: Annotated[bool, about("Whether the two bodies collide with each other.")] = False
+    frequency: Annotated[
+        float, about("How stiffly it holds what is not free; 0 is rigid.", unit="Hz", minimum=0.0, step=0.5)
+    ] = 0.0
+    damping_ratio: Annotated[float, about("Of what is held softly; 1 is critical.", minimum=0.0, step=0.05)] = 1.0
+    limited: Annotated[bool, about("Whether the coordinate stays between lower and upper.")] = False
+    lower: Annotated[float, about("Least coordinate.", unit="rad | m", step=0.05)] = 0.0
+    upper: Annotated[float, about("Largest coordinate.", unit="rad | m", step=0.05)] = 0.0
+    swing_limit: Annotated[
+        float, about("Half the opening of a cone_twist's cone.", unit="rad", minimum=0.0, maximum=3.1, step=0.01)
+    ] = 3.1
+    spring_frequency: Annotated[
+        float, about("Of a spring on the coordinate, as the masses are; 0 for none.", unit="Hz", minimum=0.0, step=0.1)
+    ] = 0.0
+    spring_damping: Annotated[float, about("Damping ratio of the spring.", minimum=0.0, step=0.05)] = 0.0
+    spring_rest: Annotated[float, about("Coordinate at which the spring rests.", unit="rad | m", step=0.05)] = 0.0
+    spring_limit: Annotated[
+        float, about("Most torque or force of the spring; 0 for any.", unit="N m | N", minimum=0.0, step=1.0)
+    ] = 0.0
+    motor_speed: Annotated[float, about("Wanted speed of the coordinate; 0 brakes.", unit="rad/s | m/s", step=0.1)] = (
+        0.0
+    )
+    motor_limit: Annotated[
+        float, about("Most torque or force of the motor; 0 for none.", unit="N m | N", minimum=0.0, step=1.0)
+    ] = 0.0
+    drive_velocity: Annotated[
+        Vec3, about("Of a motor: velocity against the other, along the other's axes.", unit="m/s")
+    ] = (0.0, 0.0, 0.0)
+    drive_spin: Annotated[
+        Vec3, about("Of a motor: turning speed against the other, about the other's axes.", unit="rad/s")
+    ] = (0.0, 0.0, 0.0)
+    drive_force: Annotated[float, about("Of a motor: its most force.", unit="N", minimum=0.0, step=1.0)] = 0.0
+    drive_torque: Annotated[float, about("Of a motor: its most torque.", unit="N m", minimum=0.0, step=1.0)] = 0.0
+    joint_a: Annotated[int, about("Of a gear: entity with the first joint.", kind=Kind.ENTITY)] = 0
+    joint_b: Annotated[int, about("Of a gear: entity with the second joint.", kind=Kind.ENTITY)] = 0
+    ratio: Annotated[float, about("Of a gear: change of the second coordinate for one of the first.", step=0.1)] = 1.0
+    break_force: Annotated[float, about("Breaks above it; 0 for never.", unit="N", minimum=0.0, step=10.0)] = 0.0
+    break_torque: Annotated[float, about("Breaks above it; 0 for never.", unit="N m", minimum=0.0, step=10.0)] = 0.0
+    broken: Annotated[bool, about("Holds nothing: set when it breaks, and taken away to join again.")] = False
 
 
 @component

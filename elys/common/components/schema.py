@@ -20,7 +20,7 @@ _VECTORS: Final = (Kind.VEC3, Kind.QUAT, Kind.COLOR)
 
 
 def component_schema(name: str) -> dict[str, Any]:
-    """The schema of one component's values; raises ComponentError if there is none of this name."""
+    """The schema of one component's values, in files and elsewhere; raises ComponentError if there is none of this name."""
     return {"$schema": DIALECT, **_component(declaration_of(name))}
 
 
@@ -42,7 +42,7 @@ def scene_schema() -> dict[str, Any]:
         "required": ["elys_scene"],
         "additionalProperties": False,
         "$defs": {
-            "settings": _settings(),
+            **_settings(),
             "entity": _entity(),
             "components": _closed(components, "Components by name."),
             "changes": _closed(changes, "Laid over a prefab's components; null takes one away."),
@@ -79,9 +79,10 @@ def _entity() -> dict[str, Any]:
 
 
 def _settings() -> dict[str, Any]:
+    """The definition of the scene's settings, and of what they are made of."""
     (schema,), definitions = msgspec.json.schema_components([SceneSettings], ref_template="#/$defs/{name}")
-    settings: dict[str, Any] = definitions[schema["$ref"].rpartition("/")[2]]
-    return {**settings, "additionalProperties": False}
+    settings = definitions.pop(schema["$ref"].rpartition("/")[2])
+    return {"settings": {**settings, "additionalProperties": False}, **definitions}
 
 
 def _component(declaration: ComponentDeclaration) -> dict[str, Any]:
@@ -127,7 +128,8 @@ def _element(field: FieldDeclaration) -> dict[str, Any]:
         case Kind.TEXT | Kind.ASSET:
             return {"type": "string"}
         case Kind.ENTITY:
-            return {"type": "integer", "minimum": 0, "maximum": 2**32 - 1}
+            # By name in files, where nobody has an id yet.
+            return {"type": ["string", "integer"], "minimum": 0, "maximum": 2**32 - 1}
     if field.minimum is not None:
         schema["minimum"] = field.minimum
     if field.maximum is not None:

@@ -16,6 +16,8 @@ from elys.common.math import quaternion
 from elys.sim_node.physics.bodies import BodyTable
 from elys.sim_node.physics.colliders import ColliderTable
 from elys.sim_node.physics.contacts import ContactStore
+from elys.sim_node.physics.joint_lines import joint_lines
+from elys.sim_node.physics.joints import JointTable
 from elys.sim_node.physics.kernels.tables import DYNAMIC, PLANE, STATIC
 from elys.sim_node.physics.kernels.tree import FAR
 
@@ -41,6 +43,7 @@ class Tables(NamedTuple):
     bodies: BodyTable
     colliders: ColliderTable
     contacts: ContactStore
+    joints: JointTable
 
 
 def debug_lines(tables: Tables, kind: str) -> Lines:
@@ -102,7 +105,12 @@ def _axes(tables: Tables) -> Lines:
     return _lines(np.stack([starts, ends], axis=2).reshape(-1, 2, 3), np.tile([0, 1, 2], len(rows)))
 
 
-# Every kind there is, and so every key of the topic: joints get theirs here.
+def _joints(tables: Tables) -> Lines:
+    """What holds: from centres of mass to anchors (colour 0), the axis at the anchor of b (1), limits (2)."""
+    return _lines(*joint_lines(tables.joints.rows, tables.bodies.rows))
+
+
+# Every kind there is, and so every key of the topic.
 LINES: Final[dict[str, Callable[[Tables], Lines]]] = {
     "boxes": _boxes,
     "fat_boxes": _fat_boxes,
@@ -110,6 +118,7 @@ LINES: Final[dict[str, Callable[[Tables], Lines]]] = {
     "islands": _islands,
     "sleeping": _sleeping,
     "axes": _axes,
+    "joints": _joints,
 }
 
 
@@ -120,10 +129,12 @@ def box_lines(boxes: Array, colors: Array) -> Lines:
 
 
 def island_of(tables: Tables) -> Array:
-    """(N,) the lowest row of the bodies that each body holds on to, through contacts or in one sleep."""
+    """(N,) the lowest row of the bodies that each body holds on to, through contacts, joints or in one sleep."""
     bodies, contacts = tables.bodies.rows, tables.contacts
     pairs = contacts.pairs[contacts.touching[: contacts.touching_count]]
-    a, b = tables.colliders.rows["body"][pairs["a"]], tables.colliders.rows["body"][pairs["b"]]
+    of_pairs = np.stack([tables.colliders.rows["body"][pairs[side]] for side in ("a", "b")], axis=1)
+    links = tables.joints.links
+    a, b = np.concatenate([of_pairs, links[(links >= 0).all(1)]]).T
     both = (bodies["motion"][a] == DYNAMIC) & (bodies["motion"][b] == DYNAMIC)
     asleep = np.flatnonzero(bodies["asleep"] != 0)
     first = np.concatenate([a[both], asleep])

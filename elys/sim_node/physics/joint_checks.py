@@ -88,6 +88,13 @@ class JointNumbers:
         self.refuse(length < 1e-9, column, f"{name} must have a length")
         return np.asarray(column / length[:, None])
 
+    def rotation(self, name: str, values: ArrayLike) -> Array:
+        """Unit quaternions (M, 4)."""
+        column = self.number(name, values, width=4)
+        length = np.linalg.norm(column, axis=1)
+        self.refuse(abs(length - 1.0) > 0.01, column, f"{name} must be a unit quaternion x y z w")
+        return np.asarray(column / length[:, None])
+
     def refuse(self, bad: Any, values: Array, rule: str) -> None:
         """Raises PhysicsError for the first joint that is `bad`."""
         if bad.any():

@@ -15,11 +15,14 @@ from elys.sim_node.physics.bodies import BodyTable
 from elys.sim_node.physics.checks import named
 from elys.sim_node.physics.joint_checks import JointNumbers, joint_column, joint_named, kind_column
 from elys.sim_node.physics.kernels.tables import CONE, DISTANCE, GEAR, HINGE, JOINT, SLIDER
+from elys.sim_node.physics.kernels.trigonometry import arc_tangent
 
 Array = np.ndarray[Any, Any]
 
 WITH_COORDINATE = (HINGE, SLIDER, DISTANCE, CONE)
 MOST_SWING = 3.1  # [rad] beyond it a cone has no direction to push in
+# As Python, for a few joints need no compiler; not numpy's, whose last bits differ between machines.
+_arc_tangent = getattr(arc_tangent, "py_func", arc_tangent)
 
 
 class JointDrive(TypedDict, total=False):
@@ -54,6 +57,10 @@ class JointDescription(JointDrive, total=False):
     anchor_b: ArrayLike  # without it where anchor_a stands now (the entity's own place for a distance joint)
     axis_a: ArrayLike  # (N, 3) of a hinge, slider or cone in the entity's space; x where nothing is said
     axis_b: ArrayLike  # without it parallel to axis_a now
+    rest_rotation: (
+        ArrayLike  # (N, 4) how b is turned in a's space where angles are 0, instead of axis_b; without it as now
+    )
+    turned: ArrayLike  # (N,) with rest_rotation: about what a hinge's or cone's angle is now, to count turns on [rad]
     frequency: ArrayLike  # (N,) of what the joint locks [Hz]; 0 is rigid
     damping_ratio: ArrayLike  # (N,)
     joint_a: ArrayLike  # (N,) ids of the joints whose coordinates a gear couples
@@ -190,8 +197,12 @@ def _write_frames(rows: Array, numbers: JointNumbers, bodies: BodyTable, descrip
     frame_a = rotation_between(
         np.array([[1.0, 0.0, 0.0]]), numbers.axis("axis_a", description.get("axis_a", (1, 0, 0)))
     )
-    frame_b = quaternion.multiply(quaternion.conjugate(turn[1]), quaternion.multiply(turn[0], frame_a))
-    if "axis_b" in description:
+    if "rest_rotation" in description:
+        rest = numbers.rotation("rest_rotation", description["rest_rotation"])
+        frame_b = quaternion.multiply(quaternion.conjugate(rest), frame_a)
+    else:
+        frame_b = quaternion.multiply(quaternion.conjugate(turn[1]), quaternion.multiply(turn[0], frame_a))
+    if "axis_b" in description and "rest_rotation" not in description:
         now = quaternion.rotate(frame_b, np.array([1.0, 0.0, 0.0]))
         frame_b = quaternion.multiply(rotation_between(now, numbers.axis("axis_b", description["axis_b"])), frame_b)
     rows["rotation"][:, :4], rows["rotation"][:, 4:] = frame_a, frame_b
@@ -201,6 +212,18 @@ def _write_frames(rows: Array, numbers: JointNumbers, bodies: BodyTable, descrip
     along = ((world_b - world_a) * axis).sum(1)
     length = np.linalg.norm(world_b - world_a, axis=1)
     rows["coordinate"] = np.where(distance[:, 0], length, np.where(rows["kind"] == SLIDER, along, 0.0))
+    if "rest_rotation" in description:
+        turned = numbers.number("turned", description.get("turned", 0.0))
+        for row in np.flatnonzero(np.isin(rows["kind"], (HINGE, CONE))).tolist():
+            frames = (quaternion.multiply(turn[0, row], frame_a[row]), quaternion.multiply(turn[1, row], frame_b[row]))
+            rows["coordinate"][row] = _twist(*frames, near=float(turned[row]))
+
+
+def _twist(frame_a: Array, frame_b: Array, *, near: float) -> float:
+    """The angle of frame b about the first axis of frame a, counted over turns so that it is nearest to `near` [rad]."""
+    x, _, _, w = quaternion.multiply(quaternion.conjugate(frame_a), frame_b).tolist()
+    angle = 2.0 * _arc_tangent(x, w)
+    return float(angle + math.floor((near - angle) / (2.0 * math.pi) + 0.5) * (2.0 * math.pi))
 
 
 def _write_limits(rows: Array, numbers: JointNumbers, description: JointDescription) -> None:

@@ -35,6 +35,15 @@ from elys.sim_node.physics.kernels.tables import (
 Array = np.ndarray[Any, Any]
 
 
+_MEMORY = (
+    "impulse",
+    "spring_impulse",
+    "motor_impulse",
+    "lower_impulse",
+    "upper_impulse",
+    "gear_impulse",
+    "swing_impulse",
+)
 NO_PLAN = JointPlan(0, np.zeros(0, np.int64), np.zeros((0, 2), np.int32))
 
 
@@ -214,6 +223,17 @@ class JointTable:
             self._plan = JointPlan(len(r), direct, coupled)
         r["direct"] = self._plan.direct
 
+    def calm(self) -> None:
+        """Joints whose numbers stopped being finite begin anew: what is no number would spoil their bodies in every step."""
+        lost = np.flatnonzero(~np.isfinite(self._remembered(self.rows)).all(1))
+        names = JOINT.names or ()
+        work = names[names.index("shift") :]  # the loads of the last substep among it, which the next one reads
+        for name in (*_MEMORY, "coordinate", "impulse_time", "speed", "force", "torque", *work):
+            self.rows[name][lost] = 0
+        self.rows["stiffness"][lost] = -1.0
+        for room in (self._loads, self._rest, self._turned):
+            room[:] = 0.0
+
     def set_broken(self, rows: Array) -> None:
         """Joints that broke hold nothing any more, nor do the gears that couple them."""
         gears = self.rows["kind"] == GEAR
@@ -247,10 +267,12 @@ class JointTable:
 
     def memory(self) -> Array:
         """(L, 14) uint64: what joints that hold carry from step to step, as bits."""
-        names = ("spring_impulse", "motor_impulse", "lower_impulse", "upper_impulse", "gear_impulse", "swing_impulse")
-        rows = self.rows[self.rows["broken"] == 0]
-        columns = [rows["impulse"], *(rows[name][:, None] for name in (*names, "coordinate", "impulse_time"))]
-        return np.ascontiguousarray(np.concatenate(columns, axis=1)).view(np.uint64)
+        return self._remembered(self.rows[self.rows["broken"] == 0]).view(np.uint64)
+
+    @staticmethod
+    def _remembered(rows: Array) -> Array:
+        columns = [rows["impulse"], *(rows[name][:, None] for name in (*_MEMORY[1:], "coordinate", "impulse_time"))]
+        return np.ascontiguousarray(np.concatenate(columns, axis=1))
 
     def load(self, snapshot: dict[str, Array]) -> None:
         """Takes the joints of a snapshot."""

@@ -449,6 +449,7 @@ class PhysicsWorld(WorldJoints):
         table = self._bodies.rows
         poses = self._bodies.poses[rows]
         self._problems += diagnostics.not_finite(self._bodies, rows)
+        self._joints.calm()
         self._forget_pairs(rows)
         table["motion"][rows] = STATIC
         table["velocity"][rows] = 0.0
@@ -476,8 +477,8 @@ class PhysicsWorld(WorldJoints):
         return total ^ int(hash_bodies(self._joints.living, self._joints.memory()))
 
     def debug_lines(self, kind: str) -> Lines:
-        """How physics sees the world, as lines of one kind: boxes, fat_boxes, contacts, islands, sleeping or axes."""
-        return debug_lines(Tables(self._bodies, self._colliders, self._contacts), kind)
+        """How physics sees the world, as lines of a kind: boxes, fat_boxes, contacts, islands, sleeping, axes or joints."""
+        return debug_lines(Tables(self._bodies, self._colliders, self._contacts, self._joints), kind)
 
     # ---------------------------------------------------------------- the whole state
 

@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from elys.common.components import component_from, declarations
+from elys.common.components import Kind, component_from, declaration_of, declarations
 from elys.common.components.columns import Column, pack_value, pack_values, unpack_values
 from elys.common.errors import ComponentError, SceneError
 from elys.common.ids import NO_ENTITY, Entity
 from elys.common.scene_document import EntityRecord
+from elys.common.scene_naming import take_references
 from elys.sim_node.ecs.columns import NO_ROW, ComponentTable
 from elys.sim_node.ecs.entities import Indices, indices_of
 from elys.sim_node.ecs.world import SpawnBatch, World
@@ -32,10 +33,11 @@ def load_records(
     Those without a parent among the records go under `parent`, one after the other from `index` on (-1: last).
 
     Raises:
-        SceneError: a record's parent does not stand before it.
+        SceneError: a record's parent does not stand before it, or it refers to nobody.
         ComponentError: a component or field does not exist or has a wrong value; the sentence names the record.
         EntityError: `parent` does not live.
     """
+    references = _references_of(records)
     batch = SpawnBatch(
         names=[record.name for record in records],
         parents=_parents_of(records),
@@ -43,7 +45,11 @@ def load_records(
         components=_columns_of(world, records),
         prefabs={place: record.prefab for place, record in enumerate(records) if record.prefab},
     )
-    entities = [Entity(entity) for entity in world.spawn_batch(batch, parent=parent).tolist()]
+    spawned = world.spawn_batch(batch, parent=parent)
+    for (component, field), (places, targets) in references.items():
+        table = world.table(component)
+        table.column(field)[table.rows(spawned[places])] = spawned[targets]
+    entities = [Entity(entity) for entity in spawned.tolist()]
     if index >= 0:
         roots = [entity for entity, record in zip(entities, records, strict=True) if record.parent < 0]
         for place, root in enumerate(roots, start=index):
@@ -60,14 +66,17 @@ def records_of(world: World, entity: Entity = NO_ENTITY) -> list[EntityRecord]:
     components: list[dict[str, dict[str, Any]]] = [{} for _ in range(len(indices))]
     for name in declarations():
         _collect_values(world, world.table(name), indices, components)
+    row_of = {entity: row for row, entity in enumerate(world.allocator.ids[indices].tolist())}
+    references = [take_references(values, row_of) for values in components]
     return [
-        EntityRecord(name=name, parent=parent, enabled=enabled, components=values, prefab=prefab)
-        for name, parent, enabled, values, prefab in zip(
+        EntityRecord(name=name, parent=parent, enabled=enabled, components=values, prefab=prefab, references=named)
+        for name, parent, enabled, values, prefab, named in zip(
             hierarchy.names(indices),
             place_of[hierarchy.parent[indices]].tolist(),
             hierarchy.enabled[indices].tolist(),
             components,
             hierarchy.prefabs(indices),
+            references,
             strict=True,
         )
     ]
@@ -81,6 +90,22 @@ def _parents_of(records: Sequence[EntityRecord]) -> Indices:
                 "children, -1 is for none"
             )
     return np.array([record.parent for record in records], np.intp)
+
+
+def _references_of(records: Sequence[EntityRecord]) -> dict[tuple[str, str], tuple[Members, Members]]:
+    """By component and field, which records refer to which."""
+    references: dict[tuple[str, str], tuple[Members, Members]] = {}
+    for place, record in enumerate(records):
+        for key, target in record.references.items():
+            component, _, field = key.partition(".")
+            if component not in record.components or declaration_of(component).field(field).kind is not Kind.ENTITY:
+                raise SceneError(f"record {place} '{record.name}' refers to another by {key}, which it has not")
+            if not 0 <= target < len(records):
+                raise SceneError(f"record {place} '{record.name}' refers to record {target} by {key}; there is none")
+            places, targets = references.setdefault((component, field), ([], []))
+            places.append(place)
+            targets.append(target)
+    return references
 
 
 def _columns_of(world: World, records: Sequence[EntityRecord]) -> dict[str, tuple[Indices | None, dict[str, Column]]]:

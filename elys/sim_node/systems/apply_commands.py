@@ -17,7 +17,7 @@ from elys.bus.messages.commands import (
     SetSettings,
     Spawn,
 )
-from elys.common.components import component_from, declaration_of
+from elys.common.components import Kind, component_from, declaration_of
 from elys.common.components.values import MAX_TEXT_LENGTH
 from elys.common.errors import ComponentError, EntityError, RequestError
 from elys.common.ids import Entity
@@ -81,7 +81,10 @@ def _spawn(simulation: Simulation, command: Spawn) -> tuple[int, ...]:
 
 def _check_numbers(component: str, values: Mapping[str, Any]) -> None:
     """Refuses what nobody means and what physics would have to leave out; columns themselves take any finite number."""
+    entities = {field.name for field in declaration_of(component).fields if field.kind is Kind.ENTITY}
     for field, value in values.items():
+        if field in entities:
+            continue  # an id may be any
         for number in value if isinstance(value, (list, tuple)) else (value,):
             if isinstance(number, (int, float)) and abs(number) > MAX_NUMBER:
                 raise ComponentError(f"{component}.{field} must lie within {MAX_NUMBER:g} of zero")

@@ -1,4 +1,5 @@
-"""Colliders as physics takes them: lengths stretched by the scene's scale, hulls and meshes of what the entity draws."""
+"""Colliders as physics takes them: lengths stretched by the scene's scale, hulls and meshes of what the entity draws, ground
+after files of heights."""
 
 from __future__ import annotations
 
@@ -8,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from elys.common.assets.heights import decode_heights
 from elys.common.assets.mesh import Mesh, decode_mesh
 from elys.common.assets.primitives import is_primitive, primitive
 from elys.common.assets.store import AssetStore
@@ -16,7 +18,7 @@ from elys.common.errors import AssetError, PhysicsError
 from elys.common.ids import Entity
 from elys.sim_node.ecs.entities import Entities
 from elys.sim_node.ecs.world import World
-from elys.sim_node.physics import DYNAMIC, HULL, MESH, PLANE, STATIC, PhysicsWorld
+from elys.sim_node.physics import DYNAMIC, HEIGHT_FIELD, HULL, MESH, PLANE, STATIC, PhysicsWorld
 
 Values = NDArray[Any]
 
@@ -74,7 +76,9 @@ def geometries(
         shape = int(shapes[place])
         try:
             _refuse_motion(shape, int(motion[place]))
-            if shape != PLANE:
+            if shape == HEIGHT_FIELD:
+                handles[place] = _ground(physics, assets, world.get(entity, Collider), scale[place])
+            elif shape != PLANE:
                 handles[place] = _geometry(physics, shape, _drawn_mesh(world, assets, entity), scale[place])
         except (AssetError, PhysicsError) as error:
             usable[place] = False
@@ -85,6 +89,8 @@ def geometries(
 def _refuse_motion(shape: int, motion: int) -> None:
     if shape == MESH and motion != STATIC:
         raise PhysicsError("a mesh cannot move; make its RigidBody static, or its shape a hull")
+    if shape == HEIGHT_FIELD and motion != STATIC:
+        raise PhysicsError("a height field cannot move; make its RigidBody static")
     if shape == PLANE and motion == DYNAMIC:
         raise PhysicsError("a plane cannot fall; make its RigidBody static or kinematic")
 
@@ -94,6 +100,16 @@ def _drawn_mesh(world: World, assets: AssetStore, entity: Entity) -> Mesh:
         raise AssetError("its shape is that of its mesh, and it has none; give it a MeshRenderer")
     name = world.get(entity, MeshRenderer).mesh
     return primitive(name) if is_primitive(name) else decode_mesh(assets.get(name))
+
+
+def _ground(physics: PhysicsWorld, assets: AssetStore, collider: Collider, scale: Values) -> int:
+    if not collider.heights:
+        raise AssetError("its shape is that of its heights, and it has none; name a grayscale PNG or a .npy file")
+    heights = decode_heights(assets.get(collider.heights)).T  # physics has x first
+    size = np.asarray(collider.size) * scale
+    # Mirrored ground rises where the picture's other side does.
+    heights = heights[:: -1 if scale[0] < 0.0 else 1, :: -1 if scale[2] < 0.0 else 1]
+    return physics.add_height_field(heights * size[1], np.maximum(np.abs(size[[0, 2]]), THINNEST))
 
 
 def _geometry(physics: PhysicsWorld, shape: int, mesh: Mesh, scale: Values) -> int:

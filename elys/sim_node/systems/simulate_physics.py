@@ -2,7 +2,7 @@
 
 An entity with a RigidBody is a body, made of its own Collider and those below it that have no body of their own; a Collider
 under no body is an immovable one. Components are the truth that people edit, so a body whose components changed by hand is
-made anew from them; what physics moves is written back into the columns each tick.
+made anew from them; what physics moves is written back into the columns each tick. Joints follow likewise (`scene_joints.py`).
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from elys.sim_node.ecs.world import World
 from elys.sim_node.physics.states import Problem
 from elys.sim_node.physics.world import PhysicsWorld
 from elys.sim_node.systems.collider_shapes import collider_columns, geometries, stretched_lengths
+from elys.sim_node.systems.scene_joints import SceneJoints
 
 STATIC: Final = 2  # place of "static" among the choices of RigidBody.motion
 REACH: Final = 1e9  # [m] what lies farther from the origin, or is larger, is left out of physics
@@ -61,11 +62,12 @@ class RigidBodies:
         self._moving_rows: NDArray[np.intp] | None = None
         self._moving: Entities = np.zeros(0, np.uint32)
         self._problems: list[Problem] = []
+        self.joints = SceneJoints(world, physics, self._body_of)
 
     def take_problems(self) -> list[Problem]:
         """What had to be left out of physics since this was last asked."""
         problems, self._problems = self._problems, []
-        return problems
+        return problems + self.joints.take_problems()
 
     def follow(self, changes: WorldChanges) -> list[Entity]:
         """Makes bodies anew where their components, places or switches were changed.
@@ -75,6 +77,7 @@ class RigidBodies:
         affected = None if changes.overflowed else self._affected(changes)
         stale = self._present if affected is None else self._present & affected
         if stale:
+            self.joints.release(stale)
             self._physics.remove_bodies(np.array(sorted(stale), np.uint32))
             self._present -= stale
         self._find_owners()
@@ -84,6 +87,7 @@ class RigidBodies:
         if wanted:
             added = self._add_bodies(np.array(sorted(wanted, key=index_of), np.uint32))
             self._present.update(added.tolist())
+        self.joints.follow(None if affected is None else affected | _entities_with("Joint", changes))
         if not (stale or wanted):
             return []
         self._moving_rows = None
@@ -158,6 +162,11 @@ class RigidBodies:
                 return above
             above = self._world.hierarchy.parent_of(above)
         return entity
+
+    def _body_of(self, entity: Entity) -> int:
+        """The body that an entity is, or is part of; 0 where physics has none."""
+        owner = self._owner(entity)
+        return owner if owner in self._present else NO_ENTITY
 
     def _find_owners(self) -> None:
         seen = (self._colliders.version, self._bodies.version, self._world.hierarchy.version)
@@ -246,6 +255,11 @@ class RigidBodies:
     def _leave_out(self, entities: Entities, why: str) -> None:
         for entity in entities.tolist():
             self._problems.append(Problem(entity, f"{self._world.describe(Entity(entity))} {why}"))
+
+
+def _entities_with(component: str, changes: WorldChanges) -> set[int]:
+    """Those whose component of that name was changed."""
+    return {entity for entity, name in (*changes.added, *changes.set, *changes.removed) if name == component}
 
 
 def _is_within_reach(*columns: NDArray[np.floating[Any]]) -> NDArray[np.bool_]:

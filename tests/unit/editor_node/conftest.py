@@ -169,6 +169,9 @@ class SceneHost:
             if record.parent < 0:
                 tops.append(entity)
             components = {name: values_of(component_from(name, values)) for name, values in record.components.items()}
+            for key, target in record.references.items():
+                component, _, field = key.partition(".")
+                components[component][field] = entities[target]
             changes.append(
                 s.Spawned(
                     entity=entity,

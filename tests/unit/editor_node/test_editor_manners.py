@@ -9,7 +9,7 @@ from PIL import Image
 
 from elys.bus.messages.views import ViewCamera
 from elys.common.assets.store import reference_of
-from elys.common.components import Collider, Light, MeshRenderer, declaration_of
+from elys.common.components import Collider, Joint, Light, MeshRenderer, declaration_of
 from elys.common.ids import entity_of
 from elys.common.scene import EntityRecord
 from elys.editor_node import node
@@ -130,6 +130,10 @@ def test_words_for_ids_assets_and_fields():
     assert asset_label(mesh, "box") == "box"
     box, ball = Collider(), Collider(shape="sphere")
     assert [has_effect(c, f) for c in (box, ball) for f in ("size", "radius", "offset")] == [
+        True, False, True, False, True, True,
+    ]  # fmt: skip
+    gear, hinge = Joint(kind="gear"), Joint(kind="hinge")
+    assert [has_effect(c, f) for c in (gear, hinge) for f in ("ratio", "lower", "anchor")] == [
         True, False, True, False, True, True,
     ]  # fmt: skip
     effects = [

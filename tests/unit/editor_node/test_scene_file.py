@@ -129,3 +129,28 @@ def test_a_saved_scene_keeps_its_name_and_the_person_is_told(on_stage, tmp_path)
         assert next(reversed(list(model.console))).text == f"Saved {path}"
 
     on_stage(scenario)
+
+
+def test_a_copy_is_joined_within_itself_and_saved_by_name(on_stage, tmp_path):
+    """A swing whose seat hangs from its beam, and a dog on a lead to the seat: copied, deleted and brought back, saved."""
+    seat = EntityNode(name="Seat", components={"Joint": {"kind": "distance", "other": "Swing"}})
+    dog = EntityNode(name="Dog", components={"Joint": {"other": "Seat"}})
+    path = tmp_path / "park.scene.json"
+    write_scene(SceneDocument(name="Park", entities=[EntityNode(name="Swing", children=[seat]), dog]), path)
+    target = tmp_path / "copy.scene.json"
+
+    async def scenario(stage):
+        model = stage.model
+        model.selection.replace([stage.named("Swing")])
+        await model.edit.duplicate()
+        model.selection.replace([stage.named("Swing 2")])
+        await model.edit.delete()
+        model.undo()
+        await model.history.settle()
+        model.save(str(target))
+
+    on_stage(scenario, open_scene(path, AssetStore()).records)
+    records = open_scene(target, AssetStore()).records
+    paths = [f"{records[r.parent].name if r.parent >= 0 else ''}/{r.name}" for r in records]
+    joined = {path: paths[r.references["Joint.other"]] for path, r in zip(paths, records, strict=True) if r.references}
+    assert joined == {"Swing/Seat": "/Swing", "Swing 2/Seat": "/Swing 2", "/Dog": "Swing/Seat"}

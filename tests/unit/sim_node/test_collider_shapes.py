@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+
 import numpy as np
 import pytest
 
@@ -63,6 +65,18 @@ def test_a_hull_takes_the_mesh_asset_and_follows_when_another_is_drawn(simulatio
         ([RigidBody(), Collider(shape="mesh"), MeshRenderer()], "'Body' collides with nothing: a mesh cannot move"),
         ([RigidBody(), Collider(shape="plane")], "'Body' collides with nothing: a plane cannot fall"),
         ([RigidBody(), Collider(shape="hull")], "'Body' collides with nothing: its shape is that of its mesh"),
+        (
+            [Collider(shape="height_field")],
+            "'Body' collides with nothing: its shape is that of its heights, and it has none",
+        ),
+        (
+            [RigidBody(), Collider(shape="height_field", heights="x")],
+            "a height field cannot move; make its RigidBody static",
+        ),
+        (
+            [Collider(shape="height_field", heights="blake2b:" + "0" * 32)],
+            "'Body' collides with nothing: there is no asset",
+        ),
         ([Collider(shape="hull"), MeshRenderer(mesh="plane")], "has all its points in a plane"),
         ([Collider(shape="hull"), MeshRenderer(mesh="blake2b:" + "0" * 32)], "'Body' collides with nothing"),
     ],
@@ -74,6 +88,25 @@ def test_a_form_that_cannot_be_is_told_and_the_simulation_goes_on(simulation, co
     assert sentence in str(event.values)
     simulation.step()
     assert simulation.take_events() == []
+
+
+@pytest.mark.parametrize(("x", "z"), [(6.0, -4.0), (-5.0, 3.0), (0.5, 4.5)])
+@pytest.mark.parametrize("mirror", [1.0, -1.0])
+def test_ground_after_a_file_lies_where_the_picture_shows_it(simulation, x, z, mirror) -> None:
+    """z = f(x, z) rises to the right and falls towards the viewer; rows of the file run along z, columns along x."""
+    across, along = np.linspace(-1.0, 1.0, 21), np.linspace(-1.0, 1.0, 11)
+    file = io.BytesIO()
+    np.save(file, 0.3 * across[None, :] ** 2 - 0.2 * along[:, None])
+    ground = Collider(
+        shape="height_field", heights=simulation.assets.put(file.getvalue(), kind="heights"), size=(10.0, 2.0, 5.0)
+    )
+    place = Transform(position=(0.0, 1.0, 0.0), scale=(2.0, 1.5, 2.0 * mirror))
+    simulation.world.spawn([place, ground], name="Ground")
+    simulation.step()
+    hit = simulation.physics.raycast([[x, 9.0, z]], [[0.0, -1.0, 0.0]])
+    expected = 1.0 + 3.0 * (0.3 * (x / 10.0) ** 2 - 0.2 * mirror * z / 5.0)
+    assert 9.0 - hit.distance[0] == pytest.approx(expected, abs=0.003)  # a parabola between corners a metre apart
+    assert hit.entity[0] == 1
 
 
 def test_a_mirrored_mesh_still_faces_outward(simulation) -> None:

@@ -114,15 +114,18 @@ def solve_factor(joint, x):
 
 @inner
 def prepare_free(joint, rows, first, row):
-    """The effective mass of a free row, and how the locked rows answer to it."""
-    n = joint.locked
+    """The effective mass of a free row, and how the locked rows answer to it. Soft ones do not: they give way."""
+    n = joint.locked if joint.frequency == 0.0 else 0
     own = response(joint, row, row)
     rest = own
     answer = row.answer
+    for k in range(n, joint.locked):
+        answer[k] = 0.0
     for k in range(n):
         answer[k] = response(joint, row, rows[first + k])
         joint.work[k] = answer[k]
-    solve_factor(joint, answer)
+    if n > 0:
+        solve_factor(joint, answer)
     for k in range(n):
         rest -= answer[k] * joint.work[k]
     row.effective_mass = 1.0 / rest if rest > SINGULAR * own else 0.0

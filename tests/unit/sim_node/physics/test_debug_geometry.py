@@ -12,6 +12,15 @@ from elys.sim_node.physics.debug_geometry import LINES, box_lines
 DT = 1.0 / 60.0
 
 
+def jointed_boxes(**joint):
+    """Two boxes in the air, three metres apart, joined where a's anchor is."""
+    world = PhysicsWorld()
+    world.add_bodies([1, 2], position=[[0, 5, 0], [3, 5, 0]])
+    world.add_colliders([1, 2])
+    world.add_joints([7], entity_a=1, entity_b=2, anchor_a=[1, 0, 0], **joint)
+    return world
+
+
 def two_stacks(steps=5):
     """Two stacks of two cubes and a ball by itself in the air, on a ground."""
     world = PhysicsWorld()
@@ -109,3 +118,50 @@ def test_a_plane_has_no_box_and_new_bodies_none_yet():
 def test_an_unknown_kind_is_refused():
     with pytest.raises(PhysicsError, match="boxes, fat_boxes"):
         PhysicsWorld().debug_lines("shadows")
+
+
+def test_joints_reach_from_bodies_to_anchors_with_their_axis():
+    lines = jointed_boxes(kind="hinge", axis_a=[0, 0, 1]).debug_lines("joints")
+    assert lines.colors.tolist() == [0, 0, 1]
+    np.testing.assert_allclose(lines.positions[0], [[0, 5, 0], [1, 5, 0]], atol=1e-6)
+    np.testing.assert_allclose(lines.positions[1], [[3, 5, 0], [1, 5, 0]], atol=1e-6)
+    np.testing.assert_allclose(np.abs(lines.positions[2, 1] - lines.positions[2, 0]), [0, 0, 0.6], atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["hinge", "cone_twist"])
+def test_limits_of_angles_are_arcs_about_the_axis(kind):
+    lines = jointed_boxes(kind=kind, axis_a=[0, 0, 1], lower=-0.5, upper=1.0).debug_lines("joints")
+    arc = lines.positions[lines.colors == 2][1:17] - (1, 5, 0)
+    np.testing.assert_allclose(np.linalg.norm(arc, axis=2), 0.3, atol=1e-6)
+    np.testing.assert_allclose(arc[:, :, 2], 0.0, atol=1e-6)
+    start, end = arc[0, 0], arc[-1, 1]
+    turned = np.arctan2(np.cross(start, end)[2], start @ end)
+    assert turned == pytest.approx(1.5, abs=1e-5)  # counter-clockwise about z, as the coordinate
+
+
+def test_a_cone_has_a_rim_at_its_opening():
+    lines = jointed_boxes(kind="cone_twist", axis_a=[0, 0, 1], swing_limit=0.4).debug_lines("joints")
+    rim = lines.positions[lines.colors == 2] - (1, 5, 0)
+    assert len(rim) == 16
+    np.testing.assert_allclose(rim[:, :, 2], 0.3 * np.cos(0.4), atol=1e-6)
+
+
+def test_limits_of_ways_are_lines():
+    slide = jointed_boxes(kind="slider", axis_a=[0, 1, 0], lower=-1.0, upper=2.0).debug_lines("joints")
+    np.testing.assert_allclose(slide.positions[slide.colors == 2], [[[1, 4, 0], [1, 7, 0]]], atol=1e-6)
+    rope = jointed_boxes(kind="distance", upper=5.0).debug_lines("joints")
+    np.testing.assert_allclose(rope.positions[rope.colors == 2], [[[1, 5, 0], [6, 5, 0]]], atol=1e-6)
+    assert (rope.colors == 0).sum() == 3  # to both anchors, of which b's is in its middle, and from one to the other
+
+
+def test_broken_joints_are_not_drawn_and_joined_bodies_are_one_island():
+    world = jointed_boxes(kind="fixed", break_force=1.0)
+    world.step(DT)
+    assert len(world.debug_lines("joints").positions) == 2
+    assert len(world.debug_lines("islands").positions) == 12
+    world.apply_impulse([2], [100.0, 0.0, 0.0])
+    world.step(DT)
+    assert [broken.joint for broken in world.take_broken_joints()] == [7]
+    assert len(world.debug_lines("joints").positions) == 0
+    world.step(DT)
+    assert len(world.debug_lines("islands").positions) == 24

@@ -300,3 +300,90 @@ def test_a_net_leaves_to_sweeps_what_would_fill_it():
     plan = JointPlan(len(bodies), np.arange(len(bodies)), bodies)
     assert plan.columns["count"].max() <= 12
     assert 0.3 < plan.direct.mean() < 1.0
+
+
+# ---------------------------------------------------------------- frames that are given
+
+
+def turned_pair(angle, **joint):
+    """Two boxes, the second turned by an angle about z, that pointed the same way at rest."""
+    world = PhysicsWorld(WEIGHTLESS)
+    turn = [0, 0, math.sin(angle / 2), math.cos(angle / 2)]
+    world.add_bodies([3, 8], position=[[0, 0, 0], [1.2, 0, 0]], rotation=[[0, 0, 0, 1], turn])
+    world.add_colliders([3, 8])
+    world.add_joints(
+        [5], entity_a=3, entity_b=8, anchor_a=[0, 0, 0], anchor_b=[0, 0, 0], rest_rotation=[0, 0, 0, 1], **joint
+    )
+    return world
+
+
+@pytest.mark.parametrize("angle", [0.7, -3.0, 3.1])
+@pytest.mark.parametrize("turns", [0, 3, -2])
+def test_an_angle_is_counted_from_the_rotation_at_rest(angle, turns):
+    whole = 2.0 * math.pi * turns
+    world = turned_pair(angle, kind="hinge", axis_a=[0, 0, 1], turned=whole + 0.99 * angle)
+    assert world.joints.coordinate[0] == pytest.approx(angle + whole, abs=1e-6)
+    world.step(DT)
+    assert world.joints.coordinate[0] == pytest.approx(angle + whole, abs=1e-6)
+
+
+def test_a_fixed_joint_turns_its_bodies_to_the_rotation_at_rest():
+    world = turned_pair(0.5, kind="fixed")
+    run(world, 60)
+    a, b = world.bodies.rotation
+    assert abs(a @ b) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_rotation_at_rest_is_one():
+    with pytest.raises(PhysicsError, match="rest_rotation must be a unit quaternion x y z w: joint 5 has"):
+        pair_of_boxes(kind="fixed", rest_rotation=[1, 1, 0, 0])
+
+
+# ---------------------------------------------------------------- soft locks
+
+
+@pytest.mark.parametrize("kind", ["hinge", "slider", "cone_twist"])
+@pytest.mark.parametrize(
+    "drive",
+    [
+        {"lower": 0.0, "upper": 0.0},
+        {"lower": -0.5, "upper": -0.5},
+        {"lower": 0.0, "upper": 1.0},
+        {"motor_speed": 2.0, "motor_limit": 100.0},
+    ],
+)
+def test_what_acts_on_the_coordinate_does_not_fight_soft_locks(kind, drive):
+    """An anchor off the centres of mass, struck: it stays as calm as the blow, the way to the limit and the motor make it."""
+    world = PhysicsWorld(WEIGHTLESS)
+    world.add_bodies([1, 2], position=[[0, 0, 0], [1.5, 0.5, 0]])
+    world.add_colliders([1, 2], size=(0.8, 0.5, 0.4))
+    where = {"anchor_b": [-0.5, 0.45, -0.5], "axis_a": [-0.7, 0.1, -0.95]}
+    world.add_joints([1], kind=kind, entity_a=1, entity_b=2, frequency=5.0, **where, **drive)
+    world.apply_impulse([2], [0.0, 1.0, 1.0])
+    for _ in range(180):
+        world.step(DT)
+        assert np.abs(world.bodies.angular_velocity).max() < 5.0
+    coordinate, speed = world.joints.coordinate[0], world.joints.speed[0]
+    if "motor_speed" in drive:
+        assert speed == pytest.approx(2.0, abs=0.05)
+    else:
+        assert drive["lower"] - 0.01 <= coordinate <= drive["upper"] + 0.01
+
+
+def test_a_joint_whose_numbers_are_none_spoils_one_step_and_no_more():
+    world = PhysicsWorld()
+    world.add_bodies([3, 8, 9], position=[[0, 0, 0], [1.2, 0, 0], [9, 0, 0]])
+    world.add_colliders([3, 8, 9])
+    world.add_joints([5], kind="hinge", entity_a=3, entity_b=8)
+    world.step(DT)
+    snapshot = world.snapshot()
+    snapshot["joints"]["impulse"][0] = math.nan
+    world.restore(snapshot)
+    world.step(DT)
+    assert {problem.entity for problem in world.take_problems()} == {3, 8}
+    world.set_properties([3, 8], motion=DYNAMIC)
+    run(world, 30)
+    assert world.take_problems() == []
+    height = world.bodies.position[:, 1]
+    assert height[0] == pytest.approx(height[2], abs=0.2)  # they fall again, and joined
+    assert np.isfinite(world.joints.force).all()
