@@ -68,6 +68,7 @@ class Step:
         self._constants = constants
         self._strengths = strengths
         self._held_end = 0
+        self._links: Array | None = None  # of joints, as islands were last made of them
         self._fast_count = 0
         self.deep: tuple[Array, Array] = (_NONE, np.zeros(0))  # slots of pairs, depths [m]
 
@@ -158,6 +159,8 @@ class Step:
     def _build_islands(self) -> None:
         room, contacts = self._room, self._contacts
         contacts.is_changed |= room.reserve(len(self._bodies.rows), contacts.touching_count, len(self._strengths))
+        contacts.is_changed |= self._links is not self._joints.links
+        self._links = self._joints.links
         activity = self._activity
         contacts.is_changed |= build_islands(
             self._bodies.rows,
@@ -173,6 +176,7 @@ class Step:
             room.islands,
             self._strengths,
             self._constants,
+            contacts.is_changed,
         )
         self._held_end = list_held(self._bodies.rows, activity.bodies, activity.body_count, room.held, room.groups)
 

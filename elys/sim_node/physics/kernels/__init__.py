@@ -175,7 +175,7 @@ def _kernels() -> tuple[tuple[Kernel, ...], tuple[Kernel, ...]]:
         (list_awake, (bodies, colliders, indices, indices)),
         (wake_marked, (bodies,)),
         (put_to_sleep, (bodies, poses, indices, 0, indices, islands, indices, constants)),
-        (build_islands, (bodies, indices, 0, *touching[1:], links, indices, islands, strengths, constants)),
+        (build_islands, (bodies, indices, 0, *touching[1:], links, indices, islands, strengths, constants, True)),
         (list_held, (bodies, indices, 0, indices, groups)),
         (colour_contacts, (*touching, masks, indices, indices, indices, indices, groups, spans, *lanes)),
         (prepare_bodies, (bodies, forces, indices, 0, groups, solver, drives, strengths, constants)),

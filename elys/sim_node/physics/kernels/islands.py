@@ -125,7 +125,7 @@ def first_strength(island, strengths, constants):
 
 
 @inner
-def link_islands(bodies, links, parent):
+def join_by_joints(bodies, links, parent):
     """Marks the awake bodies that joints hold and joins them into islands."""
     for k in range(links.shape[0]):
         a = links[k, 0]
@@ -137,30 +137,15 @@ def link_islands(bodies, links, parent):
             continue
         if bodies[a].motion == DYNAMIC and bodies[b].motion == DYNAMIC:
             join(parent, a, b)
-        elif bodies[a].motion == KINEMATIC and is_moving(bodies[a]):
-            bodies[b].still_time = 0.0
-        elif bodies[b].motion == KINEMATIC and is_moving(bodies[b]):
-            bodies[a].still_time = 0.0
 
 
 @inner
-def find_islands(bodies, awake, awake_count, colliders, pairs, touching, touching_count, links, parent, islands, g):
-    """Marks the bodies that contacts and joints hold and joins them into islands.
-
-    What is touched by something that moves of its own accord stays awake.
-    """
+def join_islands(bodies, awake, awake_count, colliders, pairs, touching, touching_count, links, parent):
+    """Marks the bodies that contacts and joints hold and joins them into islands."""
     for index in range(awake_count):
         i = awake[index]
         bodies[i].held = 0
         parent[i] = i
-        island = islands[i]
-        island.low = np.inf
-        island.high = -np.inf
-        island.extent = 0.0
-        island.body_count = 0
-        island.is_jointed = 0
-        island.wanted = 0
-        island.present = 0
     for t in range(touching_count):
         pair = pairs[touching[t]]
         a = colliders[pair.a].body
@@ -173,23 +158,52 @@ def find_islands(bodies, awake, awake_count, colliders, pairs, touching, touchin
             second.held = 1
         if first.motion == DYNAMIC and second.motion == DYNAMIC:
             join(parent, a, b)
-        elif first.motion == KINEMATIC and is_moving(first):
-            second.still_time = 0.0
-        elif second.motion == KINEMATIC and is_moving(second):
-            first.still_time = 0.0
-    link_islands(bodies, links, parent)
+    join_by_joints(bodies, links, parent)
+
+
+@inner
+def keep_awake(first, second):
+    """What is held by something that moves of its own accord stays awake."""
+    if first.motion == KINEMATIC and is_moving(first):
+        second.still_time = 0.0
+    elif second.motion == KINEMATIC and is_moving(second):
+        first.still_time = 0.0
+
+
+@inner
+def keep_joined_awake(bodies, links):
+    for k in range(links.shape[0]):
+        a = links[k, 0]
+        b = links[k, 1]
+        if a >= 0 and b >= 0 and bodies[a].asleep == 0 and bodies[b].asleep == 0:
+            keep_awake(bodies[a], bodies[b])
+
+
+@inner
+def measure_islands(bodies, awake, awake_count, parent, islands, g):
+    """How many, how high and how large the bodies of each island are, and how strongly they were solved."""
+    for index in range(awake_count):
+        island = islands[awake[index]]
+        island.low = np.inf
+        island.high = -np.inf
+        island.extent = 0.0
+        island.body_count = 0
+        island.is_jointed = 0
+        island.wanted = 0
+        island.present = 0
     for index in range(awake_count):
         i = awake[index]
-        if bodies[i].held != 0 and bodies[i].motion == DYNAMIC:
+        body = bodies[i]
+        if body.held != 0 and body.motion == DYNAMIC:
             island = islands[root_of(parent, i)]
-            p = bodies[i].position
+            p = body.position
             height = p[0] * g[0] + p[1] * g[1] + p[2] * g[2]
             island.low = min(island.low, height)
             island.high = max(island.high, height)
-            island.extent += bodies[i].extent
+            island.extent += body.extent
             island.body_count += 1
-            island.present = max(island.present, bodies[i].strength)
-            if bodies[i].held == JOINTED:
+            island.present = max(island.present, body.strength)
+            if body.held == JOINTED:
                 island.is_jointed = 1
 
 
@@ -202,6 +216,7 @@ def ask_contacts(bodies, colliders, pairs, touching, touching_count, manifolds, 
         b = colliders[pair.b].body
         first = bodies[a]
         second = bodies[b]
+        keep_awake(first, second)
         island = islands[root_of(parent, a if first.motion == DYNAMIC else b)]
         allowed = constants.overlap * allowance(island)
         overlap = contact_overlap(first, second, manifolds[touching[t]], strengths, constants)
@@ -224,17 +239,20 @@ def build_islands(
     islands,
     strengths,
     all_constants,
+    is_new,
 ):
     """Marks the awake bodies that contacts and joints hold, and gives each the strength of its island.
 
-    Returns whether any strength has changed.
+    Returns whether any strength has changed. Unless `is_new` the same hold on to each other as in the last step.
 
     Parameters: links (L, 2) are the body rows that joints hold together, -1 for the world; parent (N,) int32 and islands
     (N,) are room; afterwards root_of(parent, i) is the row of body i's island.
     """
     constants = all_constants[0]
-    down = constants.down
-    find_islands(bodies, awake, awake_count, colliders, pairs, touching, touching_count, links, parent, islands, down)
+    if is_new:
+        join_islands(bodies, awake, awake_count, colliders, pairs, touching, touching_count, links, parent)
+    keep_joined_awake(bodies, links)
+    measure_islands(bodies, awake, awake_count, parent, islands, constants.down)
     ask_contacts(bodies, colliders, pairs, touching, touching_count, manifolds, parent, islands, strengths, constants)
     is_changed = False
     for index in range(awake_count):
