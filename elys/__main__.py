@@ -46,6 +46,9 @@ Listen = Annotated[
     Optional[str],  # noqa: UP045
     typer.Option(help="endpoint to listen at, tcp/HOST:PORT; default: loopback, the first free port from 7447"),
 ]
+Threads = Annotated[
+    int, typer.Option("--threads", min=1, max=64, help="threads for large steps of physics; what comes out is the same")
+]
 Json = Annotated[bool, typer.Option("--json", help="print facts as JSON")]
 Frames = Annotated[int, typer.Option(help="end after so many frames (0: never)", min=0, hidden=True)]
 
@@ -75,6 +78,7 @@ def run(
     paused: Annotated[bool, typer.Option("--paused", help="start paused")] = False,
     listen: Listen = None,
     name: Annotated[str, typer.Option(help="name of the session; default: the scene's")] = "",
+    threads: Threads = 1,
     json: Json = False,
 ) -> None:
     """Simulate a scene, with an editor attached; or --headless, for a server or a script."""
@@ -89,6 +93,7 @@ def run(
         paused=paused,
         listen=listen,
         name=name,
+        threads=threads,
         json=json,
     )
 
@@ -276,11 +281,21 @@ def node_simulation(
     fast: Annotated[bool, typer.Option("--fast", help="as fast as it can instead of in real time")] = False,
     paused: Annotated[bool, typer.Option("--paused")] = False,
     name: Annotated[str, typer.Option()] = "",
+    threads: Threads = 1,
 ) -> None:
     """The simulation."""
     from elys.verbs import nodes
 
-    nodes.simulation(scene, listen=listen, step_limit=steps, record=record, realtime=not fast, paused=paused, name=name)
+    nodes.simulation(
+        scene,
+        listen=listen,
+        step_limit=steps,
+        record=record,
+        realtime=not fast,
+        paused=paused,
+        name=name,
+        threads=threads,
+    )
 
 
 @node_app.command("render")

@@ -49,13 +49,19 @@ class Simulation:
     """
 
     def __init__(
-        self, *, name: str = "", settings: SceneSettings | None = None, assets: AssetStore | None = None
+        self,
+        *,
+        name: str = "",
+        settings: SceneSettings | None = None,
+        assets: AssetStore | None = None,
+        threads: int = 1,
     ) -> None:
         self.name = name
         self.settings = settings if settings is not None else SceneSettings()
         self.assets = assets if assets is not None else AssetStore()
         self.world = World()
-        self.physics = PhysicsWorld(physics_settings(self.settings))
+        self._threads = threads
+        self.physics = PhysicsWorld(physics_settings(self.settings, threads))
         self.tick = 0
         self.systems: tuple[System, ...] = (self.follow_changes, self.simulate_physics, self.propagate_transforms)
         self.stage_times: dict[str, float] = {}
@@ -65,9 +71,9 @@ class Simulation:
         self._is_stopped = False
 
     @classmethod
-    def load(cls, opened: OpenedScene, assets: AssetStore) -> Simulation:
-        """The simulation of a scene, before its first tick."""
-        simulation = cls(name=opened.name, settings=opened.settings, assets=assets)
+    def load(cls, opened: OpenedScene, assets: AssetStore, *, threads: int = 1) -> Simulation:
+        """The simulation of a scene, before its first tick; `threads` work on large steps of physics."""
+        simulation = cls(name=opened.name, settings=opened.settings, assets=assets, threads=threads)
         load_records(simulation.world, opened.records)
         simulation.settle()
         simulation.take_changes()  # who joins gets a snapshot; nothing has changed since
@@ -150,7 +156,7 @@ class Simulation:
         """Gravity, substeps and the like, from the next tick on."""
         self.tick = round(self.time * settings.tick_rate)  # another tick rate must not make time jump
         self.settings = settings
-        self.physics.settings = physics_settings(settings)
+        self.physics.settings = physics_settings(settings, self._threads)
 
     def moving_bodies(self) -> MovingBodies:
         """Where all bodies that can move are."""
@@ -177,11 +183,12 @@ class Simulation:
         return events
 
 
-def physics_settings(settings: SceneSettings) -> PhysicsSettings:
+def physics_settings(settings: SceneSettings, threads: int = 1) -> PhysicsSettings:
     """What the scene's settings mean for physics."""
     return PhysicsSettings(
         gravity=settings.gravity,
         attractors=tuple(Attractor(**msgspec.structs.asdict(attractor)) for attractor in settings.attractors),
         substeps=settings.substeps,
         on_problem=settings.on_problem,
+        threads=threads,
     )

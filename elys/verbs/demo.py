@@ -31,6 +31,7 @@ def demo(directory: Path, *, headless: bool) -> None:
             paused=False,
             listen=None,
             name="",
+            threads=1,
             json=False,
         )
         return
@@ -69,6 +70,7 @@ def _demo_files(directory: Path) -> None:
         paused=False,
         listen=None,
         name="demo",
+        threads=1,
         json=False,
     )
     render(str(recording), picture, size="1280x720", time=PICTURE_TIME, duration=0.0, fps=30.0)

@@ -87,7 +87,15 @@ def session_name(text: str) -> str:
 
 
 def simulation(
-    scene: str, *, listen: str | None, step_limit: int, record: Path | None, realtime: bool, paused: bool, name: str
+    scene: str,
+    *,
+    listen: str | None,
+    step_limit: int,
+    record: Path | None,
+    realtime: bool,
+    paused: bool,
+    name: str,
+    threads: int,
 ) -> None:
     """The simulation's process."""
     from elys.verbs.simulate import prepare, simulate
@@ -95,7 +103,7 @@ def simulation(
     start_logging()
     run_until_asked(
         simulate(
-            prepare(scene, record=record),
+            prepare(scene, record=record, threads=threads),
             listen=listen,
             step_limit=step_limit,
             record=record,

@@ -22,6 +22,7 @@ def run(
     paused: bool,
     listen: str | None,
     name: str,
+    threads: int,
     json: bool,
 ) -> None:
     """Simulates a scene: with an editor, or headless; headless with a step limit runs as fast as it can."""
@@ -37,6 +38,7 @@ def run(
             paused=paused,
             listen=endpoint,
             name=name,
+            threads=threads,
             json=json,
         )
         return
@@ -55,6 +57,7 @@ def run(
     options += ["--record", str(record)] if record else []
     options += ["--paused"] if paused else []
     options += ["--name", name] if name else []
+    options += ["--threads", str(threads)] if threads > 1 else []
     sys.exit(start("editor", {"scene": scene}, endpoint=endpoint, extra={"simulation": options}))
 
 
@@ -126,6 +129,7 @@ def _run_headless(
     paused: bool,
     listen: str | None,
     name: str,
+    threads: int,
     json: bool,
 ) -> None:
     from elys.bus.log import start_logging
@@ -135,7 +139,7 @@ def _run_headless(
 
     start_logging()
     reports: list[RunReport] = []
-    simulation = prepare(scene, record=record)
+    simulation = prepare(scene, record=record, threads=threads)
 
     async def work() -> None:
         await simulate(

@@ -51,7 +51,7 @@ def describe(report: RunReport) -> str:
     return text
 
 
-def prepare(scene: str, *, record: Path | None) -> Simulation:
+def prepare(scene: str, *, record: Path | None, threads: int = 1) -> Simulation:
     """Opens a scene and loads or compiles the kernels. Not on the loop: Ctrl-C ends it at once, and nothing is lost.
 
     Raises:
@@ -66,7 +66,7 @@ def prepare(scene: str, *, record: Path | None) -> Simulation:
     assets = AssetStore()
     opened = open_scene_or_sample(scene, assets)
     compile_with_progress()
-    return Simulation.load(opened, assets)
+    return Simulation.load(opened, assets, threads=threads)
 
 
 async def simulate(

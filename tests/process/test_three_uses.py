@@ -162,10 +162,10 @@ def test_headless_runs_without_any_display_library(elys, free_port, tmp_path):
     assert "numba" in mapped or "llvmlite" in mapped
 
 
-def test_two_runs_of_a_scene_end_in_the_same_state(elys):
+def test_two_runs_of_a_scene_end_in_the_same_state_whatever_the_threads(elys):
     reports = []
-    for _ in range(2):
-        run = elys("run", "yard", "--headless", "--steps", "120", "--json")
+    for threads in ("1", "2"):
+        run = elys("run", "yard", "--headless", "--steps", "120", "--threads", threads, "--json")
         assert run.wait() == 0
         reports.append(json.loads(run.output[run.output.index("{") :]))
     assert reports[0]["state_hash"] == reports[1]["state_hash"]
