@@ -106,12 +106,12 @@ class Step:
         bodies, colliders = self._bodies.rows, self._colliders.rows
         if contacts.is_outdated:
             contacts.list_active(bodies, colliders)
-        count = fatten_boxes(
-            bodies, colliders, activity.colliders, activity.collider_count, activity.moved, self._constants
-        )
+        awake = (activity.colliders, activity.collider_count)
+        count = fatten_boxes(bodies, colliders, self._colliders.proxies, *awake, activity.moved, self._constants)
         if count:
+            contacts.list_sleeping(bodies, colliders, wanted=activity.has_fresh)
             geometry, unpaired = self._colliders.geometry.arrays, self._joints.unpaired
-            contacts.update_pairs(bodies, colliders, geometry, unpaired, activity.moved, count)
+            contacts.update_pairs(colliders, self._colliders.proxies, geometry, unpaired, activity.moved, count)
 
     def _update_manifolds(self) -> bool:
         """Returns whether anything was touched in its sleep: then it wakes first."""

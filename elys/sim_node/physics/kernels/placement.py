@@ -119,10 +119,10 @@ def turning_travel(body, collider, h):
 
 
 @kernel
-def fatten_boxes(bodies, colliders, listed, count, moved, all_constants):
+def fatten_boxes(bodies, colliders, proxies, listed, count, moved, all_constants):
     """Gives a new fat box to every listed collider that may leave its old one in this step.
 
-    Writes those into `moved` and marks them; returns how many they are.
+    Writes those into `moved`; returns how many they are.
 
     Together two boxes hold the gap that `pair_margin` looks across, all around and not only ahead: what is found must not
     depend on how the world is turned. What is added beyond that lets a box last: a little, and some more steps ahead.
@@ -143,7 +143,8 @@ def fatten_boxes(bodies, colliders, listed, count, moved, all_constants):
             around += min(way, collider.reach)
             ahead = LASTING * h
         box = collider.box
-        fat = collider.fat_box
+        proxy = proxies[listed[index]]
+        fat = proxy.fat_box
         fits = True
         for k in range(3):
             low = box[k] - around - fat[k]
@@ -158,7 +159,12 @@ def fatten_boxes(bodies, colliders, listed, count, moved, all_constants):
             way = body.velocity[k] * ahead
             fat[k] = box[k] - around + min(way, 0.0)
             fat[3 + k] = box[3 + k] + around + max(way, 0.0)
-        collider.moved = 1
+        proxy.body = collider.body
+        proxy.layer = collider.layer
+        proxy.mask = collider.mask
+        proxy.kind = collider.kind
+        proxy.trigger = collider.trigger
+        proxy.motion = body.motion
         moved[moved_count] = listed[index]
         moved_count += 1
     return moved_count

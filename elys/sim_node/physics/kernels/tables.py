@@ -120,7 +120,6 @@ COLLIDER = np.dtype(
         ("body", "i4"),
         ("entity", "u4"),  # the entity that carries the collider: the body's, or one below it
         ("kind", "u1"),  # BOX to HEIGHT_FIELD
-        ("moved", "u1"),  # the fat box is new
         ("trigger", "u1"),  # SOLID, or notices what touches it and pushes nothing
         ("layer", "u4"),  # bits: two colliders meet when each one's layer is in the other's mask
         ("mask", "u4"),
@@ -137,9 +136,23 @@ COLLIDER = np.dtype(
         ("rolling_friction", "f8"),  # arm of the normal force that resists rolling [m]
         ("spin_friction", "f8"),  # and turning about the normal [m]
         ("box", "f8", 6),  # smallest axis-aligned box: lower corner, upper corner [m]
-        ("fat_box", "f8", 6),  # what pairs are found with: larger, so that it lasts [m]
     ],
     align=True,
+)
+
+# A collider as the search for pairs sees it, 64 bytes: its own box, and copies of all that decides whether two are a pair. They
+# are taken whenever it gets a new box.
+PROXY = np.dtype(
+    [
+        ("fat_box", "f8", 6),  # what pairs are found with: larger than the smallest box, so that it lasts [m]
+        ("body", "i4"),
+        ("layer", "u4"),
+        ("mask", "u4"),
+        ("kind", "u1"),
+        ("trigger", "u1"),
+        ("motion", "u1"),  # of the body
+        ("unused", "u1"),
+    ]
 )
 
 # Morton codes and the order they give, twice: a radix sort needs room.
