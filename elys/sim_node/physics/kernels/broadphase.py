@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from elys.sim_node.compilation import inner, kernel
+from elys.sim_node.compilation import inlined, inner, kernel
 from elys.sim_node.physics.kernels.midphase import (
     box_over_plane,
     has_parts,
@@ -66,8 +66,6 @@ def may_collide(a, b):
 @inner
 def is_unpaired(unpaired, first, second):
     """Whether two bodies are held by a joint that lets them not collide: a search in sorted keys."""
-    if unpaired.shape[0] == 0:
-        return False
     key = (np.int64(min(first, second)) << 32) + max(first, second)
     low = 0
     high = unpaired.shape[0]
@@ -80,7 +78,7 @@ def is_unpaired(unpaired, first, second):
     return low < unpaired.shape[0] and unpaired[low] == key
 
 
-@inner
+@inlined
 def add_pair(found, count, a, b, part):
     """Notes a pair where there is room for it; returns how many there are now."""
     if count < found.shape[0]:
@@ -125,18 +123,12 @@ def add_special(colliders, proxies, i, j, found, count, geometry, stack):
     return add_parts(colliders, mesh, other, proxies[other].fat_box, found, count, geometry, stack)
 
 
-@inner
-def meet(colliders, proxies, i, j, geometry, unpaired, found, count, stack):
-    """Notes the pairs of two colliders whose boxes may overlap; returns how many there are now."""
-    first = proxies[i]
-    second = proxies[j]
+@inlined
+def are_pair(first, second, unpaired):
+    """Whether two colliders whose boxes may overlap are a pair, or have pairs with each other's parts."""
     if not boxes_overlap(first.fat_box, second.fat_box) or not may_collide(first, second):
-        return count
-    if is_unpaired(unpaired, first.body, second.body):
-        return count
-    if first.kind >= MESH or second.kind >= MESH:
-        return add_special(colliders, proxies, i, j, found, count, geometry, stack)
-    return add_pair(found, count, min(i, j), max(i, j), 0)
+        return False
+    return unpaired.shape[0] == 0 or not is_unpaired(unpaired, first.body, second.body)
 
 
 @inner
@@ -268,7 +260,15 @@ def find_pairs(
                 while bits != 0:
                     j = leaves[other * LANES + lowest_bit(bits)].order
                     bits &= bits - 1
-                    count = meet(colliders, proxies, i, j, geometry, unpaired, found, count, stack)
+                    first = proxies[i]
+                    second = proxies[j]
+                    if not are_pair(first, second, unpaired):
+                        continue
+                    # Geometry is many values to hand over: only where it is needed.
+                    if first.kind >= MESH or second.kind >= MESH:
+                        count = add_special(colliders, proxies, i, j, found, count, geometry, stack)
+                    else:
+                        count = add_pair(found, count, min(i, j), max(i, j), 0)
     for m in range(moved_count):
         moved_lanes[places[moved[m]] // LANES] = 0
     if count <= found.shape[0]:

@@ -86,28 +86,20 @@ def set_hint(found, manifold):
 
 @inner
 def collide(colliders, a, b, part, margin, found, geometry):
-    """Contact points of colliders a and b no farther apart than the margin; returns how many.
+    """Contact points of colliders a and b, one of them no box or ball, no farther apart than the margin; returns how many.
 
     `found` gets the normal from a to b and up to four points, in the middle between the surfaces, with their separations
     and features. `part` is the triangle where one of the two is a mesh or a height field.
     """
     first = colliders[a]
     second = colliders[b]
-    if first.kind == BOX and second.kind == BOX:
-        return box_box(colliders, a, b, margin, found)
     # By kind, so that half the pairs need no function.
     flipped = first.kind > second.kind
     if flipped:
         first = colliders[b]
         second = colliders[a]
     kind = second.kind
-    if kind == SPHERE:
-        count = (
-            box_sphere(first, second, margin, found)
-            if first.kind == BOX
-            else sphere_sphere(first, second, margin, found)
-        )
-    elif kind == CAPSULE and first.kind == SPHERE:
+    if kind == CAPSULE and first.kind == SPHERE:
         count = sphere_capsule(first, second, margin, found)
     elif kind == CAPSULE and first.kind == CAPSULE:
         count = capsule_capsule(first, second, margin, found)
@@ -215,7 +207,7 @@ def must_collide(first, second, a, b, manifold, margin, constants):
 
 @inner
 def box_or_sphere(colliders, a, b, margin, found):
-    """`collide` for worlds of boxes and balls alone."""
+    """`collide` for boxes and balls."""
     first = colliders[a]
     second = colliders[b]
     if first.kind == BOX and second.kind == BOX:
@@ -344,8 +336,11 @@ def update_manifolds(
                 )
                 is_changed = is_changed or part_changed
         elif must_collide(first, second, a, b, manifold, margin, constants):
-            set_hint(found, manifold)
-            count = collide(colliders, pair.a, pair.b, pair.part, margin, found, geometry)
+            if a.kind <= SPHERE and b.kind <= SPHERE:
+                count = box_or_sphere(colliders, pair.a, pair.b, margin, found)
+            else:  # geometry is many values to hand over: only where it is needed
+                set_hint(found, manifold)
+                count = collide(colliders, pair.a, pair.b, pair.part, margin, found, geometry)
             write_manifold(first, second, a, b, manifold, found, count, margin, constants)
         is_changed = is_changed or manifold.point_count != before
         is_acting = False
