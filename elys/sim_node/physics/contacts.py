@@ -88,7 +88,8 @@ class ContactStore:
         self.tree = BoxTree(0)
         self._free = np.arange(63, -1, -1, dtype=np.int32)  # slot 0 is nobody's: empty lanes of the solver point to it
         self._free_count = np.array([63], np.int32)
-        self._room = np.zeros(64, np.int32)
+        self.room = np.zeros(64, np.int32)  # for work on all active pairs
+        self.margins = np.zeros(64)
         self._sleeping = np.zeros(64, np.int32)
         self._sleeping_count = 0
         self._pairs_found = np.zeros(64, PAIR)
@@ -140,7 +141,7 @@ class ContactStore:
 
     def list_active(self, bodies: Array, colliders: Array) -> None:
         """Lists anew the pairs that a step has to look at."""
-        self.active_count = list_pairs(bodies, colliders, self.pairs, True, self.active, self._room)
+        self.active_count = list_pairs(bodies, colliders, self.pairs, True, self.active, self.room)
         self.is_outdated = False
         self.is_changed = True
 
@@ -148,7 +149,7 @@ class ContactStore:
         """Lists the pairs with nobody awake, where they are wanted for the next `update_pairs`: else it finds none of them."""
         self._sleeping_count = 0
         if wanted:
-            self._sleeping_count = list_pairs(bodies, colliders, self.pairs, False, self._sleeping, self._room)
+            self._sleeping_count = list_pairs(bodies, colliders, self.pairs, False, self._sleeping, self.room)
 
     def update_pairs(
         self, colliders: Array, proxies: Array, geometry: Geometry, unpaired: Array, moved: Array, moved_count: int
@@ -202,7 +203,7 @@ class ContactStore:
         more[:old] = self.pairs
         self.pairs = more
         self.manifolds = grown(self.manifolds, count)
-        for name in ("active", "touching", "fast", "watched", "triggers", "_free", "_sleeping", "_room"):
+        for name in ("active", "touching", "fast", "watched", "triggers", "_free", "_sleeping", "room", "margins"):
             setattr(self, name, grown(getattr(self, name), count))
         free = int(self._free_count[0])
         self._free[free : free + count - old] = np.arange(count - 1, old - 1, -1)

@@ -116,7 +116,8 @@ class Step:
     def _update_manifolds(self) -> bool:
         """Returns whether anything was touched in its sleep: then it wakes first."""
         contacts = self._contacts
-        pairs = (contacts.pairs, contacts.active, contacts.active_count, contacts.manifolds, contacts.found)
+        active = (contacts.active, contacts.active_count, contacts.room, contacts.margins)
+        pairs = (contacts.pairs, *active, contacts.manifolds, contacts.found)
         results = (self._constants, contacts.touching, contacts.fast, contacts.watched, contacts.triggers)
         bodies, colliders = self._bodies.rows, self._colliders.rows
         if self._colliders.is_simple:

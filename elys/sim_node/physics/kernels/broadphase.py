@@ -87,6 +87,7 @@ def add_pair(found, count, a, b, part):
         pair.b = b
         pair.part = part
         pair.touched = 0
+        pair.blank = 1
     return count + 1
 
 

@@ -165,6 +165,7 @@ PAIR = np.dtype(
         ("b", "i4"),
         ("part", "i4"),  # which triangle of a mesh or height field, else 0
         ("touched", "u1"),  # it touched, or was in the trigger, as the last step that looked at it ended
+        ("blank", "u1"),  # its manifold says nothing: the two were too far apart, or were never looked at
     ],
     align=True,
 )
