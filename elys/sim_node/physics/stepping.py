@@ -117,7 +117,7 @@ class Step:
         """Returns whether anything was touched in its sleep: then it wakes first."""
         contacts = self._contacts
         active = (contacts.active, contacts.active_count, contacts.room, contacts.margins)
-        pairs = (contacts.pairs, *active, contacts.manifolds, contacts.found)
+        pairs = (self._colliders.proxies, contacts.pairs, *active, contacts.manifolds, contacts.found)
         results = (self._constants, contacts.touching, contacts.fast, contacts.watched, contacts.triggers)
         bodies, colliders = self._bodies.rows, self._colliders.rows
         if self._colliders.is_simple:

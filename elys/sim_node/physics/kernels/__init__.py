@@ -182,11 +182,25 @@ def _kernels() -> tuple[tuple[Kernel, ...], tuple[Kernel, ...]]:
         (prepare_impacts, (*touching, rows, row_points, groups, solver, drives, constants)),
         (
             update_simple_manifolds,
-            (bodies, colliders, pairs, indices, 0, indices, numbers, manifolds, found, constants, *lanes),
+            (bodies, colliders, proxies, pairs, indices, 0, indices, numbers, manifolds, found, constants, *lanes),
         ),
         (
             update_manifolds,
-            (bodies, colliders, pairs, indices, 0, indices, numbers, manifolds, found, geometry, constants, *lanes),
+            (
+                bodies,
+                colliders,
+                proxies,
+                pairs,
+                indices,
+                0,
+                indices,
+                numbers,
+                manifolds,
+                found,
+                geometry,
+                constants,
+                *lanes,
+            ),
         ),
         (solve_contacts, (*solved, None, strengths, constants)),
     ]

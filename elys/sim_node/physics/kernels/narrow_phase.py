@@ -14,7 +14,7 @@ from elys.sim_node.physics.kernels.parts import choose_hosts, gather, hosted_by,
 from elys.sim_node.physics.kernels.prefetching import prefetch
 from elys.sim_node.physics.kernels.sleeping import AWAKE, WAKING, disturbs
 from elys.sim_node.physics.kernels.sphere import box_sphere, sphere_sphere
-from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CYLINDER, DYNAMIC, MESH, PLANE, SOLID, SPHERE
+from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CYLINDER, DYNAMIC, PLANE, SPHERE, TRIGGER
 
 AHEAD = 4  # so many pairs ahead memory is asked for
 SETTLED = -1.0
@@ -22,8 +22,8 @@ HARDLY = 1e-3  # turn after which the contact of something round is looked for a
 
 
 @inner
-def pair_margin(first, second, a, b, constants):
-    """Gap up to which the colliders a and b of two bodies may touch within this step.
+def pair_margin(a, b, constants):
+    """Gap up to which two colliders, given by their proxies, may touch within this step.
 
     What approaches fast is looked for from farther away, so that it is stopped at the surface and not inside; but never
     from farther than the smaller shape is large: that would make it hit things that it passes by. Second comes whether one
@@ -31,21 +31,12 @@ def pair_margin(first, second, a, b, constants):
     """
     squared = 0.0
     for k in range(3):
-        relative = second.velocity[k] - first.velocity[k]
+        relative = b.velocity[k] - a.velocity[k]
         squared += relative * relative
     way = constants.time * math.sqrt(squared) + a.turning + b.turning
     if not way >= 0.0:  # a velocity that is no number must not end the contacts of whoever it touches
         way = 0.0
-    return constants.margin + min(way, a.reach, b.reach), way > thinness(a) + thinness(b)
-
-
-@inner
-def thinness(collider):
-    """How far something may move past the surface of a collider before its middle lies behind it [m]."""
-    if collider.kind >= MESH:
-        return 0.0
-    half = collider.half_extents
-    return min(half[0], half[1], half[2])
+    return constants.margin + min(way, a.reach, b.reach), way > a.thinness + b.thinness
 
 
 @inner
@@ -198,7 +189,7 @@ def wake_touched(first, second):
 
 
 @inner
-def look_at_pairs(bodies, colliders, pairs, active, active_count, manifolds, constants, near, margins, fast, triggers):
+def look_at_pairs(proxies, pairs, active, active_count, manifolds, constants, near, margins, fast, triggers):
     """Sorts out the active pairs: which are near each other, which so fast that they may miss each other, which triggers'.
 
     Returns how many of each stand in `near`, `fast` and `triggers`, and whether any manifold lost its points: of colliders far
@@ -212,17 +203,18 @@ def look_at_pairs(bodies, colliders, pairs, active, active_count, manifolds, con
     for p in range(active_count):
         slot = active[p]
         pair = pairs[slot]
-        a = colliders[pair.a]
-        b = colliders[pair.b]
-        if a.trigger != SOLID or b.trigger != SOLID:
+        a = proxies[pair.a]
+        b = proxies[pair.b]
+        special = a.special | b.special
+        if special & TRIGGER:
             triggers[trigger_count] = slot
             trigger_count += 1
             continue
-        margin, is_fast = pair_margin(bodies[a.body], bodies[b.body], a, b, constants)
+        margin, is_fast = pair_margin(a, b, constants)
         if is_fast:
             fast[fast_count] = slot
             fast_count += 1
-        if boxes_apart(a.box, b.box, margin) and not (has_parts(a) or has_parts(b)):
+        if special == 0 and boxes_apart(a.box, b.box, margin):
             if pair.blank == 0:
                 manifold = manifolds[slot]
                 is_changed = is_changed or manifold.point_count > 0
@@ -266,6 +258,7 @@ def box_or_sphere(colliders, a, b, margin, found):
 def update_simple_manifolds(
     bodies,
     colliders,
+    proxies,
     pairs,
     active,
     active_count,
@@ -283,7 +276,7 @@ def update_simple_manifolds(
     constants = all_constants[0]
     found = all_found[0]
     near_count, fast_count, trigger_count, is_changed = look_at_pairs(
-        bodies, colliders, pairs, active, active_count, manifolds, constants, near, margins, fast, triggers
+        proxies, pairs, active, active_count, manifolds, constants, near, margins, fast, triggers
     )
     touching_count = 0
     watched_count = 0
@@ -322,6 +315,7 @@ def update_simple_manifolds(
 def update_manifolds(
     bodies,
     colliders,
+    proxies,
     pairs,
     active,
     active_count,
@@ -346,7 +340,7 @@ def update_manifolds(
     constants = all_constants[0]
     found = all_found[0]
     near_count, fast_count, trigger_count, is_changed = look_at_pairs(
-        bodies, colliders, pairs, active, active_count, manifolds, constants, near, margins, fast, triggers
+        proxies, pairs, active, active_count, manifolds, constants, near, margins, fast, triggers
     )
     touching_count = 0
     watched_count = 0

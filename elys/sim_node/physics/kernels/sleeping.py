@@ -34,7 +34,10 @@ def list_awake(bodies, colliders, proxies, awake, awake_colliders):
         if body.motion != STATIC and body.asleep == AWAKE:
             awake_colliders[count] = c
             count += 1
-        elif proxies[c].fat_box[0] == FAR:
+            continue
+        for k in range(3):
+            proxies[c].velocity[k] = body.velocity[k]  # which it lost as it fell asleep
+        if proxies[c].fat_box[0] == FAR:
             awake_colliders[count] = c
             count += 1
             fresh += 1

@@ -21,6 +21,7 @@ JOINTED = 2  # in `held`: a joint may act on a body
 BOX, SPHERE, CAPSULE, CYLINDER, HULL, MESH, PLANE, HEIGHT_FIELD = 0, 1, 2, 3, 4, 5, 6, 7
 ROUNDED = (SPHERE, CAPSULE)  # a core with a radius around it
 TRIANGLE = 8  # a part of a mesh or a height field; no collider is of this kind
+TRIGGER, IN_PARTS = 1, 2
 SOLID, NOTICES_MOVING, NOTICES_ALL = 0, 1, 2
 GEOMETRIC_MEAN, MINIMUM, MAXIMUM, AVERAGE, MULTIPLY = 0, 1, 2, 3, 4
 CORNERS = 32  # the most corners of a face that contacts are made with; of larger faces some are left out
@@ -140,8 +141,9 @@ COLLIDER = np.dtype(
     align=True,
 )
 
-# A collider as the search for pairs sees it, 64 bytes: its own box, and copies of all that decides whether two are a pair. They
-# are taken whenever it gets a new box.
+# A collider as the broad phase sees it, three lines of the cache. The first is what the search for pairs reads: its own box, and
+# copies of all that decides whether two are a pair, taken whenever it gets a new box. The others are copies of what says how near
+# two are in this step.
 PROXY = np.dtype(
     [
         ("fat_box", "f8", 6),  # what pairs are found with: larger than the smallest box, so that it lasts [m]
@@ -152,6 +154,13 @@ PROXY = np.dtype(
         ("trigger", "u1"),
         ("motion", "u1"),  # of the body
         ("unused", "u1"),
+        ("box", "f8", 6),  # as in COLLIDER [m]
+        ("turning", "f8"),
+        ("reach", "f8"),
+        ("velocity", "f8", 3),  # of the body [m/s]
+        ("thinness", "f8"),  # how far something may move past its surface before its middle lies behind it [m]
+        ("special", "u1"),  # TRIGGER or IN_PARTS, else 0
+        ("unused_too", "u1", 31),
     ]
 )
 
