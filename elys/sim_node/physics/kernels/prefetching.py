@@ -36,5 +36,7 @@ def prefetch(typingctx: Any, table: Any, row: Any) -> Any:
 
 if config.DISABLE_JIT:
 
-    def prefetch(table, row):
+    def _nothing(table: Any, row: Any) -> None:
         pass
+
+    prefetch = _nothing
