@@ -28,6 +28,7 @@ from elys.sim_node.physics.kernels.wide_tree import (
 )
 
 DIGIT = 11  # bits that one pass of a radix sort looks at, at most
+ALL = (1 << LANES) - 1
 SHORT = 24  # so few pairs are sorted by insertion
 
 
@@ -244,6 +245,10 @@ def find_pairs(
         near_count = list_near_leaves(
             blocks, levels, top_level, low_x, low_y, low_z, high_x, high_y, high_z, stack, near
         )
+        kept = 0
+        for n in range(near_count):  # not those of which all have moved: they have found what is here
+            near[kept] = near[n]
+            kept += int((near[n] >= block) | (moved_lanes[near[n]] != ALL))
         done = np.int64(0)
         while waiting != 0:
             lane = lowest_bit(waiting)
@@ -251,7 +256,7 @@ def find_pairs(
             done |= 1 << lane
             i = leaves[block * LANES + lane].order
             low_x, low_y, low_z, high_x, high_y, high_z = load_lane(blocks, at, lane)
-            for n in range(near_count):
+            for n in range(kept):
                 other = near[n]
                 bits = overlapping_lanes(blocks, other * BLOCK, low_x, low_y, low_z, high_x, high_y, high_z)
                 if other < block:
