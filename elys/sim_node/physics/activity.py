@@ -27,6 +27,7 @@ class Activity:
         self.body_count = 0
         self.colliders = np.zeros(0, np.int32)
         self.collider_count = 0
+        self.has_fresh = False  # whether there are colliders among them of bodies that are not awake
         self.moved = np.zeros(0, np.int32)  # room for colliders with new fat boxes
 
     def outdate(self) -> None:
@@ -44,8 +45,9 @@ class Activity:
         if len(colliders) > len(self.colliders):
             self.colliders = np.zeros(2 * len(colliders), np.int32)
             self.moved = np.zeros(2 * len(colliders), np.int32)
-        self.body_count, self.collider_count, fresh = list_awake(bodies, colliders, self.bodies, self.colliders)
-        self._is_outdated = fresh > 0  # what never moves needs its box once
+        lists = (self.bodies, self.colliders)
+        self.body_count, self.collider_count, fresh = list_awake(bodies, colliders, self._colliders.proxies, *lists)
+        self._is_outdated = self.has_fresh = fresh > 0  # what never moves needs its box once
 
     def wake(self, rows: Array) -> None:
         """Wakes bodies in rows (M,), each with its island."""

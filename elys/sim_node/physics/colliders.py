@@ -21,6 +21,7 @@ from elys.sim_node.physics.kernels.tables import (
     HULL,
     MESH,
     PLANE,
+    PROXY,
     SPHERE,
     STATIC,
 )
@@ -32,17 +33,19 @@ Array = np.ndarray[Any, Any]
 SHAPE_NAMES = ("box", "sphere", "capsule", "cylinder", "hull", "mesh", "plane", "height field")
 EVERY_LAYER = 0xFFFFFFFF
 BOUNDLESS = 1e9  # half the size of the box around a half-space [m]
+NO_BOX = (FAR, FAR, FAR, -FAR, -FAR, -FAR)  # yet: the next step makes one and finds the pairs
 
 # A shape as it was asked for, in the space of its body's entity: the place of its centre, and 0 for no density.
 SHAPE = np.dtype([("position", "f8", 3), ("rotation", "f8", 4), ("density", "f8")], align=True)
 
 
 class ColliderTable:
-    """Colliders by row. `rows` is what kernels work on, `shapes` where each shape sits on its entity."""
+    """Colliders by row. `rows` is what kernels work on, `shapes` where each sits on its entity, `proxies` its fat box."""
 
     def __init__(self) -> None:
         self.rows = np.zeros(0, COLLIDER)
         self.shapes = np.zeros(0, SHAPE)
+        self.proxies = np.zeros(0, PROXY)
         self.geometry = GeometryStore()
         self.can_bounce = False
         self.is_simple = True  # boxes and balls alone
@@ -96,8 +99,10 @@ class ColliderTable:
         old_count = len(self.rows)
         rows = np.concatenate([self.rows, rows])
         shapes = np.concatenate([self.shapes, shapes])
+        proxies = np.concatenate([self.proxies, np.zeros(len(rows) - old_count, PROXY)])
+        proxies["fat_box"][old_count:] = NO_BOX
         order = np.lexsort((checks.index_column(rows["entity"]), rows["body"]))
-        self.rows, self.shapes = rows[order], shapes[order]
+        self.rows, self.shapes, self.proxies = rows[order], shapes[order], proxies[order]
         self._changed()
         place = np.empty(len(order), np.int64)
         place[order] = np.arange(len(order))
@@ -107,13 +112,13 @@ class ColliderTable:
         """Takes rows out; returns where each old row is now, -1 for the removed ones."""
         keep = np.ones(len(self.rows), bool)
         keep[removed] = False
-        self.rows, self.shapes = self.rows[keep], self.shapes[keep]
+        self.rows, self.shapes, self.proxies = self.rows[keep], self.shapes[keep], self.proxies[keep]
         self._changed()
         return np.where(keep, np.cumsum(keep) - 1, -1)
 
     def follow_bodies(self, place: Array) -> None:
         """Bodies have moved to other rows: `place` (old N,) says where."""
-        self.rows["body"] = place[self.rows["body"]]
+        self.rows["body"] = self.proxies["body"] = place[self.rows["body"]]
 
     def attach(self, rows: Array, center: Array, axes: Array) -> None:
         """Expresses the shapes in rows in their bodies' frames, given for each: centre of mass and entity_from_principal."""
@@ -129,14 +134,14 @@ class ColliderTable:
 
     def forget_boxes(self, rows: Array) -> None:
         """Makes the next step find the pairs of these colliders anew."""
-        self.rows["fat_box"][rows, :3] = FAR
-        self.rows["fat_box"][rows, 3:] = -FAR
+        self.proxies["fat_box"][rows] = NO_BOX
 
     def load(self, snapshot: dict[str, Array]) -> None:
         """Takes the colliders of a snapshot."""
         self.geometry.load(snapshot)
         self.rows = checks.saved_table(snapshot, "colliders", COLLIDER)
         self.shapes = checks.saved_table(snapshot, "shapes", SHAPE)
+        self.proxies = checks.saved_table(snapshot, "proxies", PROXY)
         self._changed()
 
     def _changed(self) -> None:
@@ -187,8 +192,6 @@ def new_colliders(
     rows["layer"] = checks.bits_column("layer", layer, entities)
     rows["mask"] = checks.bits_column("mask", mask, entities)
     rows["trigger"] = checks.choice_column("trigger", np.asarray(trigger, np.int64), entities, 3)
-    rows["fat_box"][:, :3] = FAR  # no box yet: the next step finds the pairs
-    rows["fat_box"][:, 3:] = -FAR
     return rows, shapes
 
 

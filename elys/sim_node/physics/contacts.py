@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from elys.sim_node.physics.kernels.broadphase import change_pairs, find_new_pairs, list_active_pairs
-from elys.sim_node.physics.kernels.pair_table import fill_table
+from elys.sim_node.physics.kernels.broadphase import DIGIT, find_pairs
+from elys.sim_node.physics.kernels.pair_list import compare_pairs, enter_pairs, list_pairs
 from elys.sim_node.physics.kernels.simd import LANES
 from elys.sim_node.physics.kernels.tables import FOUND, MANIFOLD, PAIR, POINTS, TREE_LEAF, Geometry, grown
 from elys.sim_node.physics.kernels.wide_tree import BLOCK, MOST_LEVELS, build_wide_tree, refit_wide_tree
@@ -35,8 +35,12 @@ class BoxTree:
             self.level_count += 1
             self.levels[self.level_count] = self.levels[self.level_count - 1] + blocks
         self.blocks = np.zeros(int(self.levels[self.level_count]) * BLOCK, np.float32)
+        leaf_blocks = int(self.levels[1])
         self.stack = np.zeros(WAITING, np.int32)
-        self._places = np.zeros(count, np.int32)
+        self.near = np.zeros(leaf_blocks, np.int32)
+        self.moved_lanes = np.zeros(leaf_blocks, np.uint8)
+        self.is_moved = np.zeros(count, np.uint8)
+        self.places = np.zeros(count, np.int32)
         self._histogram = np.zeros(1025, np.int32)
         self._corners = np.zeros(6)
         self._moved = count  # since the boxes were sorted
@@ -48,7 +52,7 @@ class BoxTree:
         """
         self._moved += moved_count
         sort = self._moved >= len(self.leaves)
-        tree = (self._places, self.blocks, self.levels, self.level_count)
+        tree = (self.places, self.blocks, self.levels, self.level_count)
         if not sort and moved_count * FEW < len(self.leaves):
             refit_wide_tree(boxes, moved, moved_count, *tree)
             return
@@ -82,12 +86,16 @@ class ContactStore:
         self.triggers = np.zeros(64, np.int32)
         self.found = np.zeros(1, FOUND)
         self.tree = BoxTree(0)
-        self._table = np.zeros(256, np.int32)
         self._free = np.arange(63, -1, -1, dtype=np.int32)  # slot 0 is nobody's: empty lanes of the solver point to it
         self._free_count = np.array([63], np.int32)
-        self._new = np.zeros(64, PAIR)
-        self._slots = np.zeros(64, np.int32)
-        self._room = np.zeros(64, np.int32)
+        self.room = np.zeros(64, np.int32)  # for work on all active pairs
+        self.margins = np.zeros(64)
+        self._sleeping = np.zeros(64, np.int32)
+        self._sleeping_count = 0
+        self._pairs_found = np.zeros(64, PAIR)
+        self._pairs_room = np.zeros(64, PAIR)
+        self._entries = np.zeros(64, np.int32)
+        self._histogram = np.zeros((1 << DIGIT) + 1, np.int32)
 
     @property
     def flat_manifolds(self) -> Array:
@@ -128,52 +136,62 @@ class ContactStore:
         count = int(self._free_count[0])
         self._free[count : count + len(slots)] = slots
         self._free_count[0] = count + len(slots)
-        fill_table(self.pairs, self._table)
         self.touching_count = self.watched_count = self.trigger_count = 0
         self.is_outdated = True
 
     def list_active(self, bodies: Array, colliders: Array) -> None:
         """Lists anew the pairs that a step has to look at."""
-        self.active_count = list_active_pairs(bodies, colliders, self.pairs, self.active, self._room)
+        self.active_count = list_pairs(bodies, colliders, self.pairs, True, self.active, self.room)
         self.is_outdated = False
         self.is_changed = True
 
+    def list_sleeping(self, bodies: Array, colliders: Array, *, wanted: bool) -> None:
+        """Lists the pairs with nobody awake, where they are wanted for the next `update_pairs`: else it finds none of them."""
+        self._sleeping_count = 0
+        if wanted:
+            self._sleeping_count = list_pairs(bodies, colliders, self.pairs, False, self._sleeping, self.room)
+
     def update_pairs(
-        self, bodies: Array, colliders: Array, geometry: Geometry, unpaired: Array, moved: Array, moved_count: int
+        self, colliders: Array, proxies: Array, geometry: Geometry, unpaired: Array, moved: Array, moved_count: int
     ) -> None:
         """Finds the pairs of colliders with new fat boxes, those listed first in `moved`, and ends those that parted.
 
         `unpaired` are the sorted keys of pairs of bodies that do not collide, see `JointTable`.
         """
         tree = self.tree
-        tree.follow(colliders["fat_box"], moved, moved_count)
+        tree.follow(proxies["fat_box"], moved, moved_count)
+        movers = (moved, moved_count, tree.is_moved)
+        walk = (tree.leaves, tree.places, tree.blocks, tree.levels, tree.level_count)
+        room = (tree.moved_lanes, tree.near, tree.stack)
         while True:
-            walk = (tree.leaves, tree.blocks, tree.levels, tree.level_count)
-            known = (geometry, self.pairs, self._table, unpaired, self._new, tree.stack)
-            found = find_new_pairs(bodies, colliders, moved, moved_count, *walk, *known)
-            if found <= len(self._new):
+            results = (self._pairs_found, self._pairs_room, self._histogram)
+            found = find_pairs(colliders, proxies, *movers, *walk, *room, geometry, unpaired, *results)
+            if found <= len(self._pairs_found):
                 break
-            self._new = grown(self._new, max(2 * len(self._new), found))
-        self.make_room(self.pair_count + found)
+            self._pairs_found = np.zeros(2 * found, PAIR)
+            self._pairs_room = np.zeros(2 * found, PAIR)
+            self._entries = np.zeros(2 * found, np.int32)
         before = self.active_count
-        self.active_count = change_pairs(
-            colliders,
-            moved,
-            moved_count,
-            geometry,
+        kept, new = compare_pairs(
+            self._pairs_found,
+            found,
+            *movers,
             self.pairs,
             self.manifolds,
-            self._table,
             self.active,
-            self.active_count,
-            self._new,
-            found,
-            self._slots,
-            self._room,
+            before,
+            self._sleeping,
+            self._sleeping_count,
+            self._entries,
             self._free,
             self._free_count,
         )
-        self.is_changed |= found > 0 or self.active_count != before
+        self.active_count = kept + new
+        self.is_changed |= new > 0 or kept != before
+        if new:
+            self.make_room(self.pair_count + new)
+            pairs = (self.pairs, self.manifolds, self.active, kept)
+            enter_pairs(self._pairs_found, new, self._entries, *pairs, self._free, self._free_count)
 
     def make_room(self, pair_count: int) -> None:
         """Lets there be that many pairs."""
@@ -185,16 +203,11 @@ class ContactStore:
         more[:old] = self.pairs
         self.pairs = more
         self.manifolds = grown(self.manifolds, count)
-        for name in ("active", "touching", "fast", "watched", "triggers", "_free", "_slots", "_room"):
+        for name in ("active", "touching", "fast", "watched", "triggers", "_free", "_sleeping", "room", "margins"):
             setattr(self, name, grown(getattr(self, name), count))
         free = int(self._free_count[0])
         self._free[free : free + count - old] = np.arange(count - 1, old - 1, -1)
         self._free_count[0] = free + count - old
-        size = len(self._table)
-        while size < 4 * count:
-            size *= 2
-        self._table = np.zeros(size, np.int32)
-        fill_table(self.pairs, self._table)
 
     def contact_points(self, bodies: Array, colliders: Array) -> ContactPoints:
         """The points that touch or carried an impulse in the last step, or in the last before their bodies fell asleep."""
@@ -240,6 +253,5 @@ class ContactStore:
         free = len(self.pairs) - 1 - count
         self._free[:free] = np.arange(len(self.pairs) - 1, count, -1)
         self._free_count[0] = free
-        fill_table(self.pairs, self._table)
         self.touching_count = len(saved["touching"])
         self.touching[: self.touching_count] = saved["touching"]

@@ -55,14 +55,14 @@ def debug_lines(tables: Tables, kind: str) -> Lines:
 
 def _boxes(tables: Tables) -> Lines:
     """The smallest boxes of colliders, coloured by the motion of their bodies: 0 dynamic, 1 kinematic, 2 static."""
-    rows = _drawable(tables)
+    rows = tables.colliders.rows[_drawable(tables)]
     return box_lines(rows["box"], tables.bodies.rows["motion"][rows["body"]])
 
 
 def _fat_boxes(tables: Tables) -> Lines:
     """The boxes that pairs are found with, coloured likewise."""
-    rows = _drawable(tables)
-    return box_lines(rows["fat_box"], tables.bodies.rows["motion"][rows["body"]])
+    proxies = tables.colliders.proxies[_drawable(tables)]
+    return box_lines(proxies["fat_box"], tables.bodies.rows["motion"][proxies["body"]])
 
 
 def _contacts(tables: Tables) -> Lines:
@@ -77,7 +77,7 @@ def _contacts(tables: Tables) -> Lines:
 
 def _islands(tables: Tables) -> Lines:
     """The box of each island of bodies that hold on to one another, awake or asleep, a colour for each."""
-    rows = _drawable(tables)
+    rows = tables.colliders.rows[_drawable(tables)]
     rows = rows[tables.bodies.rows["motion"][rows["body"]] == DYNAMIC]
     names, island = np.unique(island_of(tables)[rows["body"]], return_inverse=True)
     boxes = np.full((len(names), 6), np.inf)
@@ -89,7 +89,7 @@ def _islands(tables: Tables) -> Lines:
 
 def _sleeping(tables: Tables) -> Lines:
     """The smallest boxes of what sleeps, in the colour of its island."""
-    rows = _drawable(tables)
+    rows = tables.colliders.rows[_drawable(tables)]
     rows = rows[tables.bodies.rows["asleep"][rows["body"]] != 0]
     _, island = np.unique(island_of(tables)[rows["body"]], return_inverse=True)
     return box_lines(rows["box"], island % 256)
@@ -153,9 +153,9 @@ def island_of(tables: Tables) -> Array:
 
 
 def _drawable(tables: Tables) -> Array:
-    """Colliders that have boxes: they were in a step, and end somewhere."""
-    rows = tables.colliders.rows
-    return rows[(rows["fat_box"][:, 0] != FAR) & (rows["kind"] != PLANE)]
+    """Which colliders have boxes, as (C,) bool: they were in a step, and end somewhere."""
+    colliders = tables.colliders
+    return np.asarray((colliders.proxies["fat_box"][:, 0] != FAR) & (colliders.rows["kind"] != PLANE))
 
 
 def _lines(positions: Array, colors: Array) -> Lines:

@@ -113,17 +113,18 @@ class Step:
         bodies, colliders = self._bodies.rows, self._colliders.rows
         if contacts.is_outdated:
             contacts.list_active(bodies, colliders)
-        count = fatten_boxes(
-            bodies, colliders, activity.colliders, activity.collider_count, activity.moved, self._constants
-        )
+        awake = (activity.colliders, activity.collider_count)
+        count = fatten_boxes(bodies, colliders, self._colliders.proxies, *awake, activity.moved, self._constants)
         if count:
+            contacts.list_sleeping(bodies, colliders, wanted=activity.has_fresh)
             geometry, unpaired = self._colliders.geometry.arrays, self._joints.unpaired
-            contacts.update_pairs(bodies, colliders, geometry, unpaired, activity.moved, count)
+            contacts.update_pairs(colliders, self._colliders.proxies, geometry, unpaired, activity.moved, count)
 
     def _update_manifolds(self) -> bool:
         """Returns whether anything was touched in its sleep: then it wakes first."""
         contacts = self._contacts
-        pairs = (contacts.pairs, contacts.active, contacts.active_count, contacts.manifolds, contacts.found)
+        active = (contacts.active, contacts.active_count, contacts.room, contacts.margins)
+        pairs = (self._colliders.proxies, contacts.pairs, *active, contacts.manifolds, contacts.found)
         results = (self._constants, contacts.touching, contacts.fast, contacts.watched, contacts.triggers)
         bodies, colliders = self._bodies.rows, self._colliders.rows
         if self._colliders.is_simple:

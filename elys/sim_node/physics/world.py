@@ -493,6 +493,7 @@ class PhysicsWorld(WorldJoints):
             "forces": self._bodies.forces.copy(),
             "colliders": self._colliders.rows.copy(),
             "shapes": self._colliders.shapes.copy(),
+            "proxies": self._colliders.proxies.copy(),
             "joints": self._joints.rows.copy(),
             **self._colliders.geometry.saved(),
             **self._contacts.saved(),

@@ -14,7 +14,7 @@ from elys.sim_node.kernel_list import all_kernels, make_callable
 # all alike. `sqrt` is libm's word for negative numbers, NaN everywhere; sin, exp, pow and the like differ between machines.
 ALLOWED_CALLS = re.compile(
     r"Py\w+|NRT_\w+|numba_\w+|mem(cpy|set|move)|sqrtf?"
-    r"|llvm\.(memset|memcpy|memmove|lifetime|assume|expect|experimental\.noalias|x86\.atomic|vector|[su]?(add|sub|mul)\.with|[su](min|max)|abs|ct|bswap)[.\w]*"
+    r"|llvm\.(memset|memcpy|memmove|prefetch|experimental\.noalias|lifetime|assume|expect|x86\.(atomic|sse2\.pause)|vector|[su]?(add|sub|mul)\.with|[su](min|max)|abs|ct|bswap)[.\w]*"
     r"|llvm\.(fabs|sqrt|floor|ceil|trunc|rint|copysign|minnum|maxnum)\.\w+"
 )
 RELAXED = re.compile(r"= (?:tail )?(?:f\w+|call|select|phi) (?:fast|contract|reassoc|arcp|afn|nnan|ninf|nsz)\b")

@@ -11,7 +11,7 @@ import numpy as np
 
 from elys.sim_node.compilation import signature_of
 from elys.sim_node.physics.kernels import tables
-from elys.sim_node.physics.kernels.broadphase import change_pairs, find_new_pairs, list_active_pairs
+from elys.sim_node.physics.kernels.broadphase import find_pairs
 from elys.sim_node.physics.kernels.cast import TOUCH
 from elys.sim_node.physics.kernels.colouring import colour_contacts
 from elys.sim_node.physics.kernels.events import describe_contacts, track_contacts, track_triggers
@@ -22,7 +22,7 @@ from elys.sim_node.physics.kernels.joints import finish_joints
 from elys.sim_node.physics.kernels.narrow_phase import update_manifolds, update_simple_manifolds
 from elys.sim_node.physics.kernels.nearby import find_closest, find_overlaps
 from elys.sim_node.physics.kernels.overlaps import find_deep_overlaps
-from elys.sim_node.physics.kernels.pair_table import fill_table
+from elys.sim_node.physics.kernels.pair_list import compare_pairs, enter_pairs, list_pairs
 from elys.sim_node.physics.kernels.placement import fatten_boxes, place_colliders
 from elys.sim_node.physics.kernels.preparation import prepare_bodies, prepare_contacts, prepare_impacts
 from elys.sim_node.physics.kernels.queries import cast_rays, cast_shapes
@@ -82,7 +82,7 @@ def _kernels() -> tuple[tuple[Kernel, ...], tuple[Kernel, ...]]:
         np.zeros(1, tables.SIMPLEX),
         np.zeros(1, tables.CLUSTER),
     )
-    starts = np.zeros(1, tables.START)
+    starts, proxies = np.zeros(1, tables.START), np.zeros(1, tables.PROXY)
     forces, reports = np.zeros(1, tables.FORCE), np.zeros(1, tables.STEP_REPORT)
     islands = np.zeros(1, tables.ISLAND)
     indices = np.zeros(1, np.int32)
@@ -92,7 +92,7 @@ def _kernels() -> tuple[tuple[Kernel, ...], tuple[Kernel, ...]]:
     floats = np.zeros(1, np.float32)
     nodes = np.zeros((2, 6))
     vectors = np.zeros((1, 3))
-    boxes = np.zeros(2, tables.COLLIDER)["box"]
+    boxes = np.zeros(2, tables.PROXY)["fat_box"]
     words = np.zeros((1, 2), np.uint64)
     touching = (bodies, colliders, pairs, indices, 0, manifolds)
     touches, meetings = np.zeros(1, tables.TOUCH), np.zeros(1, tables.MEETING)
@@ -153,26 +153,26 @@ def _kernels() -> tuple[tuple[Kernel, ...], tuple[Kernel, ...]]:
             track_triggers,
             (bodies, colliders, pairs, indices, 0, starts, numbers, bodies, colliders, geometry, meetings, meetings),
         ),
-        (fatten_boxes, (bodies, colliders, indices, 0, indices, constants)),
+        (fatten_boxes, (bodies, colliders, proxies, indices, 0, indices, constants)),
         (place_colliders, (bodies, colliders, indices, 0, geometry)),
         (build_tree, (boxes, leaves, nodes, indices, numbers, True)),
         (build_wide_tree, (boxes, leaves, indices, floats, indices, 0, indices, numbers, True)),
         (refit_wide_tree, (boxes, indices, 0, indices, floats, indices, 0)),
-        (fill_table, (pairs, indices)),
-        (list_active_pairs, (bodies, colliders, pairs, indices, indices)),
+        (list_pairs, (bodies, colliders, pairs, True, indices, indices)),
         (
-            change_pairs,
-            (colliders, indices, 0, geometry, pairs, manifolds, indices, indices, 0, pairs, 0, *lanes),
+            compare_pairs,
+            (pairs, 0, indices, 0, flags, pairs, manifolds, indices, 0, indices, 0, indices, indices, indices),
         ),
+        (enter_pairs, (pairs, 0, indices, pairs, manifolds, indices, 0, indices, indices)),
         (find_deep_overlaps, (*touching, indices, numbers)),
         (
-            find_new_pairs,
+            find_pairs,
             (
-                *(bodies, colliders, indices, 0, leaves, floats, indices, 0),
-                *(geometry, pairs, indices, places, pairs, indices),
+                *(colliders, proxies, indices, 0, flags, leaves, indices, floats, indices, 0),
+                *(flags, indices, indices, geometry, places, pairs, pairs, indices),
             ),
         ),
-        (list_awake, (bodies, colliders, indices, indices)),
+        (list_awake, (bodies, colliders, proxies, indices, indices)),
         (wake_marked, (bodies,)),
         (put_to_sleep, (bodies, poses, indices, 0, indices, islands, indices, constants)),
         (build_islands, (bodies, indices, 0, *touching[1:], links, indices, islands, strengths, constants, True)),
@@ -183,9 +183,26 @@ def _kernels() -> tuple[tuple[Kernel, ...], tuple[Kernel, ...]]:
         (prepare_impacts, (*touching, rows, row_points, groups, solver, drives, constants)),
         (
             update_simple_manifolds,
-            (bodies, colliders, pairs, indices, 0, manifolds, found, constants, *lanes),
+            (bodies, colliders, proxies, pairs, indices, 0, indices, numbers, manifolds, found, constants, *lanes),
         ),
-        (update_manifolds, (bodies, colliders, pairs, indices, 0, manifolds, found, geometry, constants, *lanes)),
+        (
+            update_manifolds,
+            (
+                bodies,
+                colliders,
+                proxies,
+                pairs,
+                indices,
+                0,
+                indices,
+                numbers,
+                manifolds,
+                found,
+                geometry,
+                constants,
+                *lanes,
+            ),
+        ),
         (solve_contacts, (work, 0, None, strengths, constants, None, 0, 1)),
     ]
     # What only worlds with joints need, or with several threads: they have the solver compiled once more.

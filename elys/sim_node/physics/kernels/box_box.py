@@ -16,6 +16,7 @@ APART = -1
 EDGES = 6  # axes 0 to 2 are faces of a, 3 to 5 of b, 6 + 3 i + j the product of edge i of a and edge j of b
 FAR = 1e300
 ROUNDING = 1e-12  # keeps nearly parallel edges from passing for a separating axis
+CORNER = 7  # a mask that changes no corner's number: what cannot be negative needs no test for an index from the end
 PARALLEL = 1e-4  # squared sine of the angle below which two edges are parallel
 
 
@@ -200,32 +201,36 @@ def clip_side(found, source, target, count, component, sign, limit, side):
     polygon = found.polygon
     edges = found.edges
     written = 0
-    a = count - 1
+    component &= 1
+    source &= 1
+    target &= 1
+    a = (count - 1) & CORNER
     da = sign * polygon[24 * source + 3 * a + component] - limit
-    for b in range(count):
+    for corner in range(count):
+        b = corner & CORNER
         from_a = 24 * source + 3 * a
         from_b = 24 * source + 3 * b
         db = sign * polygon[from_b + component] - limit
         if (da > 0.0) != (db > 0.0):
             t = da / (da - db)
-            to = 24 * target + 3 * written
+            to = 24 * target + 3 * (written & CORNER)
             for k in range(3):
                 polygon[to + k] = polygon[from_a + k] + t * (polygon[from_b + k] - polygon[from_a + k])
-            corner = 16 * target + 2 * written
+            place = 16 * target + 2 * (written & CORNER)
             if da <= 0.0:
-                edges[corner] = edges[16 * source + 2 * a + 1]
-                edges[corner + 1] = side
+                edges[place] = edges[16 * source + 2 * a + 1]
+                edges[place + 1] = side
             else:
-                edges[corner] = side
-                edges[corner + 1] = edges[16 * source + 2 * b]
+                edges[place] = side
+                edges[place + 1] = edges[16 * source + 2 * b]
             written += 1
         if db <= 0.0:
-            to = 24 * target + 3 * written
+            to = 24 * target + 3 * (written & CORNER)
             for k in range(3):
                 polygon[to + k] = polygon[from_b + k]
-            corner = 16 * target + 2 * written
-            edges[corner] = edges[16 * source + 2 * b]
-            edges[corner + 1] = edges[16 * source + 2 * b + 1]
+            place = 16 * target + 2 * (written & CORNER)
+            edges[place] = edges[16 * source + 2 * b]
+            edges[place + 1] = edges[16 * source + 2 * b + 1]
             written += 1
         a = b
         da = db
@@ -278,12 +283,13 @@ def meet_faces(colliders, i, j, axis, margin, found):
     """
     flipped = axis >= 3
     reference, other, k = (colliders[j], colliders[i], axis - 3) if flipped else (colliders[i], colliders[j], axis)
+    k &= 3
     u = reference.axes
     w = other.axes
     p = reference.center
     q = other.center
     k1 = k + 1 if k < 2 else 0
-    k2 = 3 - k - k1
+    k2 = (3 - k - k1) & 3
     tx, ty, tz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
     nx, ny, nz = u[3 * k], u[3 * k + 1], u[3 * k + 2]
     face = 2 * k
@@ -302,8 +308,9 @@ def meet_faces(colliders, i, j, axis, margin, found):
         d = dot(nx, ny, nz, w[3 * e], w[3 * e + 1], w[3 * e + 2])
         if abs(d) > abs(toward):
             toward, m = d, e
+    m &= 3
     m1 = m + 1 if m < 2 else 0
-    m2 = 3 - m - m1
+    m2 = (3 - m - m1) & 3
     reach = half[m]
     incident = 2 * m
     if toward > 0.0:
@@ -339,20 +346,23 @@ def meet_faces(colliders, i, j, axis, margin, found):
 
     point = found.point
     normal = found.normal
-    first = 24 * at
-    corner = 16 * at
+    first = 24 * (at & 1)
+    corner = 16 * (at & 1)
     near = 0
-    for e in range(count):
+    for each in range(count):
+        e = each & CORNER
         if polygon[first + 3 * e + 2] <= margin:
+            to = near & CORNER
             for s in range(3):
-                polygon[first + 3 * near + s] = polygon[first + 3 * e + s]
-            edges[corner + 2 * near] = edges[corner + 2 * e]
-            edges[corner + 2 * near + 1] = edges[corner + 2 * e + 1]
+                polygon[first + 3 * to + s] = polygon[first + 3 * e + s]
+            edges[corner + 2 * to] = edges[corner + 2 * e]
+            edges[corner + 2 * to + 1] = edges[corner + 2 * e + 1]
             near += 1
     count, c0, c1, c2, c3 = chosen_corners(polygon, first, near)
     code = (face << 6) | (incident << 9) | ((1 << 13) if flipped else 0)
-    for e in range(count):
-        s = c0 if e == 0 else (c1 if e == 1 else (c2 if e == 2 else c3))
+    for each in range(count):
+        e = each & 3
+        s = (c0 if e == 0 else (c1 if e == 1 else (c2 if e == 2 else c3))) & CORNER
         pu, pv, gap = polygon[first + 3 * s], polygon[first + 3 * s + 1], polygon[first + 3 * s + 2]
         height = hn + 0.5 * gap
         point[3 * e] = p[0] + ux * pu + vx * pv + nx * height

@@ -11,9 +11,8 @@ import math
 
 from elys.sim_node.compilation import inner, kernel
 from elys.sim_node.physics.kernels.midphase import has_parts
-from elys.sim_node.physics.kernels.narrow_phase import thinness
 from elys.sim_node.physics.kernels.parts import run_end
-from elys.sim_node.physics.kernels.placement import place_collider
+from elys.sim_node.physics.kernels.placement import place_collider, thinness
 from elys.sim_node.physics.kernels.sleeping import AWAKE
 from elys.sim_node.physics.kernels.sweep import surface_distance, time_of_impact
 from elys.sim_node.physics.kernels.tables import DYNAMIC, MESH, PLANE, STATIC

@@ -63,7 +63,8 @@ def forget_contact(manifold):
 @inner
 def inherit_impulses(manifold, found, count):
     """Gives every new point the impulses of the old point with the same feature."""
-    for k in range(count):
+    for point in range(count):
+        k = point & (POINTS - 1)
         found.impulse[k] = 0.0
         found.step_impulse[k] = 0.0
         for old in range(manifold.point_count):
@@ -99,23 +100,27 @@ def write_manifold(first_body, second_body, a, b, manifold, found, count, margin
     manifold.point_count = count
     manifold.live_points = count
     manifold.margin = margin
+    pa = first_body.position
+    pb = second_body.position
+    for d in range(3):
+        manifold.made_offset[d] = pb[d] - pa[d]
+    for d in range(4):
+        manifold.made_rotation_a[d] = first_body.rotation[d]
+        manifold.made_rotation_b[d] = second_body.rotation[d]
+    if count == 0:
+        return
     manifold.friction = combined(constants.friction_rule, a.friction, b.friction)
     manifold.restitution = combined(constants.restitution_rule, a.restitution, b.restitution)
     manifold.rolling_friction = max(a.rolling_friction, b.rolling_friction)
     manifold.spin_friction = max(a.spin_friction, b.spin_friction)
-    pa = first_body.position
-    pb = second_body.position
     normal = manifold.normal
     for d in range(3):
         normal[d] = found.normal[d]
-        manifold.made_offset[d] = pb[d] - pa[d]
         manifold.shift[d] = 0.0
         manifold.turn_a[d] = 0.0
         manifold.turn_b[d] = 0.0
-    for d in range(4):
-        manifold.made_rotation_a[d] = first_body.rotation[d]
-        manifold.made_rotation_b[d] = second_body.rotation[d]
-    for k in range(count):
+    for point in range(count):
+        k = point & (POINTS - 1)  # the same number, and no index from the end
         half = 0.5 * found.separation[k]
         manifold.made_separation[k] = found.separation[k]
         manifold.feature[k] = found.feature[k]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from elys.sim_node.compilation import inner
-from elys.sim_node.physics.kernels.tables import HEIGHT_FIELD, MESH, PLANE
+from elys.sim_node.physics.kernels.tables import HEIGHT_FIELD, MESH
 
 
 @inner
@@ -68,19 +68,3 @@ def next_part(mesh, low_x, high_x, low_y, high_y, low_z, high_z, geometry, stack
         stack[top + 1] = 2 * node  # on top: parts come in ascending order
         top += 2
     return -1, top
-
-
-@inner
-def still_near(a, b, part, geometry):
-    """Whether a pair is still worth a manifold, by its fat boxes."""
-    p = a.fat_box
-    q = b.fat_box
-    if a.kind == PLANE:
-        return box_over_plane(a, q) <= 0.0
-    if b.kind == PLANE:
-        return box_over_plane(b, p) <= 0.0
-    if has_parts(a):
-        return meets_part(a, part, q, geometry)
-    if has_parts(b):
-        return meets_part(b, part, p, geometry)
-    return (p[0] <= q[3]) & (q[0] <= p[3]) & (p[1] <= q[4]) & (q[1] <= p[4]) & (p[2] <= q[5]) & (q[2] <= p[5])

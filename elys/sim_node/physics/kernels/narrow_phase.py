@@ -11,16 +11,19 @@ from elys.sim_node.physics.kernels.convex import convex_convex, plane_convex, tr
 from elys.sim_node.physics.kernels.manifold import follow_motion, forget_contact, write_manifold
 from elys.sim_node.physics.kernels.midphase import has_parts
 from elys.sim_node.physics.kernels.parts import choose_hosts, gather, hosted_by, run_end, take_cluster
+from elys.sim_node.physics.kernels.prefetching import prefetch
 from elys.sim_node.physics.kernels.sleeping import AWAKE, WAKING, disturbs
 from elys.sim_node.physics.kernels.sphere import box_sphere, sphere_sphere
-from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CYLINDER, DYNAMIC, MESH, PLANE, SOLID, SPHERE
+from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CYLINDER, DYNAMIC, PLANE, SPHERE, TRIGGER
 
+AHEAD = 4  # so many pairs ahead memory is asked for
+SETTLED = -1.0
 HARDLY = 1e-3  # turn after which the contact of something round is looked for anew [rad]
 
 
 @inner
-def pair_margin(first, second, a, b, constants):
-    """Gap up to which the colliders a and b of two bodies may touch within this step.
+def pair_margin(a, b, constants):
+    """Gap up to which two colliders, given by their proxies, may touch within this step.
 
     What approaches fast is looked for from farther away, so that it is stopped at the surface and not inside; but never
     from farther than the smaller shape is large: that would make it hit things that it passes by. Second comes whether one
@@ -28,21 +31,12 @@ def pair_margin(first, second, a, b, constants):
     """
     squared = 0.0
     for k in range(3):
-        relative = second.velocity[k] - first.velocity[k]
+        relative = b.velocity[k] - a.velocity[k]
         squared += relative * relative
     way = constants.time * math.sqrt(squared) + a.turning + b.turning
     if not way >= 0.0:  # a velocity that is no number must not end the contacts of whoever it touches
         way = 0.0
-    return constants.margin + min(way, a.reach, b.reach), way > thinness(a) + thinness(b)
-
-
-@inner
-def thinness(collider):
-    """How far something may move past the surface of a collider before its middle lies behind it [m]."""
-    if collider.kind >= MESH:
-        return 0.0
-    half = collider.half_extents
-    return min(half[0], half[1], half[2])
+    return constants.margin + min(way, a.reach, b.reach), way > a.thinness + b.thinness
 
 
 @inner
@@ -86,28 +80,20 @@ def set_hint(found, manifold):
 
 @inner
 def collide(colliders, a, b, part, margin, found, geometry):
-    """Contact points of colliders a and b no farther apart than the margin; returns how many.
+    """Contact points of colliders a and b, one of them no box or ball, no farther apart than the margin; returns how many.
 
     `found` gets the normal from a to b and up to four points, in the middle between the surfaces, with their separations
     and features. `part` is the triangle where one of the two is a mesh or a height field.
     """
     first = colliders[a]
     second = colliders[b]
-    if first.kind == BOX and second.kind == BOX:
-        return box_box(colliders, a, b, margin, found)
     # By kind, so that half the pairs need no function.
     flipped = first.kind > second.kind
     if flipped:
         first = colliders[b]
         second = colliders[a]
     kind = second.kind
-    if kind == SPHERE:
-        count = (
-            box_sphere(first, second, margin, found)
-            if first.kind == BOX
-            else sphere_sphere(first, second, margin, found)
-        )
-    elif kind == CAPSULE and first.kind == SPHERE:
+    if kind == CAPSULE and first.kind == SPHERE:
         count = sphere_capsule(first, second, margin, found)
     elif kind == CAPSULE and first.kind == CAPSULE:
         count = capsule_capsule(first, second, margin, found)
@@ -203,19 +189,58 @@ def wake_touched(first, second):
 
 
 @inner
-def must_collide(first, second, a, b, manifold, margin, constants):
-    """Whether the manifold of a pair has to be made anew; of colliders far from each other it is emptied at once."""
-    if boxes_apart(a.box, b.box, margin):
-        if manifold.point_count > 0:
-            forget_contact(manifold)
-        manifold.margin = -1.0
-        return False
-    return must_refresh(first, second, a, b, manifold, margin, constants)
+def look_at_pairs(proxies, pairs, active, active_count, manifolds, constants, near, margins, fast, triggers):
+    """Sorts out the active pairs: which are near each other, which so fast that they may miss each other, which triggers'.
+
+    Returns how many of each stand in `near`, `fast` and `triggers`, and whether any manifold lost its points: of colliders far
+    from each other it is emptied here. `margins` gets the gap up to which those near may touch, SETTLED where nothing is left to
+    do: a pair that touched in the last step is listed all the same.
+    """
+    near_count = 0
+    fast_count = 0
+    trigger_count = 0
+    is_changed = False
+    for p in range(active_count):
+        slot = active[p]
+        pair = pairs[slot]
+        a = proxies[pair.a]
+        b = proxies[pair.b]
+        special = a.special | b.special
+        if special & TRIGGER:
+            triggers[trigger_count] = slot
+            trigger_count += 1
+            continue
+        margin, is_fast = pair_margin(a, b, constants)
+        if is_fast:
+            fast[fast_count] = slot
+            fast_count += 1
+        if special == 0 and boxes_apart(a.box, b.box, margin):
+            if pair.blank == 0:
+                manifold = manifolds[slot]
+                is_changed = is_changed or manifold.point_count > 0
+                forget_contact(manifold)
+                manifold.margin = -1.0
+                pair.blank = 1
+            if pair.touched == 0:
+                continue
+            margin = SETTLED
+        near[near_count] = slot
+        margins[near_count] = margin
+        near_count += 1
+    return near_count, fast_count, trigger_count, is_changed
+
+
+@inner
+def prefetch_pair(bodies, colliders, pairs, manifolds, slot):
+    pair = pairs[slot]
+    prefetch(manifolds, slot)
+    prefetch(colliders, pair.b)
+    prefetch(bodies, colliders[pair.b].body)
 
 
 @inner
 def box_or_sphere(colliders, a, b, margin, found):
-    """`collide` for worlds of boxes and balls alone."""
+    """`collide` for boxes and balls."""
     first = colliders[a]
     second = colliders[b]
     if first.kind == BOX and second.kind == BOX:
@@ -233,9 +258,12 @@ def box_or_sphere(colliders, a, b, margin, found):
 def update_simple_manifolds(
     bodies,
     colliders,
+    proxies,
     pairs,
     active,
     active_count,
+    near,
+    margins,
     manifolds,
     all_found,
     all_constants,
@@ -247,32 +275,28 @@ def update_simple_manifolds(
     """`update_manifolds` for worlds of boxes and balls alone: it is compiled three times as fast."""
     constants = all_constants[0]
     found = all_found[0]
+    near_count, fast_count, trigger_count, is_changed = look_at_pairs(
+        proxies, pairs, active, active_count, manifolds, constants, near, margins, fast, triggers
+    )
     touching_count = 0
-    is_changed = False
-    is_woken = False
-    fast_count = 0
     watched_count = 0
-    trigger_count = 0
-    for p in range(active_count):
-        slot = active[p]
+    is_woken = False
+    for p in range(near_count):
+        if p + AHEAD < near_count:
+            prefetch_pair(bodies, colliders, pairs, manifolds, near[p + AHEAD])
+        slot = near[p]
+        margin = margins[p]
         pair = pairs[slot]
         a = colliders[pair.a]
         b = colliders[pair.b]
-        if a.trigger != SOLID or b.trigger != SOLID:
-            triggers[trigger_count] = slot
-            trigger_count += 1
-            continue
         first = bodies[a.body]
         second = bodies[b.body]
         manifold = manifolds[slot]
-        margin, is_fast = pair_margin(first, second, a, b, constants)
-        if is_fast:
-            fast[fast_count] = slot
-            fast_count += 1
         before = manifold.point_count
-        if must_collide(first, second, a, b, manifold, margin, constants):
+        if margin >= 0.0 and must_refresh(first, second, a, b, manifold, margin, constants):
             count = box_or_sphere(colliders, pair.a, pair.b, margin, found)
             write_manifold(first, second, a, b, manifold, found, count, margin, constants)
+            pair.blank = 0
         is_changed = is_changed or manifold.point_count != before
         is_acting = False
         if manifold.point_count > 0:
@@ -291,9 +315,12 @@ def update_simple_manifolds(
 def update_manifolds(
     bodies,
     colliders,
+    proxies,
     pairs,
     active,
     active_count,
+    near,
+    margins,
     manifolds,
     all_found,
     geometry,
@@ -308,45 +335,44 @@ def update_manifolds(
     Second comes whether any manifold has got or lost points, third how many pairs are so fast that they may miss each other
     within the step: those are listed in `fast`. Fourth comes whether anything asleep was touched and marked to be woken,
     then how many pairs touch or did in the last step, listed in `watched`, and how many have a trigger, which are listed in
-    `triggers` and nowhere else: they push nothing and wake nobody.
+    `triggers` and nowhere else: they push nothing and wake nobody. `near` and `margins` are room for all active pairs.
     """
     constants = all_constants[0]
     found = all_found[0]
+    near_count, fast_count, trigger_count, is_changed = look_at_pairs(
+        proxies, pairs, active, active_count, manifolds, constants, near, margins, fast, triggers
+    )
     touching_count = 0
-    is_changed = False
-    parts_end = 0
-    fast_count = 0
-    is_woken = False
     watched_count = 0
-    trigger_count = 0
-    for p in range(active_count):
-        slot = active[p]
+    is_woken = False
+    parts_end = 0
+    for p in range(near_count):
+        if p + AHEAD < near_count:
+            prefetch_pair(bodies, colliders, pairs, manifolds, near[p + AHEAD])
+        slot = near[p]
+        margin = margins[p]
         pair = pairs[slot]
         a = colliders[pair.a]
         b = colliders[pair.b]
-        if a.trigger != SOLID or b.trigger != SOLID:
-            triggers[trigger_count] = slot
-            trigger_count += 1
-            continue
         first = bodies[a.body]
         second = bodies[b.body]
         manifold = manifolds[slot]
-        margin, is_fast = pair_margin(first, second, a, b, constants)
-        if is_fast:
-            fast[fast_count] = slot
-            fast_count += 1
         before = manifold.point_count
         if has_parts(a) or has_parts(b):
             if p >= parts_end:
-                parts_end = run_end(pairs, active, p, active_count)
+                parts_end = run_end(pairs, near, p, near_count)
                 part_changed = update_parts(
-                    first, second, colliders, pairs, active, p, parts_end, manifolds, found, geometry, margin, constants
+                    first, second, colliders, pairs, near, p, parts_end, manifolds, found, geometry, margin, constants
                 )
                 is_changed = is_changed or part_changed
-        elif must_collide(first, second, a, b, manifold, margin, constants):
-            set_hint(found, manifold)
-            count = collide(colliders, pair.a, pair.b, pair.part, margin, found, geometry)
+        elif margin >= 0.0 and must_refresh(first, second, a, b, manifold, margin, constants):
+            if a.kind <= SPHERE and b.kind <= SPHERE:
+                count = box_or_sphere(colliders, pair.a, pair.b, margin, found)
+            else:  # geometry is many values to hand over: only where it is needed
+                set_hint(found, manifold)
+                count = collide(colliders, pair.a, pair.b, pair.part, margin, found, geometry)
             write_manifold(first, second, a, b, manifold, found, count, margin, constants)
+            pair.blank = 0
         is_changed = is_changed or manifold.point_count != before
         is_acting = False
         if manifold.point_count > 0:

@@ -5,8 +5,20 @@ from __future__ import annotations
 import math
 
 from elys.sim_node.compilation import inner, kernel
+from elys.sim_node.physics.kernels.midphase import has_parts
 from elys.sim_node.physics.kernels.rotation import multiplied, rotated
-from elys.sim_node.physics.kernels.tables import CAPSULE, CYLINDER, HULL, PLANE, SPHERE, STATIC
+from elys.sim_node.physics.kernels.tables import (
+    CAPSULE,
+    CYLINDER,
+    HULL,
+    IN_PARTS,
+    MESH,
+    PLANE,
+    SOLID,
+    SPHERE,
+    STATIC,
+    TRIGGER,
+)
 
 
 @inner
@@ -118,11 +130,44 @@ def turning_travel(body, collider, h):
     return min(math.sqrt(squared_spin) * h, 2.0) * (math.sqrt(squared) + collider.reach)
 
 
+@inner
+def thinness(collider):
+    """How far something may move past the surface of a collider before its middle lies behind it [m]."""
+    if collider.kind >= MESH:
+        return 0.0
+    half = collider.half_extents
+    return min(half[0], half[1], half[2])
+
+
+@inner
+def follow_collider(proxy, body, collider):
+    """Writes what says how near a collider comes to others in this step."""
+    for k in range(6):
+        proxy.box[k] = collider.box[k]
+    proxy.turning = collider.turning
+    for k in range(3):
+        proxy.velocity[k] = body.velocity[k]
+
+
+@inner
+def renew_proxy(proxy, body, collider):
+    """Writes what decides which pairs a collider has."""
+    proxy.body = collider.body
+    proxy.layer = collider.layer
+    proxy.mask = collider.mask
+    proxy.kind = collider.kind
+    proxy.trigger = collider.trigger
+    proxy.motion = body.motion
+    proxy.reach = collider.reach
+    proxy.thinness = thinness(collider)
+    proxy.special = (TRIGGER if collider.trigger != SOLID else 0) | (IN_PARTS if has_parts(collider) else 0)
+
+
 @kernel
-def fatten_boxes(bodies, colliders, listed, count, moved, all_constants):
+def fatten_boxes(bodies, colliders, proxies, listed, count, moved, all_constants):
     """Gives a new fat box to every listed collider that may leave its old one in this step.
 
-    Writes those into `moved` and marks them; returns how many they are.
+    Writes those into `moved`; returns how many they are.
 
     Together two boxes hold the gap that `pair_margin` looks across, all around and not only ahead: what is found must not
     depend on how the world is turned. What is added beyond that lets a box last: a little, and some more steps ahead.
@@ -143,7 +188,9 @@ def fatten_boxes(bodies, colliders, listed, count, moved, all_constants):
             around += min(way, collider.reach)
             ahead = LASTING * h
         box = collider.box
-        fat = collider.fat_box
+        proxy = proxies[listed[index]]
+        follow_collider(proxy, body, collider)
+        fat = proxy.fat_box
         fits = True
         for k in range(3):
             low = box[k] - around - fat[k]
@@ -158,7 +205,7 @@ def fatten_boxes(bodies, colliders, listed, count, moved, all_constants):
             way = body.velocity[k] * ahead
             fat[k] = box[k] - around + min(way, 0.0)
             fat[3 + k] = box[3 + k] + around + max(way, 0.0)
-        collider.moved = 1
+        renew_proxy(proxy, body, collider)
         moved[moved_count] = listed[index]
         moved_count += 1
     return moved_count

@@ -289,7 +289,7 @@ if config.DISABLE_JIT:
         return int(sum(1 << lane for lane in range(LANES) if mask[lane]))
 
     def lowest_bit(bits):
-        return (bits & -bits).bit_length() - 1
+        return int(bits & -bits).bit_length() - 1
 
     def gather_rows(table, indices, first, stride, offset):
         rows = [table[i * stride + offset : i * stride + offset + LANES] for i in indices[first : first + LANES]]

@@ -16,7 +16,7 @@ AWAKE, ASLEEP, WAKING = 0, 1, 2
 
 
 @kernel
-def list_awake(bodies, colliders, awake, awake_colliders):
+def list_awake(bodies, colliders, proxies, awake, awake_colliders):
     """Lists the rows of bodies that may move, and of their colliders and those that have no fat box yet, ascending.
 
     Returns how many bodies, how many colliders, and how many of the latter do not belong to a body that may move: they
@@ -34,7 +34,10 @@ def list_awake(bodies, colliders, awake, awake_colliders):
         if body.motion != STATIC and body.asleep == AWAKE:
             awake_colliders[count] = c
             count += 1
-        elif colliders[c].fat_box[0] == FAR:
+            continue
+        for k in range(3):
+            proxies[c].velocity[k] = body.velocity[k]  # which it lost as it fell asleep
+        if proxies[c].fat_box[0] == FAR:
             awake_colliders[count] = c
             count += 1
             fresh += 1

@@ -21,6 +21,7 @@ JOINTED = 2  # in `held`: a joint may act on a body
 BOX, SPHERE, CAPSULE, CYLINDER, HULL, MESH, PLANE, HEIGHT_FIELD = 0, 1, 2, 3, 4, 5, 6, 7
 ROUNDED = (SPHERE, CAPSULE)  # a core with a radius around it
 TRIANGLE = 8  # a part of a mesh or a height field; no collider is of this kind
+TRIGGER, IN_PARTS = 1, 2
 SOLID, NOTICES_MOVING, NOTICES_ALL = 0, 1, 2
 GEOMETRIC_MEAN, MINIMUM, MAXIMUM, AVERAGE, MULTIPLY = 0, 1, 2, 3, 4
 CORNERS = 32  # the most corners of a face that contacts are made with; of larger faces some are left out
@@ -120,7 +121,6 @@ COLLIDER = np.dtype(
         ("body", "i4"),
         ("entity", "u4"),  # the entity that carries the collider: the body's, or one below it
         ("kind", "u1"),  # BOX to HEIGHT_FIELD
-        ("moved", "u1"),  # the fat box is new
         ("trigger", "u1"),  # SOLID, or notices what touches it and pushes nothing
         ("layer", "u4"),  # bits: two colliders meet when each one's layer is in the other's mask
         ("mask", "u4"),
@@ -137,9 +137,31 @@ COLLIDER = np.dtype(
         ("rolling_friction", "f8"),  # arm of the normal force that resists rolling [m]
         ("spin_friction", "f8"),  # and turning about the normal [m]
         ("box", "f8", 6),  # smallest axis-aligned box: lower corner, upper corner [m]
-        ("fat_box", "f8", 6),  # what pairs are found with: larger, so that it lasts [m]
     ],
     align=True,
+)
+
+# A collider as the broad phase sees it, three lines of the cache. The first is what the search for pairs reads: its own box, and
+# copies of all that decides whether two are a pair, taken whenever it gets a new box. The others are copies of what says how near
+# two are in this step.
+PROXY = np.dtype(
+    [
+        ("fat_box", "f8", 6),  # what pairs are found with: larger than the smallest box, so that it lasts [m]
+        ("body", "i4"),
+        ("layer", "u4"),
+        ("mask", "u4"),
+        ("kind", "u1"),
+        ("trigger", "u1"),
+        ("motion", "u1"),  # of the body
+        ("unused", "u1"),
+        ("box", "f8", 6),  # as in COLLIDER [m]
+        ("turning", "f8"),
+        ("reach", "f8"),
+        ("velocity", "f8", 3),  # of the body [m/s]
+        ("thinness", "f8"),  # how far something may move past its surface before its middle lies behind it [m]
+        ("special", "u1"),  # TRIGGER or IN_PARTS, else 0
+        ("unused_too", "u1", 31),
+    ]
 )
 
 # Morton codes and the order they give, twice: a radix sort needs room.
@@ -152,6 +174,7 @@ PAIR = np.dtype(
         ("b", "i4"),
         ("part", "i4"),  # which triangle of a mesh or height field, else 0
         ("touched", "u1"),  # it touched, or was in the trigger, as the last step that looked at it ended
+        ("blank", "u1"),  # its manifold says nothing: the two were too far apart, or were never looked at
     ],
     align=True,
 )

@@ -11,11 +11,12 @@ from __future__ import annotations
 import numpy as np
 
 from elys.sim_node.compilation import inner, kernel
-from elys.sim_node.physics.kernels.simd import LANES, bits_of, load, splat
+from elys.sim_node.physics.kernels.simd import LANES, bits_of, load, lowest_bit, splat
 from elys.sim_node.physics.kernels.tree import sort_pass, write_codes
 
 BLOCK = 48
 MOST_LEVELS = 12
+FEW_BLOCKS = 16
 
 _ROUNDING = 2.0**-22  # more than float32 may be off
 _SMALLEST = 1e-37
@@ -112,13 +113,68 @@ def overlapping_lanes(blocks, at, low_x, low_y, low_z, high_x, high_y, high_z):
 
 
 @inner
-def splat_box(box):
-    """The six vectors of a box."""
+def load_lane(blocks, at, lane):
+    """The box in one lane of a block, as the six vectors that others are tested with."""
     return (
-        splat(rounded_down(box[0])),
-        splat(rounded_down(box[1])),
-        splat(rounded_down(box[2])),
-        splat(rounded_up(box[3])),
-        splat(rounded_up(box[4])),
-        splat(rounded_up(box[5])),
+        splat(blocks[at + lane]),
+        splat(blocks[at + 8 + lane]),
+        splat(blocks[at + 16 + lane]),
+        splat(blocks[at + 24 + lane]),
+        splat(blocks[at + 32 + lane]),
+        splat(blocks[at + 40 + lane]),
     )
+
+
+@inner
+def bound_lanes(blocks, at, bits):
+    """The six vectors of what holds the boxes of a block that have a bit."""
+    lane = lowest_bit(bits)
+    low_x, low_y, low_z = blocks[at + lane], blocks[at + 8 + lane], blocks[at + 16 + lane]
+    high_x, high_y, high_z = blocks[at + 24 + lane], blocks[at + 32 + lane], blocks[at + 40 + lane]
+    bits &= bits - 1
+    while bits != 0:
+        lane = lowest_bit(bits)
+        bits &= bits - 1
+        low_x, high_x = min(low_x, blocks[at + lane]), max(high_x, blocks[at + 24 + lane])
+        low_y, high_y = min(low_y, blocks[at + 8 + lane]), max(high_y, blocks[at + 32 + lane])
+        low_z, high_z = min(low_z, blocks[at + 16 + lane]), max(high_z, blocks[at + 40 + lane])
+    return splat(low_x), splat(low_y), splat(low_z), splat(high_x), splat(high_y), splat(high_z)
+
+
+@inner
+def first_level(levels, level_count):
+    """Where a walk begins: on a level of few blocks all are tested as fast as one walks down to them."""
+    level = level_count - 1
+    while level > 1 and levels[level] - levels[level - 1] <= FEW_BLOCKS:
+        level -= 1
+    return level
+
+
+@inner
+def list_near_leaves(blocks, levels, top_level, low_x, low_y, low_z, high_x, high_y, high_z, stack, near):
+    """Lists the blocks of boxes that may overlap a box given by six vectors; returns how many they are."""
+    if top_level == 0:
+        near[0] = 0
+        return 1
+    # On the stack: a block's place in its level, and the level.
+    top = 0
+    for block in range(levels[top_level + 1] - levels[top_level]):
+        stack[top] = block * MOST_LEVELS + top_level
+        top += 1
+    count = 0
+    while top > 0:
+        top -= 1
+        level = stack[top] % MOST_LEVELS
+        block = stack[top] // MOST_LEVELS
+        at = (levels[level] + block) * BLOCK
+        bits = overlapping_lanes(blocks, at, low_x, low_y, low_z, high_x, high_y, high_z)
+        while bits != 0:
+            child = block * LANES + lowest_bit(bits)
+            bits &= bits - 1
+            if level == 1:
+                near[count] = child
+                count += 1
+            else:
+                stack[top] = child * MOST_LEVELS + level - 1
+                top += 1
+    return count

@@ -122,5 +122,7 @@ def test_no_more_threads_than_processors(monkeypatch) -> None:
 
 @pytest.mark.parametrize("threads", [0, -1, 65])
 def test_a_number_of_threads_that_cannot_be_is_refused(threads: int) -> None:
-    with pytest.raises(PhysicsError, match=r"PhysicsSettings\.threads must be (from 1 to 64|a finite number of 0 or more)"):
+    with pytest.raises(
+        PhysicsError, match=r"PhysicsSettings\.threads must be (from 1 to 64|a finite number of 0 or more)"
+    ):
         PhysicsSettings(threads=threads)
