@@ -25,7 +25,7 @@ from elys.sim_node.physics.kernels.placement import fatten_boxes, place_collider
 from elys.sim_node.physics.kernels.preparation import prepare_bodies, prepare_contacts, prepare_impacts
 from elys.sim_node.physics.kernels.solver import solve_contacts
 from elys.sim_node.physics.kernels.sweep import stop_at_impacts
-from elys.sim_node.physics.kernels.tables import Table
+from elys.sim_node.physics.kernels.tables import SolverWork, Table
 from elys.sim_node.physics.solving import SolverRoom
 from elys.sim_node.physics.team import Team
 
@@ -65,6 +65,7 @@ class Step:
         self._sleeping = sleeping
         self._room = room
         self._team = team
+        self._work: SolverWork | None = None
         self._constants = constants
         self._strengths = strengths
         self._held_end = 0
@@ -226,8 +227,8 @@ class Step:
             self._strengths,
             self._constants,
         )
-        work = room.work(contacts)
-        given = (work, self._strengths, self._constants)
+        self._work = room.work(contacts)
+        given = (self._work, self._strengths, self._constants)
         self._present_team.run(lambda thread, threads: prepare_contacts(*given, thread, threads))
         prepare_impacts(
             self._bodies.rows,
@@ -254,9 +255,8 @@ class Step:
         return joints.broken_room[:count].copy() if count else _NONE
 
     def _solve_contacts(self) -> None:
-        work = self._room.work(self._contacts)
         joints = self._joints.tables if len(self._joints.rows) else None
-        given = (work, self._held_end, joints, self._strengths, self._constants)
+        given = (self._work, self._held_end, joints, self._strengths, self._constants)
         team = self._present_team
         team.run(lambda thread, threads: solve_contacts(*given, team.table, thread, threads))
 
