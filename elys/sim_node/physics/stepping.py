@@ -22,17 +22,17 @@ from elys.sim_node.physics.kernels.joints import finish_joints
 from elys.sim_node.physics.kernels.narrow_phase import update_manifolds, update_simple_manifolds
 from elys.sim_node.physics.kernels.overlaps import find_deep_overlaps
 from elys.sim_node.physics.kernels.placement import fatten_boxes, place_colliders
-from elys.sim_node.physics.kernels.preparation import prepare_bodies, prepare_contacts, prepare_impacts
+from elys.sim_node.physics.kernels.preparation import prepare_bodies, prepare_impacts
 from elys.sim_node.physics.kernels.solver import solve_contacts
 from elys.sim_node.physics.kernels.sweep import stop_at_impacts
-from elys.sim_node.physics.kernels.tables import SolverWork, Table
+from elys.sim_node.physics.kernels.tables import Table
 from elys.sim_node.physics.solving import SolverRoom
 from elys.sim_node.physics.team import Team
 
 Array = np.ndarray[Any, Any]
 Result = TypeVar("Result")
 
-ENOUGH = 300  # contacts for each thread
+ENOUGH = 300  # contacts for each thread: fewer are done before others have come
 
 _NONE: Array = np.zeros(0, np.int32)
 _ALONE = Team(1)
@@ -65,7 +65,6 @@ class Step:
         self._sleeping = sleeping
         self._room = room
         self._team = team
-        self._work: SolverWork | None = None
         self._constants = constants
         self._strengths = strengths
         self._held_end = 0
@@ -86,7 +85,7 @@ class Step:
             _timed(profile, "find_deep_overlaps", self._find_deep_overlaps)
         _timed(profile, "build_islands", self._build_islands)
         _timed(profile, "colour_contacts", self._colour_contacts)
-        _timed(profile, "prepare_contacts", self._prepare_contacts)
+        _timed(profile, "prepare_bodies", self._prepare_bodies)
         if len(self._joints.rows):
             _timed(profile, "prepare_joints", self._prepare_joints)
         _timed(profile, "solve_contacts", self._solve_contacts)
@@ -214,7 +213,7 @@ class Step:
             room.counts,
         )
 
-    def _prepare_contacts(self) -> None:
+    def _prepare_bodies(self) -> None:
         room, contacts = self._room, self._contacts
         prepare_bodies(
             self._bodies.rows,
@@ -227,9 +226,6 @@ class Step:
             self._strengths,
             self._constants,
         )
-        self._work = room.work(contacts)
-        given = (self._work, self._strengths, self._constants)
-        self._present_team.run(lambda thread, threads: prepare_contacts(*given, thread, threads))
         prepare_impacts(
             self._bodies.rows,
             self._colliders.rows,
@@ -256,15 +252,10 @@ class Step:
 
     def _solve_contacts(self) -> None:
         joints = self._joints.tables if len(self._joints.rows) else None
-        given = (self._work, self._held_end, joints, self._strengths, self._constants)
-        team = self._present_team
-        team.run(lambda thread, threads: solve_contacts(*given, team.table, thread, threads))
-
-    @property
-    def _present_team(self) -> Team:
-        """Who works on the contacts: fewer than so many are done before others have come."""
+        given = (self._room.work(self._contacts), self._held_end, joints, self._strengths, self._constants)
         is_large = self._contacts.touching_count >= ENOUGH * self._team.threads
-        return self._team if is_large else _ALONE
+        team = self._team if is_large else _ALONE
+        team.run(lambda thread, threads: solve_contacts(*given, team.table, thread, threads))
 
     def _track_contacts(self) -> None:
         assert self._events is not None

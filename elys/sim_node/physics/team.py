@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,7 @@ class Team:
         usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
         self.threads = 1 if config.DISABLE_JIT else min(threads, usable)
         self._table = new_team()
+        self._called: list[Future[None]] = []
         self._others = ThreadPoolExecutor(self.threads - 1, "elys-physics") if self.threads > 1 else None
 
     @property
@@ -34,18 +35,18 @@ class Team:
         return self._table if self._others is not None else None
 
     def run(self, work: Callable[[int, int], None]) -> None:
-        """Calls work(thread, threads) in every thread, and returns when all have come back."""
+        """Calls work(thread, threads) in every thread. It ends with a meeting, so that all is done when this returns.
+
+        The others may still be on their way back: they are waited for when they are called again.
+        """
         if self._others is None:
             work(0, 1)
             return
-        others = [self._others.submit(work, thread, self.threads) for thread in range(1, self.threads)]
+        wait(self._called)
+        self._called = [self._others.submit(work, thread, self.threads) for thread in range(1, self.threads)]
         try:
             work(0, self.threads)
         except BaseException:  # a signal, before or after the kernel ran
             give_up(self._table)
             self._table = new_team()
             raise
-        finally:
-            wait(others)
-        for other in others:
-            other.result()

@@ -24,7 +24,7 @@ from elys.sim_node.physics.kernels.nearby import find_closest, find_overlaps
 from elys.sim_node.physics.kernels.overlaps import find_deep_overlaps
 from elys.sim_node.physics.kernels.pair_list import compare_pairs, enter_pairs, list_pairs
 from elys.sim_node.physics.kernels.placement import fatten_boxes, place_colliders
-from elys.sim_node.physics.kernels.preparation import prepare_bodies, prepare_contacts, prepare_impacts
+from elys.sim_node.physics.kernels.preparation import prepare_bodies, prepare_impacts
 from elys.sim_node.physics.kernels.queries import cast_rays, cast_shapes
 from elys.sim_node.physics.kernels.query_tree import QUERY_NODE, build_query_tree, refit_query_tree
 from elys.sim_node.physics.kernels.sleeping import list_awake, put_to_sleep, wake_marked
@@ -179,7 +179,6 @@ def _kernels() -> tuple[tuple[Kernel, ...], tuple[Kernel, ...]]:
         (list_held, (bodies, indices, 0, indices, groups)),
         (colour_contacts, (*touching, masks, indices, indices, indices, indices, groups, spans, *lanes)),
         (prepare_bodies, (bodies, forces, indices, 0, groups, solver, drives, strengths, constants)),
-        (prepare_contacts, (work, strengths, constants, 0, 1)),
         (prepare_impacts, (*touching, rows, row_points, groups, solver, drives, constants)),
         (
             update_simple_manifolds,

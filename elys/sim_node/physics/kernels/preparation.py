@@ -1,16 +1,14 @@
-"""What the solver works on in this step: bodies, batches of contacts, and the contacts that may bounce."""
+"""What the solver works on in this step: bodies, and the contacts that may bounce."""
 
 from __future__ import annotations
 
 import math
 
 from elys.sim_node.compilation import inner, kernel
-from elys.sim_node.physics.kernels.batch import write_batch
 from elys.sim_node.physics.kernels.impact import response_along
 from elys.sim_node.physics.kernels.integrator import begin_body, begin_nobody
 from elys.sim_node.physics.kernels.rotation import cross
 from elys.sim_node.physics.kernels.tables import POINTS
-from elys.sim_node.physics.kernels.team import share
 
 
 @kernel
@@ -27,32 +25,6 @@ def prepare_bodies(bodies, forces, held, held_end, groups, solver_bodies, drives
     for index in range(end, held_end):
         i = held[index]
         begin_body(bodies[i], forces[i], solver_bodies[i], drives[i], 0.0, constants)
-
-
-@kernel
-def prepare_contacts(work, strengths, all_constants, thread, threads):
-    """Fills the batches that are one thread's share."""
-    constants = all_constants[0]
-    groups, spans = work.groups, work.spans
-    for g in range(groups.shape[0]):
-        if groups[g].first_span == groups[g].last_span:
-            continue
-        first, last = spans[groups[g].first_span].first, spans[groups[g].last_span - 1].last
-        begin, end = share(first, last, thread, threads)
-        for batch in range(begin, end):
-            write_batch(
-                work.batches,
-                batch,
-                work.counts[batch],
-                work.body_a,
-                work.body_b,
-                work.slots,
-                work.solver,
-                work.drive,
-                work.flat_manifolds,
-                constants,
-                strengths[g].substep,
-            )
 
 
 @inner

@@ -12,6 +12,7 @@ a stack a little, and fewer solves round less.
 from __future__ import annotations
 
 from elys.sim_node.compilation import inner, kernel
+from elys.sim_node.physics.kernels.batch import write_batch
 from elys.sim_node.physics.kernels.batch_pass import solve_batch, store_impulses, warm_start
 from elys.sim_node.physics.kernels.impact import bounce_contacts
 from elys.sim_node.physics.kernels.integrator import integrate_positions, integrate_velocities, take_back, turn_over
@@ -50,6 +51,25 @@ def finish_impacts(work, first, last):
         manifold = work.manifolds[work.rows[r].slot]
         for k in range(work.rows[r].point_count):
             manifold.step_impulse[k] += work.row_points[r * POINTS + k].step_impulse
+
+
+@inner
+def prepare_contacts(work, first, last, substep, constants):
+    """Fills batches [first, last) for substeps of one length."""
+    for batch in range(first, last):
+        write_batch(
+            work.batches,
+            batch,
+            work.counts[batch],
+            work.body_a,
+            work.body_b,
+            work.slots,
+            work.solver,
+            work.drive,
+            work.flat_manifolds,
+            constants,
+            substep,
+        )
 
 
 @inner
@@ -115,6 +135,11 @@ def solve_group(work, joints, g, group, fixed_first, held_end, strength, team, t
     h = strength.substep
     first, last = share(group.first_body, group.last_body, thread, threads)
     is_jointed = has_joints(joints, g)
+    first_batch, last_batch = (0, 0)
+    if group.last_span > group.first_span:
+        all_first, all_last = work.spans[group.first_span].first, work.spans[group.last_span - 1].last
+        first_batch, last_batch = share(all_first, all_last, thread, threads)
+    prepare_contacts(work, first_batch, last_batch, h, constants)
     if thread == 0:
         for index in range(fixed_first, held_end):
             for k in range(6):
@@ -166,10 +191,7 @@ def solve_group(work, joints, g, group, fixed_first, held_end, strength, team, t
         if thread == 0:
             turn_all(joints, work.held, group.first_body, group.last_body, work.solver_bodies, work.drives, 0.0)
         meet(team, threads)
-    if group.last_span > group.first_span:
-        batches = (work.spans[group.first_span].first, work.spans[group.last_span - 1].last)
-        begin, end = share(batches[0], batches[1], thread, threads)
-        finish_contacts(work, begin, end, h, constants)
+    finish_contacts(work, first_batch, last_batch, h, constants)
     if thread == 0:
         finish_impacts(work, group.first_row, group.last_row)
 
@@ -177,6 +199,8 @@ def solve_group(work, joints, g, group, fixed_first, held_end, strength, team, t
 @kernel
 def solve_contacts(work, held_end, joints, strengths, all_constants, team, thread, threads):
     """All substeps of a step, group by group: velocities and displacements of the held bodies, impulses of contacts and joints.
+
+    The contacts' batches are filled first.
 
     Each of `threads` threads calls it with its number, and with the same `team` for all to meet in. `team` is None where
     there is one thread and `joints` where there are no joints: those are compiled apart, without all that they do not need.

@@ -259,7 +259,7 @@ def test_a_profile_names_every_stage():
         "update_manifolds",
         "build_islands",
         "colour_contacts",
-        "prepare_contacts",
+        "prepare_bodies",
         "solve_contacts",
         "track_contacts",
         "finish_step",

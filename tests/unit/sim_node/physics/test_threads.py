@@ -105,7 +105,12 @@ def test_a_signal_in_one_thread_leaves_no_other_waiting(monkeypatch) -> None:
     with pytest.raises(KeyboardInterrupt):
         team.run(work)
     heard = []
-    team.run(lambda thread, threads: heard.append(thread))
+
+    def answer(thread: int, threads: int) -> None:
+        heard.append(thread)
+        meet(team.table, threads)
+
+    team.run(answer)
     assert sorted(heard) == [0, 1]
 
 
