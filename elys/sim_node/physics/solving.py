@@ -35,6 +35,7 @@ class SolverRoom:
     """Room for the bodies and contacts of one step."""
 
     def __init__(self) -> None:
+        self._work: SolverWork | None = None
         self.groups = np.zeros(1 + MOST_STRENGTHS, GROUP)
         self.spans = np.zeros((1 + MOST_STRENGTHS) * (OVERFLOW + 1), SPAN)
         self.starts = np.zeros((1 + MOST_STRENGTHS) * KEYS + 1, np.int32)
@@ -47,7 +48,12 @@ class SolverRoom:
         self.make_batch_room(16)
 
     def work(self, contacts: ContactStore) -> SolverWork:
-        """All that the contact solver works on."""
+        """All that the contact solver works on; made anew when one of the tables was."""
+        if self._work is None or self._work.manifolds is not contacts.manifolds:
+            self._work = self._gathered(contacts)
+        return self._work
+
+    def _gathered(self, contacts: ContactStore) -> SolverWork:
         return SolverWork(
             self.groups,
             self.spans,
@@ -79,11 +85,13 @@ class SolverRoom:
         if contact_count > len(self.keys):
             self._make_contact_room(max(contact_count, 2 * len(self.keys)))
         if strength_count != len(self.groups):
+            self._work = None
             self.groups = np.zeros(strength_count, GROUP)
             self.starts = np.zeros(strength_count * KEYS + 1, np.int32)
         return not is_enough
 
     def _make_body_room(self, count: int) -> None:
+        self._work = None
         self.parent = np.zeros(count, np.int32)
         self.islands = np.zeros(count, ISLAND)
         self.held = np.zeros(count, np.int32)
@@ -98,6 +106,7 @@ class SolverRoom:
         self.drive = self.drives.view(np.float32)
 
     def _make_contact_room(self, count: int) -> None:
+        self._work = None
         self.keys = np.zeros(count, np.int32)
         self.order = np.zeros(count, np.int32)
         self.rows = np.zeros(count, ROW)
@@ -105,6 +114,7 @@ class SolverRoom:
 
     def make_batch_room(self, count: int) -> None:
         """Makes room for so many batches, and some more."""
+        self._work = None
         count += count // 2
         self.body_a = np.zeros(count * LANES, np.int32)
         self.body_b = np.zeros(count * LANES, np.int32)

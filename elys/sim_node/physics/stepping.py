@@ -23,7 +23,12 @@ from elys.sim_node.physics.kernels.narrow_phase import update_manifolds, update_
 from elys.sim_node.physics.kernels.overlaps import find_deep_overlaps
 from elys.sim_node.physics.kernels.placement import fatten_boxes, place_colliders
 from elys.sim_node.physics.kernels.preparation import prepare_bodies, prepare_impacts
-from elys.sim_node.physics.kernels.solver import solve_contacts
+from elys.sim_node.physics.kernels.solver import (
+    solve_contacts,
+    solve_jointed_contacts,
+    solve_shared_contacts,
+    solve_shared_jointed_contacts,
+)
 from elys.sim_node.physics.kernels.sweep import stop_at_impacts
 from elys.sim_node.physics.kernels.tables import Table
 from elys.sim_node.physics.solving import SolverRoom
@@ -35,7 +40,6 @@ Result = TypeVar("Result")
 ENOUGH = 300  # contacts for each thread: fewer are done before others have come
 
 _NONE: Array = np.zeros(0, np.int32)
-_ALONE = Team(1)
 
 
 class Step:
@@ -251,11 +255,19 @@ class Step:
         return joints.broken_room[:count].copy() if count else _NONE
 
     def _solve_contacts(self) -> None:
-        joints = self._joints.tables if len(self._joints.rows) else None
-        given = (self._room.work(self._contacts), self._held_end, joints, self._strengths, self._constants)
-        is_large = self._contacts.touching_count >= ENOUGH * self._team.threads
-        team = self._team if is_large else _ALONE
-        team.run(lambda thread, threads: solve_contacts(*given, team.table, thread, threads))
+        work, team = self._room.work(self._contacts), self._team
+        given = (self._strengths, self._constants)
+        is_jointed = len(self._joints.rows) > 0
+        if team.threads == 1 or self._contacts.touching_count < ENOUGH * team.threads:
+            if is_jointed:
+                solve_jointed_contacts(work, self._held_end, self._joints.tables, *given)
+            else:
+                solve_contacts(work, self._held_end, *given)
+        elif is_jointed:
+            joints = self._joints.tables
+            team.run(lambda *who: solve_shared_jointed_contacts(work, self._held_end, joints, *given, *who))
+        else:
+            team.run(lambda *who: solve_shared_contacts(work, self._held_end, *given, *who))
 
     def _track_contacts(self) -> None:
         assert self._events is not None

@@ -26,26 +26,20 @@ class Team:
         usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
         self.threads = 1 if config.DISABLE_JIT else min(threads, usable)
         self._table = new_team()
+        self._others = ThreadPoolExecutor(max(self.threads - 1, 1), "elys-physics")  # starts none before it is called
         self._called: list[Future[None]] = []
-        self._others = ThreadPoolExecutor(self.threads - 1, "elys-physics") if self.threads > 1 else None
 
-    @property
-    def table(self) -> Array | None:
-        """What kernels meet in; None for one thread."""
-        return self._table if self._others is not None else None
-
-    def run(self, work: Callable[[int, int], None]) -> None:
-        """Calls work(thread, threads) in every thread. It ends with a meeting, so that all is done when this returns.
+    def run(self, work: Callable[[Array, int, int], None]) -> None:
+        """Calls work(team, thread, threads) in every thread, which all meet at its end: so all is done when this returns.
 
         The others may still be on their way back: they are waited for when they are called again.
         """
-        if self._others is None:
-            work(0, 1)
-            return
         wait(self._called)
-        self._called = [self._others.submit(work, thread, self.threads) for thread in range(1, self.threads)]
+        self._called = [
+            self._others.submit(work, self._table, thread, self.threads) for thread in range(1, self.threads)
+        ]
         try:
-            work(0, self.threads)
+            work(self._table, 0, self.threads)
         except BaseException:  # a signal, before or after the kernel ran
             give_up(self._table)
             self._table = new_team()

@@ -28,7 +28,12 @@ from elys.sim_node.physics.kernels.preparation import prepare_bodies, prepare_im
 from elys.sim_node.physics.kernels.queries import cast_rays, cast_shapes
 from elys.sim_node.physics.kernels.query_tree import QUERY_NODE, build_query_tree, refit_query_tree
 from elys.sim_node.physics.kernels.sleeping import list_awake, put_to_sleep, wake_marked
-from elys.sim_node.physics.kernels.solver import solve_contacts
+from elys.sim_node.physics.kernels.solver import (
+    solve_contacts,
+    solve_jointed_contacts,
+    solve_shared_contacts,
+    solve_shared_jointed_contacts,
+)
 from elys.sim_node.physics.kernels.state_hash import hash_bodies
 from elys.sim_node.physics.kernels.sweep import stop_at_impacts
 from elys.sim_node.physics.kernels.team import new_team
@@ -38,7 +43,8 @@ from elys.sim_node.physics.kernels.wide_tree import build_wide_tree, refit_wide_
 Kernel = tuple[str, Any, tuple[tuple[Any, ...], ...]]
 
 
-# What only some worlds need, and what only questions need: compiled when it is first called.
+# What only some worlds need, joints and several threads with the solver anew, and what only questions need: compiled when it
+# is first called.
 LATER: tuple[Any, ...] = (
     update_manifolds,
     stop_at_impacts,
@@ -50,10 +56,35 @@ LATER: tuple[Any, ...] = (
     refit_query_tree,
     track_triggers,
     describe_contacts,
+    prepare_joints,
+    finish_joints,
+    solve_jointed_contacts,
+    solve_shared_contacts,
+    solve_shared_jointed_contacts,
 )
 
+# What a step calls, with tables of its own alone, each time with the same types: called without a look at them.
+DIRECT: tuple[Any, ...] = (
+    place_colliders,
+    fatten_boxes,
+    update_simple_manifolds,
+    update_manifolds,
+    build_islands,
+    list_held,
+    colour_contacts,
+    prepare_bodies,
+    prepare_impacts,
+    solve_contacts,
+    solve_jointed_contacts,
+    track_contacts,
+    finish_step,
+    put_to_sleep,
+)
+for _function in DIRECT:
+    _function.is_direct = True
 
-def _kernels() -> tuple[tuple[Kernel, ...], tuple[Kernel, ...]]:
+
+def _kernels() -> tuple[Kernel, ...]:
     bodies, poses, colliders, pairs, manifolds, rows, row_points, leaves, found, constants, groups, spans, strengths = (
         np.zeros(1, dtype)
         for dtype in (
@@ -202,25 +233,19 @@ def _kernels() -> tuple[tuple[Kernel, ...], tuple[Kernel, ...]]:
                 *lanes,
             ),
         ),
-        (solve_contacts, (work, 0, None, strengths, constants, None, 0, 1)),
+        (solve_contacts, (work, 0, strengths, constants)),
     ]
-    # What only worlds with joints need, or with several threads: they have the solver compiled once more.
     team = new_team()
-    others: list[tuple[str, Any, tuple[Any, ...]]] = [
-        ("prepare_joints", prepare_joints, (joints, drives, strengths)),
-        ("finish_joints", finish_joints, (joints, solver, constants, indices)),
-        ("solve_jointed_contacts", solve_contacts, (work, 0, joints, strengths, constants, None, 0, 1)),
-        ("solve_shared_contacts", solve_contacts, (work, 0, None, strengths, constants, team, 0, 1)),
-        ("solve_shared_jointed_contacts", solve_contacts, (work, 0, joints, strengths, constants, team, 0, 1)),
+    listed += [
+        (prepare_joints, (joints, drives, strengths)),
+        (finish_joints, (joints, solver, constants, indices)),
+        (solve_jointed_contacts, (work, 0, joints, strengths, constants)),
+        (solve_shared_contacts, (work, 0, strengths, constants, team, 0, 1)),
+        (solve_shared_jointed_contacts, (work, 0, joints, strengths, constants, team, 0, 1)),
     ]
-    named = [(function.__name__, function, arguments) for function, arguments in listed]
-    return _signed(named), _signed(others)
+    return tuple((f"physics.{function.__name__}", function, (signature_of(*given),)) for function, given in listed)
 
 
-def _signed(listed: list[tuple[str, Any, tuple[Any, ...]]]) -> tuple[Kernel, ...]:
-    return tuple((f"physics.{name}", function, (signature_of(*a),)) for name, function, a in listed)
-
-
-_ALL, _OTHERS = _kernels()
+_ALL = _kernels()
 KERNELS = tuple(entry for entry in _ALL if entry[1] not in LATER)
-LATER_KERNELS = (*(entry for entry in _ALL if entry[1] in LATER), *_OTHERS)
+LATER_KERNELS = tuple(entry for entry in _ALL if entry[1] in LATER)

@@ -196,15 +196,15 @@ def solve_group(work, joints, g, group, fixed_first, held_end, strength, team, t
         finish_impacts(work, group.first_row, group.last_row)
 
 
-@kernel
-def solve_contacts(work, held_end, joints, strengths, all_constants, team, thread, threads):
+@inner
+def solve_all(work, held_end, joints, strengths, all_constants, team, thread, threads):
     """All substeps of a step, group by group: velocities and displacements of the held bodies, impulses of contacts and joints.
 
     The contacts' batches are filled first.
 
     Each of `threads` threads calls it with its number, and with the same `team` for all to meet in. `team` is None where
-    there is one thread and `joints` where there are no joints: those are compiled apart, without all that they do not need.
-    What each body and contact gets is the same however many threads there are.
+    there is one thread and `joints` where there are no joints. What each body and contact gets is the same however many
+    threads there are.
     """
     constants = all_constants[0]
     groups = work.groups
@@ -218,3 +218,27 @@ def solve_contacts(work, held_end, joints, strengths, all_constants, team, threa
         elif thread == 0:
             solve_group(work, joints, g, group, fixed_first, held_end, strengths[g], None, 0, 1, constants)
         meet(team, threads)
+
+
+@kernel
+def solve_contacts(work, held_end, strengths, all_constants):
+    """A world without joints, in one thread: compiled without all that is of joints and threads."""
+    solve_all(work, held_end, None, strengths, all_constants, None, 0, 1)
+
+
+@kernel
+def solve_jointed_contacts(work, held_end, joints, strengths, all_constants):
+    """A world with joints, in one thread."""
+    solve_all(work, held_end, joints, strengths, all_constants, None, 0, 1)
+
+
+@kernel
+def solve_shared_contacts(work, held_end, strengths, all_constants, team, thread, threads):
+    """A world without joints, in several threads."""
+    solve_all(work, held_end, None, strengths, all_constants, team, thread, threads)
+
+
+@kernel
+def solve_shared_jointed_contacts(work, held_end, joints, strengths, all_constants, team, thread, threads):
+    """A world with joints, in several threads."""
+    solve_all(work, held_end, joints, strengths, all_constants, team, thread, threads)

@@ -97,18 +97,18 @@ def test_a_signal_in_one_thread_leaves_no_other_waiting(monkeypatch) -> None:
     monkeypatch.setattr("os.sched_getaffinity", lambda pid: {0, 1}, raising=False)
     team = Team(2)
 
-    def work(thread: int, threads: int) -> None:
+    def work(table, thread: int, threads: int) -> None:
         if thread == 0:
             raise KeyboardInterrupt
-        meet(team.table, threads)
+        meet(table, threads)
 
     with pytest.raises(KeyboardInterrupt):
         team.run(work)
     heard = []
 
-    def answer(thread: int, threads: int) -> None:
+    def answer(table, thread: int, threads: int) -> None:
         heard.append(thread)
-        meet(team.table, threads)
+        meet(table, threads)
 
     team.run(answer)
     assert sorted(heard) == [0, 1]
