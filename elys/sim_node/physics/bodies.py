@@ -18,6 +18,7 @@ from elys.sim_node.physics import checks
 from elys.sim_node.physics.kernels.integrator import publish_poses
 from elys.sim_node.physics.kernels.tables import BODY, DYNAMIC, FORCE, FRESH, KINEMATIC, POSE, STATIC, STEP_REPORT
 from elys.sim_node.physics.mass_properties import SHAPELESS_RADIUS, MassProperties
+from elys.sim_node.physics.rows import joined_rows, picked_rows
 
 Array = np.ndarray[Any, Any]
 
@@ -75,12 +76,12 @@ class BodyTable:
         poses["axes"] = quaternion.IDENTITY
         self._index = index[order]
         self.faulty_room = np.zeros(len(order), np.int32)
-        self.rows = np.concatenate([self.rows, rows])[order]
-        self.poses = np.concatenate([self.poses, poses])[order]
+        self.rows = picked_rows(joined_rows(self.rows, rows), order)
+        self.poses = picked_rows(joined_rows(self.poses, poses), order)
         self.mass = np.concatenate([self.mass, mass])[order]
         self.inertia = np.concatenate([self.inertia, np.ones((len(entities), 3))])[order]
         self.given_inertia = np.concatenate([self.given_inertia, given_inertia])[order]
-        self.forces = np.concatenate([self.forces, np.zeros(len(entities), FORCE)])[order]
+        self.forces = picked_rows(joined_rows(self.forces, np.zeros(len(entities), FORCE)), order)
         self._look_for_locks()
         place = np.empty(len(order), np.int64)
         place[order] = np.arange(len(order))
@@ -91,9 +92,12 @@ class BodyTable:
         """Takes rows out; returns where each old row is now, -1 for the removed ones."""
         keep = np.ones(len(self.rows), bool)
         keep[removed] = False
-        self.rows, self.poses, self.mass = self.rows[keep], self.poses[keep], self.mass[keep]
-        self.inertia, self._index = self.inertia[keep], self._index[keep]
-        self.given_inertia, self.forces = self.given_inertia[keep], self.forces[keep]
+        kept = np.flatnonzero(keep)
+        self.rows, self.poses, self.forces = (
+            picked_rows(table, kept) for table in (self.rows, self.poses, self.forces)
+        )
+        self.mass, self._index = self.mass[kept], self._index[kept]
+        self.inertia, self.given_inertia = self.inertia[kept], self.given_inertia[kept]
         self._look_for_locks()
         place = np.where(keep, np.cumsum(keep) - 1, -1)
         self._follow_rings(place)

@@ -27,6 +27,7 @@ from elys.sim_node.physics.kernels.tables import (
 )
 from elys.sim_node.physics.kernels.tree import FAR
 from elys.sim_node.physics.mass_properties import Shapes, moved_centers, tensors, volumes
+from elys.sim_node.physics.rows import joined_rows, picked_rows
 
 Array = np.ndarray[Any, Any]
 
@@ -97,12 +98,12 @@ class ColliderTable:
     def insert(self, rows: Array, shapes: Array) -> Array:
         """Adds colliders in their places; returns where each old row is now."""
         old_count = len(self.rows)
-        rows = np.concatenate([self.rows, rows])
-        shapes = np.concatenate([self.shapes, shapes])
-        proxies = np.concatenate([self.proxies, np.zeros(len(rows) - old_count, PROXY)])
+        rows = joined_rows(self.rows, rows)
+        shapes = joined_rows(self.shapes, shapes)
+        proxies = joined_rows(self.proxies, np.zeros(len(rows) - old_count, PROXY))
         proxies["fat_box"][old_count:] = NO_BOX
         order = np.lexsort((checks.index_column(rows["entity"]), rows["body"]))
-        self.rows, self.shapes, self.proxies = rows[order], shapes[order], proxies[order]
+        self.rows, self.shapes, self.proxies = (picked_rows(table, order) for table in (rows, shapes, proxies))
         self._changed()
         place = np.empty(len(order), np.int64)
         place[order] = np.arange(len(order))
@@ -112,7 +113,10 @@ class ColliderTable:
         """Takes rows out; returns where each old row is now, -1 for the removed ones."""
         keep = np.ones(len(self.rows), bool)
         keep[removed] = False
-        self.rows, self.shapes, self.proxies = self.rows[keep], self.shapes[keep], self.proxies[keep]
+        kept = np.flatnonzero(keep)
+        self.rows, self.shapes, self.proxies = (
+            picked_rows(table, kept) for table in (self.rows, self.shapes, self.proxies)
+        )
         self._changed()
         return np.where(keep, np.cumsum(keep) - 1, -1)
 
