@@ -9,6 +9,7 @@ import numpy as np
 from elys.sim_node.physics.contacts import ContactStore
 from elys.sim_node.physics.kernels.batch import FLOATS
 from elys.sim_node.physics.kernels.colouring import KEYS, OVERFLOW
+from elys.sim_node.physics.kernels.groups import MOST_CHUNKS
 from elys.sim_node.physics.kernels.simd import LANES
 from elys.sim_node.physics.kernels.tables import (
     BODY,
@@ -36,10 +37,13 @@ class SolverRoom:
 
     def __init__(self) -> None:
         self._work: SolverWork | None = None
-        self.groups = np.zeros(1 + MOST_STRENGTHS, GROUP)
-        self.spans = np.zeros((1 + MOST_STRENGTHS) * (OVERFLOW + 1), SPAN)
-        self.starts = np.zeros((1 + MOST_STRENGTHS) * KEYS + 1, np.int32)
-        self.colour_counts = np.zeros(2 * (1 + MOST_STRENGTHS), np.int32)
+        most = 1 + MOST_STRENGTHS + MOST_CHUNKS
+        self.all_groups = np.zeros(most, GROUP)
+        self.present = np.zeros(most, np.int32)
+        self.spans = np.zeros(most * (OVERFLOW + 1), SPAN)
+        self._all_starts = np.zeros(most * KEYS + 1, np.int32)
+        self.colour_counts = np.zeros(2 * most, np.int32)
+        self.use_groups(1)
         self.places = np.zeros(2, BODY)
         self.inertia = np.zeros(6)
         self.shapes = np.zeros(2, COLLIDER)
@@ -73,21 +77,22 @@ class SolverRoom:
             self.row_points,
         )
 
-    def reserve(self, body_count: int, contact_count: int, strength_count: int) -> bool:
-        """Makes room, by doubling, for so many bodies and touching pairs, and just as many groups as there are strengths.
+    def use_groups(self, count: int) -> None:
+        """Has just so many groups from now on."""
+        self._work = None
+        self.groups = self.all_groups[:count]
+        self.starts = self._all_starts[: count * KEYS + 1]
+
+    def reserve(self, body_count: int, contact_count: int) -> bool:
+        """Makes room, by doubling, for so many bodies and touching pairs.
 
         Returns whether anything was made anew: then contacts have to be dealt out again.
         """
         is_enough = body_count <= len(self.parent) and contact_count <= len(self.keys)
-        is_enough = is_enough and strength_count == len(self.groups)
         if body_count > len(self.parent):
             self._make_body_room(max(body_count, 2 * len(self.parent)))
         if contact_count > len(self.keys):
             self._make_contact_room(max(contact_count, 2 * len(self.keys)))
-        if strength_count != len(self.groups):
-            self._work = None
-            self.groups = np.zeros(strength_count, GROUP)
-            self.starts = np.zeros(strength_count * KEYS + 1, np.int32)
         return not is_enough
 
     def _make_body_room(self, count: int) -> None:
@@ -95,6 +100,7 @@ class SolverRoom:
         self.parent = np.zeros(count, np.int32)
         self.islands = np.zeros(count, ISLAND)
         self.held = np.zeros(count, np.int32)
+        self.group_of = np.zeros(count, np.int32)
         self.masks = np.zeros(count, np.uint64)
         self.starts_of_bodies = np.zeros(count, START)
         self.fractions = np.ones(count)

@@ -15,8 +15,9 @@ from elys.sim_node.physics.contacts import ContactStore
 from elys.sim_node.physics.events import EventLog
 from elys.sim_node.physics.joints import JointTable
 from elys.sim_node.physics.kernels.colouring import colour_contacts
+from elys.sim_node.physics.kernels.groups import form_groups
 from elys.sim_node.physics.kernels.integrator import finish_step
-from elys.sim_node.physics.kernels.islands import build_islands, list_held
+from elys.sim_node.physics.kernels.islands import build_islands
 from elys.sim_node.physics.kernels.joint_preparation import prepare_joints
 from elys.sim_node.physics.kernels.joints import finish_joints
 from elys.sim_node.physics.kernels.narrow_phase import update_manifolds, update_simple_manifolds
@@ -163,7 +164,7 @@ class Step:
 
     def _build_islands(self) -> None:
         room, contacts = self._room, self._contacts
-        contacts.is_changed |= room.reserve(len(self._bodies.rows), contacts.touching_count, len(self._strengths))
+        contacts.is_changed |= room.reserve(len(self._bodies.rows), contacts.touching_count)
         contacts.is_changed |= self._links is not self._joints.links
         self._links = self._joints.links
         activity = self._activity
@@ -183,13 +184,26 @@ class Step:
             self._constants,
             contacts.is_changed,
         )
-        self._held_end = list_held(self._bodies.rows, activity.bodies, activity.body_count, room.held, room.groups)
 
     def _colour_contacts(self) -> None:
         room, contacts = self._room, self._contacts
         if not contacts.is_changed:
             return
         contacts.is_changed = False
+        group_count, self._held_end = form_groups(
+            self._bodies.rows,
+            self._activity.bodies,
+            self._activity.body_count,
+            contacts.touching_count,
+            room.parent,
+            room.islands,
+            len(self._strengths),
+            room.all_groups,
+            room.present,
+            room.held,
+            room.group_of,
+        )
+        room.use_groups(group_count)
         needed = self._deal_out()
         if needed > len(room.counts):
             room.make_batch_room(needed)
@@ -204,6 +218,7 @@ class Step:
             contacts.touching,
             contacts.touching_count,
             contacts.manifolds,
+            room.group_of,
             room.masks,
             room.keys,
             room.order,
@@ -239,6 +254,7 @@ class Step:
             contacts.manifolds,
             room.rows,
             room.row_points,
+            room.group_of,
             room.groups,
             room.solver_bodies,
             room.drives,

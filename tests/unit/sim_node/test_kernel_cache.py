@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[3]
 
 COMPILE_ONE = """
 from elys.sim_node.physics.kernels import KERNELS
-name, kernel, signatures = next(entry for entry in KERNELS if entry[0] == "physics.list_held")
+name, kernel, signatures = next(entry for entry in KERNELS if entry[0] == "physics.form_groups")
 for signature in signatures:
     kernel.compile(signature)
 print(sum(kernel.stats.cache_hits.values()), sum(kernel.stats.cache_misses.values()))
@@ -45,7 +45,7 @@ def test_the_second_process_finds_what_the_first_has_compiled(own_cache):
     assert run(COMPILE_ONE) == "1 0"
     report = kernel_cache.kernel_cache_report()
     assert report.path == own_cache
-    assert "physics.list_held" not in report.missing
+    assert "physics.form_groups" not in report.missing
     assert "physics.solve_contacts" in report.missing
     assert report.present == 1 and report.total == len(report.missing) + 1
     assert report.size > 1000

@@ -15,8 +15,9 @@ from elys.sim_node.physics.kernels.broadphase import find_pairs
 from elys.sim_node.physics.kernels.cast import TOUCH
 from elys.sim_node.physics.kernels.colouring import colour_contacts
 from elys.sim_node.physics.kernels.events import describe_contacts, track_contacts, track_triggers
+from elys.sim_node.physics.kernels.groups import form_groups
 from elys.sim_node.physics.kernels.integrator import finish_step, publish_poses
-from elys.sim_node.physics.kernels.islands import build_islands, list_held
+from elys.sim_node.physics.kernels.islands import build_islands
 from elys.sim_node.physics.kernels.joint_preparation import prepare_joints
 from elys.sim_node.physics.kernels.joints import finish_joints
 from elys.sim_node.physics.kernels.narrow_phase import update_manifolds, update_simple_manifolds
@@ -70,7 +71,7 @@ DIRECT: tuple[Any, ...] = (
     update_simple_manifolds,
     update_manifolds,
     build_islands,
-    list_held,
+    form_groups,
     colour_contacts,
     prepare_bodies,
     prepare_impacts,
@@ -207,10 +208,10 @@ def _kernels() -> tuple[Kernel, ...]:
         (wake_marked, (bodies,)),
         (put_to_sleep, (bodies, poses, indices, 0, indices, islands, indices, constants)),
         (build_islands, (bodies, indices, 0, *touching[1:], links, indices, islands, strengths, constants, True)),
-        (list_held, (bodies, indices, 0, indices, groups)),
-        (colour_contacts, (*touching, masks, indices, indices, indices, indices, groups, spans, *lanes)),
+        (form_groups, (bodies, indices, 0, 0, indices, islands, 0, groups, indices, indices, indices)),
+        (colour_contacts, (*touching, indices, masks, indices, indices, indices, indices, groups, spans, *lanes)),
         (prepare_bodies, (bodies, forces, indices, 0, groups, solver, drives, strengths, constants)),
-        (prepare_impacts, (*touching, rows, row_points, groups, solver, drives, constants)),
+        (prepare_impacts, (*touching, rows, row_points, indices, groups, solver, drives, constants)),
         (
             update_simple_manifolds,
             (bodies, colliders, proxies, pairs, indices, 0, indices, numbers, manifolds, found, constants, *lanes),

@@ -30,7 +30,7 @@ def free_colour(mask, base):
 
 
 @inner
-def choose_colours(bodies, colliders, pairs, touching, touching_count, manifolds, masks, keys, colour_counts):
+def choose_colours(bodies, colliders, pairs, touching, touching_count, manifolds, group_of, masks, keys, colour_counts):
     """Writes the key of each touching pair: its group, colour and how many points it lacks.
 
     Contacts with what cannot move come last, in colours of their own: they have the last word on what stands on the ground.
@@ -47,7 +47,7 @@ def choose_colours(bodies, colliders, pairs, touching, touching_count, manifolds
             moves_b = bodies[b].motion == DYNAMIC
             if (moves_a and moves_b) == (fixed == 1):
                 continue
-            group = bodies[a].strength if moves_a else bodies[b].strength
+            group = group_of[a] if moves_a else group_of[b]
             mask = (masks[a] if moves_a else _NONE) | (masks[b] if moves_b else _NONE)
             colour = free_colour(mask, colour_counts[2 * group] if fixed == 1 else 0)
             if colour < COLOURS:
@@ -104,6 +104,7 @@ def colour_contacts(
     touching,
     touching_count,
     manifolds,
+    group_of,
     masks,
     keys,
     order,
@@ -120,10 +121,11 @@ def colour_contacts(
 
     When there is no room for so many nothing is dealt out: the caller makes room and calls again.
 
-    Parameters: masks (N,) uint64, keys and order (T,) int32, starts and colour_counts int32 are room; body_a, body_b and slots
-    (8 B,) int32 and counts (B,) are the batches' bodies, manifolds and points. Slot 0 is nobody's manifold.
+    Parameters: group_of (N,) int32 are the bodies' groups; masks (N,) uint64, keys and order (T,) int32, starts and
+    colour_counts int32 are room; body_a, body_b and slots (8 B,) int32 and counts (B,) are the batches' bodies, manifolds and
+    points. Slot 0 is nobody's manifold.
     """
-    choose_colours(bodies, colliders, pairs, touching, touching_count, manifolds, masks, keys, colour_counts)
+    choose_colours(bodies, colliders, pairs, touching, touching_count, manifolds, group_of, masks, keys, colour_counts)
     sort_by_key(keys, touching_count, starts, order)
     needed = count_batches(starts, groups.shape[0])
     if needed > counts.shape[0]:

@@ -189,6 +189,7 @@ def measure_islands(bodies, awake, awake_count, parent, islands, g):
         island.extent = 0.0
         island.body_count = 0
         island.is_jointed = 0
+        island.contacts = 0
         island.wanted = 0
         island.present = 0
     for index in range(awake_count):
@@ -218,6 +219,7 @@ def ask_contacts(bodies, colliders, pairs, touching, touching_count, manifolds, 
         second = bodies[b]
         keep_awake(first, second)
         island = islands[root_of(parent, a if first.motion == DYNAMIC else b)]
+        island.contacts += 1
         allowed = constants.overlap * allowance(island)
         overlap = contact_overlap(first, second, manifolds[touching[t]], strengths, constants)
         wanted = strength_against(overlap, allowed, least_strength(island), island.present, strengths)
@@ -278,35 +280,3 @@ def build_islands(
             body.calm = 0
         is_changed = is_changed or body.strength != before
     return is_changed
-
-
-@kernel
-def list_held(bodies, awake, awake_count, held, groups):
-    """Lists the rows of held bodies by strength, those that no force moves last; fills the groups' ranges of `held` (N,).
-
-    Returns where the list of the latter ends; it begins where the last group ends.
-    """
-    for g in range(groups.shape[0]):
-        groups[g].last_body = 0
-    for index in range(awake_count):
-        i = awake[index]
-        if bodies[i].held != 0 and bodies[i].motion == DYNAMIC:
-            groups[bodies[i].strength].last_body += 1
-    at = 0
-    for g in range(groups.shape[0]):
-        groups[g].first_body = at
-        at += groups[g].last_body
-        groups[g].last_body = groups[g].first_body
-    end = at
-    for index in range(awake_count):
-        i = awake[index]
-        if bodies[i].held == 0:
-            continue
-        if bodies[i].motion == DYNAMIC:
-            group = groups[bodies[i].strength]
-            held[group.last_body] = i
-            group.last_body += 1
-        else:
-            held[end] = i
-            end += 1
-    return end

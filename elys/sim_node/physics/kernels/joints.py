@@ -129,8 +129,8 @@ def fastest(joints, order, first, last):
 
 @inner
 def has_joints(system, g):
-    """Whether there are joints of a strength; `system` is a Joints or None."""
-    if system is None:
+    """Whether there are joints in a group; `system` is a Joints or None. They are in the first groups, one for each strength."""
+    if system is None or g >= system.groups.shape[0]:
         return False
     return system.groups[g].last > system.groups[g].first
 

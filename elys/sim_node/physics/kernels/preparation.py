@@ -8,7 +8,7 @@ from elys.sim_node.compilation import inner, kernel
 from elys.sim_node.physics.kernels.impact import response_along
 from elys.sim_node.physics.kernels.integrator import begin_body, begin_nobody
 from elys.sim_node.physics.kernels.rotation import cross
-from elys.sim_node.physics.kernels.tables import POINTS
+from elys.sim_node.physics.kernels.tables import DYNAMIC, POINTS
 
 
 @kernel
@@ -19,9 +19,10 @@ def prepare_bodies(bodies, forces, held, held_end, groups, solver_bodies, drives
     end = 0
     for g in range(groups.shape[0]):
         end = groups[g].last_body
+        h = strengths[groups[g].strength].substep
         for index in range(groups[g].first_body, end):
             i = held[index]
-            begin_body(bodies[i], forces[i], solver_bodies[i], drives[i], strengths[g].substep, constants)
+            begin_body(bodies[i], forces[i], solver_bodies[i], drives[i], h, constants)
     for index in range(end, held_end):
         i = held[index]
         begin_body(bodies[i], forces[i], solver_bodies[i], drives[i], 0.0, constants)
@@ -142,6 +143,12 @@ def prepare_row(row, row_points, first, slot, manifold, body_a, body_b, solver_b
     prepare_friction(row, a, b, drive_a, drive_b, cx, cy, cz, dx, dy, dz)
 
 
+@inner
+def group_of_pair(bodies, group_of, a, b):
+    """The group of two touching bodies: that of the one that moves."""
+    return group_of[a] if bodies[a].motion == DYNAMIC else group_of[b]
+
+
 @kernel
 def prepare_impacts(
     bodies,
@@ -152,6 +159,7 @@ def prepare_impacts(
     manifolds,
     rows,
     row_points,
+    group_of,
     groups,
     solver_bodies,
     drives,
@@ -159,25 +167,31 @@ def prepare_impacts(
 ):
     """Lists the manifolds that may bounce as rows, group by group; returns how many."""
     constants = all_constants[0]
+    for g in range(groups.shape[0]):
+        groups[g].first_row = groups[g].last_row = 0
+    if constants.can_bounce == 0:
+        return 0
+    for t in range(touching_count):
+        if manifolds[touching[t]].restitution != 0.0:
+            pair = pairs[touching[t]]
+            groups[group_of_pair(bodies, group_of, colliders[pair.a].body, colliders[pair.b].body)].last_row += 1
     count = 0
     for g in range(groups.shape[0]):
         groups[g].first_row = count
-        if constants.can_bounce != 0:
-            for t in range(touching_count):
-                slot = touching[t]
-                pair = pairs[slot]
-                manifold = manifolds[slot]
-                if manifold.restitution == 0.0:
-                    continue
-                a = colliders[pair.a].body
-                b = colliders[pair.b].body
-                if (bodies[a].strength if bodies[a].inverse_mass > 0.0 else bodies[b].strength) != g:
-                    continue
-                a = a if bodies[a].held != 0 else bodies.shape[0]
-                b = b if bodies[b].held != 0 else bodies.shape[0]
-                prepare_row(
-                    rows[count], row_points, count * POINTS, slot, manifold, a, b, solver_bodies, drives, constants
-                )
-                count += 1
-        groups[g].last_row = count
+        count += groups[g].last_row
+        groups[g].last_row = groups[g].first_row
+    for t in range(touching_count):
+        slot = touching[t]
+        pair = pairs[slot]
+        manifold = manifolds[slot]
+        if manifold.restitution == 0.0:
+            continue
+        a = colliders[pair.a].body
+        b = colliders[pair.b].body
+        group = groups[group_of_pair(bodies, group_of, a, b)]
+        a = a if bodies[a].held != 0 else bodies.shape[0]
+        b = b if bodies[b].held != 0 else bodies.shape[0]
+        r = group.last_row
+        prepare_row(rows[r], row_points, r * POINTS, slot, manifold, a, b, solver_bodies, drives, constants)
+        group.last_row += 1
     return count

@@ -197,27 +197,47 @@ def solve_group(work, joints, g, group, fixed_first, held_end, strength, team, t
 
 
 @inner
+def is_shared(work, group, all_batches, has_fixed, threads):
+    """Whether all threads solve a group together, colour by colour: it is more than one thread's part of all, and large.
+
+    Others are solved by one thread each, side by side; but for one after the other where something moves by itself, which
+    every group moves along.
+    """
+    batches = batch_count(work, group)
+    return batches >= ENOUGH * threads and (has_fixed or batches * threads > all_batches)
+
+
+@inner
 def solve_all(work, held_end, joints, strengths, all_constants, team, thread, threads):
     """All substeps of a step, group by group: velocities and displacements of the held bodies, impulses of contacts and joints.
 
-    The contacts' batches are filled first.
-
-    Each of `threads` threads calls it with its number, and with the same `team` for all to meet in. `team` is None where
-    there is one thread and `joints` where there are no joints. What each body and contact gets is the same however many
-    threads there are.
+    The contacts' batches are filled first. Each of `threads` threads calls it with its number, and with the same `team` for all
+    to meet in. `team` is None where there is one thread and `joints` where there are no joints. What each body and contact gets
+    is the same however many threads there are.
     """
     constants = all_constants[0]
     groups = work.groups
     fixed_first = groups[groups.shape[0] - 1].last_body
+    has_fixed = held_end > fixed_first
+    all_batches = 0
+    for g in range(groups.shape[0]):
+        all_batches += batch_count(work, groups[g])
+    owner = 0
     for g in range(groups.shape[0]):
         group = groups[g]
         if group.first_body == group.last_body:
             continue
-        if team is None or batch_count(work, group) >= ENOUGH * threads:
-            solve_group(work, joints, g, group, fixed_first, held_end, strengths[g], team, thread, threads, constants)
-        elif thread == 0:
-            solve_group(work, joints, g, group, fixed_first, held_end, strengths[g], None, 0, 1, constants)
-        meet(team, threads)
+        strength = strengths[group.strength]
+        if team is not None and is_shared(work, group, all_batches, has_fixed, threads):
+            meet(team, threads)
+            solve_group(work, joints, g, group, fixed_first, held_end, strength, team, thread, threads, constants)
+            meet(team, threads)
+            continue
+        if owner == thread:
+            solve_group(work, joints, g, group, fixed_first, held_end, strength, None, 0, 1, constants)
+        if not has_fixed:
+            owner = (owner + 1) % threads
+    meet(team, threads)
 
 
 @kernel

@@ -513,6 +513,8 @@ ISLAND = np.dtype(
         ("wanted", "u1"),  # the strength that its contacts ask for
         ("present", "u1"),  # the largest that its bodies had in the last step
         ("is_jointed", "u1"),
+        ("contacts", "i4"),  # how many hold it together
+        ("group", "i4"),  # row of GROUP that it is solved with
     ],
     align=True,
 )
@@ -523,6 +525,8 @@ SPAN = np.dtype([("first", "i4"), ("last", "i4"), ("is_serial", "i4")])
 # Islands of one strength: their bodies in `held` and their colours in a table of SPANs.
 GROUP = np.dtype(
     [
+        ("strength", "i4"),  # row of STRENGTH
+        ("contacts", "i4"),  # how many it has
         ("first_body", "i4"),
         ("last_body", "i4"),
         ("first_span", "i4"),
