@@ -111,7 +111,7 @@ def test_replaying_gives_the_positions_that_were_recorded_bit_for_bit(scene, ely
     """Recorded by one process, replayed by another, compared with a third run of the same scene in this one."""
     recording = tmp_path / f"{scene}.mcap"
     run = elys("run", scene, "--headless", "--steps", "240", "--record", recording, "--json")
-    assert run.wait() == 0
+    assert run.wait(seconds=240) == 0  # a scene with joints compiles more
     recorded = {frame.tick: frame for frame in frames_of(recording)}
     assert sorted(recorded) == list(range(241))
 
