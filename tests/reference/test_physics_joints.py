@@ -302,6 +302,34 @@ def test_a_closed_loop_of_hinges_turns_for_ever():
     assert abs(world.bodies.position[:, 2]).max() < 1e-9
 
 
+@pytest.mark.parametrize("kind", ["ball", "hinge"])
+def test_a_taut_row_of_planks_gains_no_energy_from_a_blow(kind):
+    """Twenty planks on an arc, held at both ends: nothing damps them, so that what is gained would add up."""
+    count, half, sag = 20, 6.0, 0.7
+    radius = (half**2 + sag**2) / (2.0 * sag)
+    opening = 2.0 * math.asin(half / radius)
+    length = 2.0 * radius * math.sin(opening / count / 2.0)
+    angle = (np.arange(count) + 0.5) * opening / count - opening / 2.0
+    out = radius * math.cos(opening / count / 2.0)
+    place = np.stack([out * np.sin(angle), radius - sag - out * np.cos(angle), 0.0 * angle], axis=1)
+    turn = np.stack([0.0 * angle, 0.0 * angle, np.sin(angle / 2.0), np.cos(angle / 2.0)], axis=1)
+    planks = np.arange(1, count + 1)
+    world = PhysicsWorld(PhysicsSettings(sleeping=False))
+    world.add_bodies(planks, position=place, rotation=turn, mass=73.0)
+    world.add_colliders(planks, size=(length, 0.1, 2.4), mask=0)
+    world.add_joints(
+        planks, kind=kind, entity_a=planks - 1, entity_b=planks, anchor_b=[-length / 2.0, 0.0, 0.0], axis_a=ABOUT_Z
+    )
+    world.add_joints([99], kind=kind, entity_b=count, anchor_b=[length / 2.0, 0.0, 0.0], axis_a=ABOUT_Z)
+    at_rest = sum(world.energy())
+    world.apply_impulse([7], [0.0, -400.0, 0.0])
+    world.step(DT)
+    blow = sum(world.energy()) - at_rest
+    for _ in range(20):
+        run(world, 1.0)
+        assert 0.8 * blow < sum(world.energy()) - at_rest < 1.01 * blow
+
+
 def test_a_soft_joint_sags_by_its_frequency():
     world = PhysicsWorld(PhysicsSettings(sleeping=False))
     add_boxes(world, [1], [[1.0, 0.0, 0.0]], mass=2.0)

@@ -38,6 +38,25 @@ def load_velocity(moving, joint):
 
 
 @inner
+def load_path(moving, drives, joint):
+    """Copies the mean of the velocities before and after the substep: that is what the integrator moves bodies by.
+
+    Returns by how much that is another one than before, at most.
+    """
+    load_velocity(moving, joint)
+    most = 0.0
+    for side in range(2):
+        row = joint.mover[side]
+        if row >= 0:
+            for c in range(6):
+                at = 6 * side + c
+                mean = 0.5 * (joint.velocity[at] + drives[row].start_velocity[c])
+                most = max(most, abs(mean - joint.path[at]))
+                joint.path[at] = mean
+    return most
+
+
+@inner
 def store_velocity(moving, joint):
     bodies, rest = moving
     for side in range(2):

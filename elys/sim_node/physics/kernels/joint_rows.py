@@ -5,7 +5,7 @@ A row acts on the linear velocities along `direction` and on the angular ones al
     direction . (v_b - v_a) + arm_b . w_b - arm_a . w_a
 
 All of this is done for any time within a substep: frames are found from the displacements since the step began, plus the
-velocities times that time.
+mean velocities over the substep times that time.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def locked_count(joint):
 def place_frames(joint, time):
     """Writes arms, frames, offset and turns of both sides as they will be after a time [s]."""
     shift = joint.shift
-    velocity = joint.velocity
+    path = joint.path
     arm = joint.arm
     frame = joint.frame
     turn = joint.turn
@@ -58,7 +58,7 @@ def place_frames(joint, time):
         s = 6 * side + 3
         dx, dy, dz, dw = turn_by(shift[s], shift[s + 1], shift[s + 2])
         if time > 0.0:
-            x, y, z, w = turn_by(time * velocity[s], time * velocity[s + 1], time * velocity[s + 2])
+            x, y, z, w = turn_by(time * path[s], time * path[s + 1], time * path[s + 2])
             dx, dy, dz, dw = multiplied(x, y, z, w, dx, dy, dz, dw)
         turn[q], turn[q + 1], turn[q + 2], turn[q + 3] = dx, dy, dz, dw
         arm[r], arm[r + 1], arm[r + 2] = rotated(dx, dy, dz, dw, start[r], start[r + 1], start[r + 2])
@@ -66,7 +66,7 @@ def place_frames(joint, time):
             x, y, z, w = multiplied(dx, dy, dz, dw, old[q], old[q + 1], old[q + 2], old[q + 3])
             frame[q], frame[q + 1], frame[q + 2], frame[q + 3] = x, y, z, w
     for c in range(3):
-        moved = shift[6 + c] - shift[c] + time * (velocity[6 + c] - velocity[c])
+        moved = shift[6 + c] - shift[c] + time * (path[6 + c] - path[c])
         joint.offset[c] = joint.start_offset[c] + moved + (arm[3 + c] - start[3 + c]) - (arm[c] - start[c])
     if not framed:
         return

@@ -8,6 +8,10 @@ A substep keeps energy over minutes because it is the same forwards and backward
 they stand in the MIDDLE of the substep and make the velocities fit the rows as they stand at its END. The integrator moves
 bodies by the mean of the old and the new velocity (`take_back`), so that the middle is where the impulses do no work: the
 implicit midpoint rule for constrained motion, Hairer, Lubich & Wanner, "Geometric Numerical Integration" (2006), VII.1.
+
+Where the middle and the end are depends on the impulses that are sought: at first on those of the last substep, and where the
+new ones lead elsewhere, the rows are written and solved anew. Without that, every taut row of links gains energy: its tension
+would act along where its links would have been, had nothing changed.
 """
 
 from __future__ import annotations
@@ -17,7 +21,7 @@ import math
 from elys.sim_node.compilation import inner, kernel
 from elys.sim_node.physics.kernels.joint_axes import solve_free, solve_gear
 from elys.sim_node.physics.kernels.joint_direct import factor_joints
-from elys.sim_node.physics.kernels.joint_impulses import load_motion, load_velocity, push_all, store_velocity
+from elys.sim_node.physics.kernels.joint_impulses import load_motion, load_path, load_velocity, push_all, store_velocity
 from elys.sim_node.physics.kernels.joint_loads import spread_loads
 from elys.sim_node.physics.kernels.joint_locks import solve_direct, solve_drive, solve_locked, solve_soft
 from elys.sim_node.physics.kernels.joint_mass import prepare_masses, turn_inertia
@@ -33,6 +37,8 @@ from elys.sim_node.physics.kernels.rotation import cross
 from elys.sim_node.physics.kernels.tables import AXIS, GEAR, JOINT_ROWS, MOTOR
 
 SWEEPS = 4  # over all joints in one pass of the solver, at most
+ROUNDS = 4  # of writing the rows and solving them, at most
+MISPLACED = 1e-5  # that rows may be off from where the bodies come to be [m], [rad]
 SETTLED = 1e-6  # rates below it are not worth another sweep, at rest [m/s], [rad/s]
 
 
@@ -137,7 +143,7 @@ def has_joints(system, g):
 
 @inner
 def begin_joints(system, g, moving, h):
-    """Rows and masses for a substep, and the impulses of the last one along the new rows."""
+    """Where everything stands as a substep begins, and what it carries."""
     joints, rows, order = system.rows, system.solver_rows, system.order
     group = system.groups[g]
     first, last = group.first, group.last
@@ -146,7 +152,25 @@ def begin_joints(system, g, moving, h):
         if joints[j].kind != GEAR:
             begin_substep(moving, joints[j], rows, JOINT_ROWS * j)
     spread_loads(joints, order, first, last, system.loads, h)
-    for place in range(first, last):
+
+
+@inner
+def lead_on(system, g, moving, drives):
+    """Where the bodies will be by their velocities as they are; returns by how much these have changed since last time."""
+    most = 0.0
+    for place in range(system.groups[g].first, system.groups[g].last):
+        joint = system.rows[system.order[place]]
+        if joint.kind != GEAR:
+            most = max(most, load_path(moving, drives, joint))
+    return most
+
+
+@inner
+def write_all(system, g, moving, h):
+    """Rows and masses for where the bodies will be, and the impulses so far along the new rows."""
+    joints, rows, order = system.rows, system.solver_rows, system.order
+    group = system.groups[g]
+    for place in range(group.first, group.last):
         j = order[place]
         if joints[j].kind != GEAR:
             begin_rows(joints[j], rows, JOINT_ROWS * j, h)
@@ -167,23 +191,12 @@ def begin_relaxation(joints, rows, order, first, last, moving):
 
 
 @inner
-def solve_joints(system, g, solver_bodies, h, biased):
-    """All joints of a strength, until they agree: forwards and backwards, so that a chain is no better from one end.
-
-    With `biased` errors of position are taken out, which the pass after the bodies have moved takes out of the velocities
-    again. The bodies must begin a substep with the impulses of the last one, as
-    `integrate_velocities` lets them.
-    """
+def sweep_joints(system, g, moving, h, biased):
+    """Solves the joints as their rows are written, until they agree: forwards and backwards, so that a chain is no better
+    from one end."""
     joints, rows, order = system.rows, system.solver_rows, system.order
     group = system.groups[g]
     first, last = group.first, group.last
-    if first == last:
-        return
-    moving = (solver_bodies, system.rest)
-    if biased:
-        begin_joints(system, g, moving, h)
-    else:
-        begin_relaxation(joints, rows, order, first, last, moving)
     columns = (system.columns, system.column_order, group.first_column, group.last_column)
     settled = SETTLED * (1.0 + 0.5 * fastest(joints, order, first, last))
     for sweep in range(sweep_count(joints, order, first, last)):
@@ -194,6 +207,31 @@ def solve_joints(system, g, solver_bodies, h, biased):
         # Last, so that what is locked is exact and what limits or drives it gives way.
         most = max(most, solve_direct(moving, joints, rows, *columns, system.blocks, h, biased, settled))
         if most <= settled:
+            break
+
+
+@inner
+def solve_joints(system, g, solver_bodies, drives, h, biased):
+    """All joints of a strength once in a substep.
+
+    With `biased` errors of position are taken out, which the pass after the bodies have moved takes out of the velocities
+    again. The bodies must begin a substep with the impulses of the last one, as `integrate_velocities` lets them.
+    """
+    joints, rows, order = system.rows, system.solver_rows, system.order
+    first, last = system.groups[g].first, system.groups[g].last
+    if first == last:
+        return
+    moving = (solver_bodies, system.rest)
+    if biased:
+        begin_joints(system, g, moving, h)
+        lead_on(system, g, moving, drives)
+    else:
+        begin_relaxation(joints, rows, order, first, last, moving)
+    for _ in range(ROUNDS if biased else 1):
+        if biased:
+            write_all(system, g, moving, h)
+        sweep_joints(system, g, moving, h, biased)
+        if biased and h * lead_on(system, g, moving, drives) < MISPLACED:
             break
     if not biased:
         for place in range(first, last):

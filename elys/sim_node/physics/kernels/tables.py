@@ -416,6 +416,7 @@ JOINT = np.dtype(
         ("start_offset", "f8", 3),  # from anchor to anchor
         ("shift", "f8", 12),  # displacements of both bodies
         ("velocity", "f8", 12),
+        ("path", "f8", 12),  # the mean velocities over a substep that the rows are written for
         ("turn", "f8", 8),  # of both bodies since the step began
         ("inertia", "f8", 12),
         ("arm", "f8", 6),
