@@ -1,7 +1,7 @@
 """Groups of islands that are solved one after the other, each through all substeps of a step before the next one begins.
 
 Islands do not know of each other, so it does not matter in which order they are solved; but what is solved in many passes
-should stay in the processor's cache from one pass to the next. So a group holds a few hundred contacts, or one island that is
+should stay in the processor's cache from one pass to the next. So a group holds a thousand contacts or so, or one island that is
 larger, all of one strength.
 """
 
@@ -12,7 +12,7 @@ from elys.sim_node.physics.kernels.islands import root_of
 from elys.sim_node.physics.kernels.tables import DYNAMIC
 
 MOST_CHUNKS = 48  # groups beside the first one of each strength
-CHUNK = 800  # contacts of a group: 250 kB, half of a processor's own cache or less
+CHUNK = 1600  # contacts of a group: half a megabyte, about what a core keeps to itself
 
 
 @inner

@@ -72,7 +72,7 @@ def world_after_step(position) -> PhysicsWorld:
 def test_an_island_moves_alike_whoever_else_is_there() -> None:
     """Bit for bit, though it is solved among others, in groups that hold several islands."""
     leaning = [[0.0, 0.5, 0.0], [0.1, 1.51, 0.0], [0.25, 2.52, 0.05], [0.3, 3.53, 0.1]]
-    others = [place for k in range(1, 400) for place in column(4, 3.0 * (k % 20), 3.0 + 3.0 * (k // 20))]
+    others = [place for k in range(1, 700) for place in column(4, 3.0 * (k % 20), 3.0 + 3.0 * (k // 20))]
     alone, among = world_of_cubes(leaning), world_of_cubes([*leaning, *others])
     for _ in range(90):
         alone.step(DT)
