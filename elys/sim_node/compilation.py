@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import logging
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
@@ -18,6 +19,8 @@ from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataC
 
 from elys.sim_node.compilation_target import TARGET
 from elys.sim_node.kernel_directory import cache_directory, shipped_directory, source_hash
+
+_log = logging.getLogger(__name__)
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -103,6 +106,7 @@ class _KernelCache(FunctionCache):
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
+        self._kernel = function.__name__
         locator = self._impl.locator
         self._shipped = IndexDataCacheFile(
             cache_path=str(shipped_directory(locator.package)),
@@ -122,7 +126,10 @@ class _KernelCache(FunctionCache):
         shipped = self._shipped.load(self._index_key(sig, target_context.codegen()))
         if shipped is not None:
             return self._impl.rebuild(target_context, shipped)
-        return super()._load_overload(sig, target_context)
+        kept = super()._load_overload(sig, target_context)
+        if kept is None:
+            _log.info("compiling %s (once)", self._kernel)
+        return kept
 
     def _save_overload(self, sig: Any, data: Any) -> None:
         # Where nothing can be written the kernel works all the same, and is compiled again next time.

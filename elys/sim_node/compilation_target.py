@@ -68,7 +68,7 @@ class KernelDispatcher(Dispatcher):
 
     targetdescr = _Descriptor(TARGET)
 
-    is_direct = False  # it is only ever called with arguments of the one signature that it was compiled for
+    direct_signature: tuple[Any, ...] | None = None  # the one signature of all its calls, where there is just one
     _entry: Any = None
 
     def __call__(self, *arguments: Any) -> Any:
@@ -76,8 +76,8 @@ class KernelDispatcher(Dispatcher):
         if self._entry is not None:
             return self._entry(*arguments)
         result = super().__call__(*arguments)
-        if self.is_direct and len(self.overloads) == 1:
-            self._entry = next(iter(self.overloads.values())).entry_point
+        if self.direct_signature is not None and tuple(self.overloads) == (self.direct_signature,):
+            self._entry = self.overloads[self.direct_signature].entry_point
         return result
 
     def compile(self, sig: Any) -> Any:

@@ -1,15 +1,16 @@
-"""Compiling all kernels ahead, once for a machine, with exact progress; loading them afterwards takes a fraction of a second.
+"""Compiling kernels ahead, once for a machine, with exact progress; loading them afterwards takes a fraction of a second.
 
 Nothing needs to be set before the process starts: each kernel looks for its machine code in the folder that
 `kernel_directory` names, whoever imports it first. A caller that wants a progress bar asks `kernels_are_warm()`, which
-imports no compiler, and then calls `warm_kernels` with a function that shows the progress.
+imports no compiler, and then calls `warm_kernels` with a function that shows the progress. Both are told what a scene needs
+beside the kernels of every world (`kernel_needs`).
 """
 
 from __future__ import annotations
 
 import shutil
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,7 +23,7 @@ from elys.sim_node.kernel_workers import compile_in_processes, process_count
 Progress = Callable[[str, int, int], None]  # name of the kernel that is ready, how many are, how many there are
 
 KEPT_STATES = 6  # folders of earlier sources and of other levels that are kept for each package
-_STAMP = "complete"  # a file that says so of its folder
+_STAMP = "complete"  # a file that says so of its folder: the kernels of every world are there
 
 
 class KernelCacheReport(NamedTuple):
@@ -36,13 +37,22 @@ class KernelCacheReport(NamedTuple):
     size: int  # [bytes]
 
 
-def kernels_are_warm() -> bool:
-    """Whether machine code of all kernels is there, shipped or compiled earlier. Costs a few milliseconds."""
-    return all(_is_complete(package) for package in kernel_packages())
+def kernels_are_warm(needs: Sequence[str] = ()) -> bool:
+    """Whether machine code of the kernels of every world and of those named is there, shipped or compiled earlier.
+
+    Costs a few milliseconds.
+    """
+    return all(_has_stamp(package, _STAMP) for package in kernel_packages()) and all(map(_is_ready, needs))
 
 
-def warm_kernels(progress: Progress | None = None, *, processes: int | None = None, every: bool = False) -> None:
-    """Compiles the kernels that every world needs, or loads them from a cache; with `every` those that only some need too.
+def warm_kernels(
+    progress: Progress | None = None,
+    *,
+    needs: Sequence[str] = (),
+    processes: int | None = None,
+    every: bool = False,
+) -> None:
+    """Compiles the kernels of every world and those named, or loads them from a cache; with `every` all there are.
 
     On a first start several processes share the work, one for each processor unless said otherwise. `progress` is told of each
     kernel as it becomes ready.
@@ -50,7 +60,19 @@ def warm_kernels(progress: Progress | None = None, *, processes: int | None = No
     Raises:
         ElysError: the cache's folder cannot be written, or ELYS_CPU_LEVEL names no level that this processor has.
     """
-    kernels = all_kernels() if every else first_kernels()
+    first = first_kernels()
+    later = [kernel for kernel in all_kernels()[len(first) :] if every or kernel.name in needs]
+    missing = [*(() if kernels_are_warm() else first), *(kernel for kernel in later if not _is_ready(kernel.name))]
+    if missing:
+        _make_folders()
+        compile_in_processes(missing, _counted(progress, len(missing)), processes=processes or process_count())
+        _stamp(later)
+    for kernel in (*first, *later):
+        make_callable(kernel)
+
+
+def _counted(progress: Progress | None, total: int) -> Callable[[str], None]:
+    """Tells of each kernel and how many there are now; several threads call it."""
     done = 0
     lock = threading.Lock()
 
@@ -59,17 +81,16 @@ def warm_kernels(progress: Progress | None = None, *, processes: int | None = No
         with lock:
             done += 1
             if progress is not None:
-                progress(name, done, len(kernels))
+                progress(name, done, total)
 
-    if kernels_are_warm():
-        for kernel in kernels:
-            make_callable(kernel)
-            ready(kernel.name)
-        return
-    _make_folders()
-    compile_in_processes(kernels, ready, processes=processes or process_count())
+    return ready
+
+
+def _stamp(later: Sequence[Kernel]) -> None:
     for package in kernel_packages():
         (cache_directory(package) / _STAMP).touch()
+    for kernel in later:
+        (cache_directory(_package_of(kernel.name)) / _stamp_of(kernel.name)).touch()
     _forget_old_states()
 
 
@@ -91,7 +112,7 @@ def kernel_cache_report() -> KernelCacheReport:
     kernels = first_kernels()
     missing = tuple(kernel.name for kernel in kernels if not any(_holds(file, kernel) for file in files))
     size = sum(file.stat().st_size for file in files)
-    is_shipped = all(_is_stamped(shipped) for shipped, _ in places)
+    is_shipped = all((shipped / _STAMP).exists() for shipped, _ in places)
     path = SHIPPED_ROOT if is_shipped else cache_root()
     return KernelCacheReport(cpu_level(), path, len(kernels) - len(missing), len(kernels), missing, size)
 
@@ -115,12 +136,21 @@ def _make_folders() -> None:
             ) from error
 
 
-def _is_complete(package: str) -> bool:
-    return _is_stamped(shipped_directory(package)) or _is_stamped(cache_directory(package))
+def _is_ready(name: str) -> bool:
+    """Whether a kernel that only some worlds need is there."""
+    return _has_stamp(_package_of(name), _stamp_of(name))
 
 
-def _is_stamped(folder: Path) -> bool:
-    return (folder / _STAMP).exists()
+def _package_of(kernel: str) -> str:
+    return kernel.partition(".")[0]
+
+
+def _stamp_of(kernel: str) -> str:
+    return f"{kernel}.ready"
+
+
+def _has_stamp(package: str, stamp: str) -> bool:
+    return (shipped_directory(package) / stamp).exists() or (cache_directory(package) / stamp).exists()
 
 
 def _forget_old_states() -> None:

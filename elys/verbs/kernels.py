@@ -9,16 +9,19 @@ import threading
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+from elys.common.scene import OpenedScene
 from elys.sim_node.kernel_cache import kernels_are_warm, warm_kernels
+from elys.sim_node.kernel_needs import needed_kernels
 
 if TYPE_CHECKING:
     from rich.console import Console
 
 
-def compile_with_progress() -> None:
-    """Loads the kernels, or compiles them with a bar that names what is being compiled."""
-    if kernels_are_warm():
-        warm_kernels()
+def compile_with_progress(scene: OpenedScene, *, threads: int = 1) -> None:
+    """Loads the kernels that a scene needs, or compiles them with a bar that names what is being compiled."""
+    needs = needed_kernels(scene, threads=threads)
+    if kernels_are_warm(needs):
+        warm_kernels(needs=needs)
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -38,7 +41,7 @@ def compile_with_progress() -> None:
         def show(name: str, index: int, total: int) -> None:
             bar.update(task, completed=index, total=total, description=name)
 
-        warm_kernels(show)
+        warm_kernels(show, needs=needs)
         bar.update(task, description="done")
 
 

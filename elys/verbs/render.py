@@ -119,7 +119,7 @@ def _simulated(scene: str, time: float, duration: float) -> Footage:
 
     assets = AssetStore()
     opened = open_scene_or_sample(scene, assets)
-    compile_with_progress()
+    compile_with_progress(opened)
     simulation = Simulation.load(opened, assets)
     mirror = SceneMirror()
     mirror.apply_snapshot(

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from elys.common.errors import LaunchError
+
+if TYPE_CHECKING:
+    from elys.common.scene import OpenedScene
 
 _PACKAGE: Final = Path(__file__).parents[1]
 LAUNCH_DIRECTORIES: Final = (_PACKAGE.parent / "launch", _PACKAGE / "_launch")  # of a checkout, of an installed wheel
@@ -44,15 +47,16 @@ def run(
         return
     from elys.render_node.window import probe_display
     from elys.sim_node.kernel_cache import kernels_are_warm
+    from elys.sim_node.kernel_needs import needed_kernels
     from elys.verbs.kernels import compile_with_progress
     from elys.verbs.recording_child import require_recordable
 
-    require_scene(scene)
+    opened = require_scene(scene)
     if record is not None:
         require_recordable(record)
     probe_display()
-    if not kernels_are_warm():  # the bar needs this terminal; a node's own lines are prefixed
-        compile_with_progress()
+    if not kernels_are_warm(needed_kernels(opened, threads=threads)):
+        compile_with_progress(opened, threads=threads)  # the bar needs this terminal; a node's own lines are prefixed
     options = ["--steps", str(step_limit)] if step_limit else []
     options += ["--record", str(record)] if record else []
     options += ["--paused"] if paused else []
@@ -113,11 +117,11 @@ def free_endpoint() -> str:
     raise LaunchError(f"the ports {DEFAULT_PORT} to {DEFAULT_PORT + 99} are all in use: name one with --listen")
 
 
-def require_scene(scene: str) -> None:
+def require_scene(scene: str) -> OpenedScene:
     """Reads the scene once in this process, so that a mistake in it is one line and not a crash of a node."""
     from elys.verbs.scenes import open_scene_or_sample
 
-    open_scene_or_sample(scene)
+    return open_scene_or_sample(scene)
 
 
 def _run_headless(

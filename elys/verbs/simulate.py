@@ -65,7 +65,7 @@ def prepare(scene: str, *, record: Path | None, threads: int = 1) -> Simulation:
         require_recordable(record)
     assets = AssetStore()
     opened = open_scene_or_sample(scene, assets)
-    compile_with_progress()
+    compile_with_progress(opened, threads=threads)
     return Simulation.load(opened, assets, threads=threads)
 
 

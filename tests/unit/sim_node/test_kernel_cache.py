@@ -51,6 +51,29 @@ def test_the_second_process_finds_what_the_first_has_compiled(own_cache):
     assert report.size > 1000
 
 
+def test_what_a_scene_needs_is_compiled_ahead_and_only_that(own_cache, monkeypatch):
+    kernels = {kernel.name: kernel for kernel in kernel_list.all_kernels()}
+    first, wanted, other = (
+        kernels[f"physics.{name}"] for name in ("wake_marked", "describe_contacts", "finish_joints")
+    )
+    monkeypatch.setattr(kernel_cache, "first_kernels", lambda: (first,))
+    monkeypatch.setattr(kernel_cache, "all_kernels", lambda: (first, wanted, other))
+    heard: list[tuple[str, int, int]] = []
+
+    def warm(*needs: str) -> list[tuple[str, int, int]]:
+        heard.clear()
+        kernel_cache.warm_kernels(lambda *told: heard.append(told), needs=needs, processes=1)
+        return heard
+
+    assert not kernel_cache.kernels_are_warm()
+    assert warm() == [(first.name, 1, 1)]
+    assert kernel_cache.kernels_are_warm() and not kernel_cache.kernels_are_warm([wanted.name])
+    assert warm(wanted.name) == [(wanted.name, 1, 1)]
+    assert kernel_cache.kernels_are_warm([wanted.name])
+    assert not kernel_cache.kernels_are_warm([wanted.name, other.name])
+    assert warm(wanted.name) == []
+
+
 def test_asking_whether_kernels_are_warm_imports_no_compiler(own_cache):
     program = (
         "import sys; from elys.sim_node.kernel_cache import kernels_are_warm; "

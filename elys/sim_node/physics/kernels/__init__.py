@@ -81,8 +81,6 @@ DIRECT: tuple[Any, ...] = (
     finish_step,
     put_to_sleep,
 )
-for _function in DIRECT:
-    _function.is_direct = True
 
 
 def _kernels() -> tuple[Kernel, ...]:
@@ -250,3 +248,7 @@ def _kernels() -> tuple[Kernel, ...]:
 _ALL = _kernels()
 KERNELS = tuple(entry for entry in _ALL if entry[1] not in LATER)
 LATER_KERNELS = tuple(entry for entry in _ALL if entry[1] in LATER)
+
+for _, _function, _signatures in _ALL:
+    if _function in DIRECT:
+        _function.direct_signature = _signatures[0]

@@ -1,0 +1,60 @@
+"""Which of the kernels that only some worlds need a scene will call, told from its components before anything is compiled.
+
+What is missed here is compiled when it is first called: a step stands still for it, once on a machine. So this follows what the
+scene says and does not guess what its scripts or its users will add.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any, Final
+
+from elys.common.scene import OpenedScene
+from elys.common.scene_document import ComponentValues
+
+_SIMPLE_SHAPES: Final = ("box", "sphere")  # they have a smaller kernel of their own
+_FALL: Final = 1.0  # [s] of free fall: what is through itself in a tick by then will want its impacts found
+
+
+def needed_kernels(scene: OpenedScene, *, threads: int = 1) -> tuple[str, ...]:
+    """Names of the kernels that the scene's steps need beside those of every world, in a fixed order."""
+    entities = [record.components for record in scene.records]
+    needs: list[str] = []
+    if any(_shape(collider) not in _SIMPLE_SHAPES for collider in _all_of(entities, "Collider")):
+        needs.append("physics.update_manifolds")
+    if any(collider.get("is_trigger") for collider in _all_of(entities, "Collider")):
+        needs.append("physics.track_triggers")
+    if any(_may_be_fast(entity, scene) for entity in entities):
+        needs.append("physics.stop_at_impacts")
+    is_jointed = any(True for _ in _all_of(entities, "Joint"))
+    if is_jointed:
+        needs += ["physics.prepare_joints", "physics.finish_joints", "physics.solve_jointed_contacts"]
+    if threads > 1:
+        needs.append("physics.solve_shared_jointed_contacts" if is_jointed else "physics.solve_shared_contacts")
+    return tuple(needs)
+
+
+def _all_of(entities: Iterable[ComponentValues], name: str) -> Iterable[dict[str, Any]]:
+    return (entity[name] for entity in entities if name in entity)
+
+
+def _shape(collider: dict[str, Any]) -> str:
+    return str(collider.get("shape", "box"))
+
+
+def _may_be_fast(entity: ComponentValues, scene: OpenedScene) -> bool:
+    """Whether a body soon moves by more than its own thickness in a tick, as bullets and pebbles do."""
+    if "RigidBody" not in entity or "Collider" not in entity:
+        return False
+    body, collider = entity["RigidBody"], entity["Collider"]
+    if body.get("motion", "dynamic") == "static":
+        return False
+    speed = math.hypot(*body.get("linear_velocity", (0.0, 0.0, 0.0)))
+    if body.get("motion", "dynamic") == "dynamic":
+        speed += _FALL * math.hypot(*scene.settings.gravity)
+    thickness = (
+        min(collider.get("size", (1.0, 1.0, 1.0))) if _shape(collider) == "box" else 2.0 * collider.get("radius", 0.5)
+    )
+    scale = entity.get("Transform", {}).get("scale", (1.0, 1.0, 1.0))
+    return speed / scene.settings.tick_rate > thickness * min(abs(factor) for factor in scale)
