@@ -58,6 +58,14 @@ class SceneSettings(msgspec.Struct, frozen=True, kw_only=True):
         int, Meta(ge=1, le=10_000, description="Ticks in a second of simulation.", extra={"unit": "Hz"})
     ] = 60
     substeps: Annotated[int, Meta(ge=1, le=64, description="Steps of the contact solver in a tick.")] = 8
+    strengths: Annotated[
+        int,
+        Meta(
+            ge=1,
+            le=8,
+            description="How often substeps may be doubled for islands that are high or uneven in mass, that and one.",
+        ),
+    ] = 5
     on_problem: Annotated[
         Literal["continue", "pause"], Meta(description="Whether time stops when physics finds something to be wrong.")
     ] = "continue"

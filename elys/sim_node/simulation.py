@@ -189,6 +189,7 @@ def physics_settings(settings: SceneSettings, threads: int = 1) -> PhysicsSettin
         gravity=settings.gravity,
         attractors=tuple(Attractor(**msgspec.structs.asdict(attractor)) for attractor in settings.attractors),
         substeps=settings.substeps,
+        strengths=settings.strengths,
         on_problem=settings.on_problem,
         threads=threads,
     )

@@ -62,6 +62,18 @@ class PhysicsWorld(WorldJoints):
         )
 
     @property
+    def masses(self) -> Array:
+        """The mass of each of `bodies`, (N,) [kg]; also of those that no force moves."""
+        return self._bodies.mass
+
+    @property
+    def radii(self) -> Array:
+        """Radius of the ball that holds the largest collider of each of `bodies`, (N,) [m]; 0 where there is none."""
+        radii = np.zeros(len(self._bodies.rows))
+        np.maximum.at(radii, self._colliders.rows["body"], self._colliders.rows["reach"])
+        return radii
+
+    @property
     def contacts(self) -> ContactPoints:
         """Where bodies touched in the last step."""
         return self._contacts.contact_points(self._bodies.rows, self._colliders.rows)

@@ -1,0 +1,1 @@
+"""Experiments over simulations: speed against error, calibration, sweeps, hard cases, peers."""
