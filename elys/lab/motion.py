@@ -24,6 +24,7 @@ from elys.sim_node.simulation import Simulation
 Array = np.ndarray[Any, Any]
 
 MOST_SAMPLES: Final = 600_000_000  # numbers that a motion may hold, 4.8 GB
+LEAST_COST: Final = 0.2  # [s] of processor time on which a measurement rests
 
 
 class Job(NamedTuple):
@@ -44,6 +45,7 @@ class Motion(NamedTuple):
     """The dynamic bodies of a scene at T moments, the first as it was loaded; N bodies."""
 
     setting: Setting
+    gravity: float  # [m/s^2]
     names: tuple[str, ...]  # (N,)
     mass: Array  # (N,) [kg]
     size: Array  # (N,) edge of the cube that fits into the same ball [m]
@@ -86,6 +88,16 @@ def run_job(job: Job) -> Motion:
         SceneError: nothing in the scene can move, or there is too much to keep.
     """
     warm_kernels(needs=needed_kernels(job.scene))
+    motion = _run(job)
+    spent = motion.cost
+    while spent < LEAST_COST:  # what takes so little is measured again: once is chance
+        again = _run(job)
+        spent += again.cost
+        motion = motion._replace(cost=min(motion.cost, again.cost))
+    return motion
+
+
+def _run(job: Job) -> Motion:
     simulation = Simulation.load(job.scene, job.assets)
     keeper = _Keeper(simulation, round(job.duration * job.sample_rate) + 1)
     every = job.setting.tick_rate // job.sample_rate
@@ -158,6 +170,7 @@ class _Keeper:
         count = len(self._moments)
         return Motion(
             setting=setting,
+            gravity=math.hypot(*self._simulation.settings.gravity),
             names=tuple(self._name(int(entity)) for entity in self._entities),
             mass=self._mass,
             size=self._size,

@@ -70,20 +70,14 @@ class Observable:
 
 
 def scales_of(reference: Motion) -> Scales:
-    """What is typical of a scene, of its reference motion."""
+    """What is typical of a scene: the size of its bodies, what it takes to lift them by that, and how it moves itself."""
     mass = float(reference.mass.sum())
-    length = _typical_size(reference)
-    height = float(np.ptp(reference.potential))
-    energy = float(reference.kinetic.max()) + height
-    weight = mass * 9.81 * length
-    speeds = np.linalg.norm(reference.linear_velocity, axis=2)
-    momentum = float((speeds @ reference.mass).max())
-    return Scales(
-        length,
-        energy if energy > 1e-6 * weight else weight,
-        momentum if momentum > 1e-6 * mass else mass * math.sqrt(9.81 * length),
-        reference.duration,
-    )
+    length = float(np.median(reference.size)) or 1.0
+    moved = float(reference.kinetic.max()) + float(np.ptp(reference.potential))
+    lifted = mass * reference.gravity * length
+    carried = float((np.linalg.norm(reference.linear_velocity, axis=2) @ reference.mass).max())
+    fallen = mass * math.sqrt(reference.gravity * length)
+    return Scales(length, max(moved, lifted) or 1.0, max(carried, fallen) or 1.0, reference.duration)
 
 
 def errors_of(motion: Motion, reference: Motion, scales: Scales) -> list[ObservableError]:
@@ -102,10 +96,6 @@ def divergence_time(motion: Motion, reference: Motion, scales: Scales) -> float:
     """When the first body stands farther off the reference than a twentieth of a body [s]; infinity for never."""
     parted = _distances(motion, reference).max(1) > PARTED * scales.length
     return float(motion.time[int(np.argmax(parted))]) if parted.any() else math.inf
-
-
-def _typical_size(motion: Motion) -> float:
-    return float(np.median(motion.size))
 
 
 def _distances(motion: Motion, reference: Motion) -> Array:
@@ -168,7 +158,7 @@ def _drift_at_rest(motion: Motion, reference: Motion, scales: Scales) -> _Worst:
 
 
 def _rest_pose(motion: Motion, reference: Motion, scales: Scales) -> _Worst:
-    """Where what rests at the end rests: each body where trajectories have not parted, else the centre of them all."""
+    """Where what rests at the end rests: each body where trajectories have not parted, else how high all lie."""
     resting = _is_resting(motion)[-1] & _is_resting(reference)[-1]
     if not resting.any():
         return _Worst(0.0)
@@ -176,8 +166,9 @@ def _rest_pose(motion: Motion, reference: Motion, scales: Scales) -> _Worst:
     if math.isinf(divergence_time(motion, reference, scales)):
         distance = _distances(motion, reference)[-1] * resting
         return _Worst(float(distance.max()), end, motion.names[int(np.argmax(distance))])
-    mean = [np.average(run.position[-1], axis=0, weights=run.mass) for run in (motion, reference)]
-    return _Worst(float(np.linalg.norm(mean[0] - mean[1])), end)
+    # Where exactly the heap lies is chance by then; how high it is, is not.
+    height = [float(run.potential[-1]) / (float(run.mass.sum()) * (run.gravity or 1.0)) for run in (motion, reference)]
+    return _Worst(abs(height[0] - height[1]), end)
 
 
 def _settling_time(motion: Motion) -> tuple[float, int]:
@@ -202,15 +193,20 @@ def _stick_or_slip(motion: Motion, reference: Motion, scales: Scales) -> _Worst:
 
 
 def _contact_timing(motion: Motion, reference: Motion, scales: Scales) -> _Worst:
-    """First contacts, while trajectories are still together: who touches whom later is chance."""
+    """First contacts, while trajectories are still together: who touches whom later is chance.
+
+    A contact is told at the end of the tick that it falls into: up to there a late one is in time.
+    """
     horizon = divergence_time(motion, reference, scales)
+    tick, fine = 1.0 / motion.setting.tick_rate, 1.0 / reference.setting.tick_rate
     worst = _Worst(0.0)
     for pair, meant in reference.first_contacts.items():
-        if meant > horizon:
+        if meant > horizon or pair not in motion.first_contacts:
             continue
-        own = motion.first_contacts.get(pair, horizon)
-        if math.isfinite(own) and abs(own - meant) > worst.value:
-            worst = _Worst(abs(own - meant), meant, " on ".join(pair))
+        own = motion.first_contacts[pair]
+        error = max(own - (meant + tick), meant - fine - own, 0.0)
+        if error > worst.value:
+            worst = _Worst(error, meant, " on ".join(pair))
     return worst
 
 
@@ -263,7 +259,7 @@ OBSERVABLES: Final[tuple[Observable, ...]] = (
     Observable(
         name="rest pose",
         unit="m",
-        text="where a body lies in the end; once trajectories have parted, the centre of all of them",
+        text="where a body lies in the end; once trajectories have parted, how high the centre of all lies",
         scale=lambda scales: scales.length,
         of=_rest_pose,
     ),
@@ -284,7 +280,7 @@ OBSERVABLES: Final[tuple[Observable, ...]] = (
     Observable(
         name="contact timing",
         unit="s",
-        text="when two bodies first touched, while trajectories were together",
+        text="by how much two bodies first touched before or after their tick, while trajectories were together",
         scale=lambda scales: scales.time,
         of=_contact_timing,
     ),

@@ -1,0 +1,233 @@
+"""Speed against error: a scene at a ladder of settings, each judged against a reference that converged by itself."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from typing import Final
+
+import msgspec
+
+from elys.common.assets.store import AssetStore
+from elys.common.scene import OpenedScene
+from elys.lab.motion import Job, Motion, run_job
+from elys.lab.observables import ObservableError, Scales, divergence_time, errors_of, scales_of
+from elys.lab.reference import Reference, agree, is_better
+from elys.lab.setting import Setting, common_rate, ladder, refined, setting_of
+
+FIRST_REFINEMENT: Final = 2  # halvings of the scene's tick that the reference begins with
+MOST_REFINEMENTS: Final = 5
+REFERENCE_SUBSTEPS: Final = 4  # at least; a short tick needs few
+DOUBT: Final = 2.0  # an error must be so many times the reference's own uncertainty to count
+SAMPLE_RATE: Final = 60  # [Hz] at most, at which motions are compared
+
+Progress = Callable[[str, int, int], None]  # what is done, how many runs are, how many there will be
+
+
+class Outcome(msgspec.Struct, frozen=True):
+    """How a setting did."""
+
+    setting: Setting
+    cost: float  # [s] of processor time for a second of simulation
+    errors: tuple[ObservableError, ...]
+    error: float  # relative, of the dominant observable
+    dominant: str  # the observable with the largest relative error
+    horizon: float | None  # [s] when trajectories part from the reference; None if they never do
+    is_best: bool = False  # nothing is both cheaper and more exact
+
+    @property
+    def worst(self) -> ObservableError:
+        """The dominant error."""
+        return next(error for error in self.errors if error.name == self.dominant)
+
+
+class Study(msgspec.Struct, frozen=True):
+    """What a scene's runs say."""
+
+    scene: str
+    duration: float  # [s]
+    body_count: int
+    scales: Scales
+    reference: Setting
+    uncertainty: dict[str, float]  # of the reference, relative, by observable
+    is_converged: bool
+    outcomes: tuple[Outcome, ...]  # from cheap to dear
+    chosen: Setting | None  # the cheapest whose error is within the budget
+    budget: float  # relative
+    own: Setting  # the scene's own
+
+
+class Judge(msgspec.Struct, frozen=True):
+    """What motions are judged by."""
+
+    reference: Reference
+    scales: Scales
+
+    def outcome(self, motion: Motion) -> Outcome:
+        """How a motion did. What the reference itself is not sure of decides nothing."""
+        errors = errors_of(motion, self.reference.motion, self.scales)
+        known = {error.name: self.known(error) for error in errors}
+        dominant = max(known, key=lambda name: (known[name] if not math.isnan(known[name]) else math.inf))
+        horizon = divergence_time(motion, self.reference.motion, self.scales) if motion.is_finite else 0.0
+        return Outcome(
+            motion.setting,
+            motion.cost / motion.duration,
+            tuple(errors),
+            known[dominant],
+            dominant,
+            horizon if math.isfinite(horizon) else None,
+        )
+
+    def known(self, error: ObservableError) -> float:
+        """An error as far as it is beyond doubt: 0 where the reference itself is hardly better."""
+        return error.relative if error.relative > DOUBT * self.reference.uncertainty[error.name] else 0.0
+
+
+def study(
+    scene: OpenedScene,
+    assets: AssetStore,
+    executor: Executor,
+    *,
+    duration: float,
+    budget: float,
+    settings: Sequence[Setting] = (),
+    progress: Progress | None = None,
+    motions: list[Motion] | None = None,
+) -> Study:
+    """Runs a scene at each of `settings` (the ladder, where none are given) and judges each.
+
+    Args:
+        duration: of each run [s].
+        budget: relative error up to which a setting is good enough.
+        motions: takes the runs themselves, the reference first, where somebody wants to look at them.
+
+    Raises:
+        SceneError: nothing in the scene can move. ElysError: there is no reference, since the motion leaves the numbers.
+    """
+    tried = list(settings) or ladder(scene.settings)
+    runs = _Runs(scene, assets, executor, duration, common_rate(tried), progress)
+    waiting = [runs.start(setting) for setting in tried]
+    reference = _converged(runs, scene)
+    judge = Judge(reference, scales_of(reference.motion))
+    done = distinct([runs.result(future) for future in waiting])
+    if motions is not None:
+        motions += [reference.motion, *done]
+    outcomes = with_front(sorted((judge.outcome(motion) for motion in done), key=lambda outcome: outcome.cost))
+    return Study(
+        scene=scene.name,
+        duration=duration,
+        body_count=len(reference.motion.names),
+        scales=judge.scales,
+        reference=reference.motion.setting,
+        uncertainty=reference.uncertainty,
+        is_converged=reference.is_converged,
+        outcomes=tuple(outcomes),
+        chosen=cheapest(outcomes, budget),
+        budget=budget,
+        own=setting_of(scene.settings),
+    )
+
+
+def distinct(motions: Sequence[Motion]) -> list[Motion]:
+    """Of settings that differ in the solver's strength alone and move everything the same, the one that may do more."""
+    last = {
+        (motion.setting.tick_rate, motion.setting.substeps, motion.state_hash): motion
+        for motion in sorted(motions, key=lambda motion: motion.setting)
+    }
+    return list(last.values())
+
+
+def with_front(outcomes: Sequence[Outcome]) -> list[Outcome]:
+    """Marks those that nothing beats in both; `outcomes` are sorted by cost."""
+    least = math.inf
+    marked = []
+    for outcome in outcomes:
+        is_best = outcome.error < least
+        least = min(least, outcome.error)
+        marked.append(msgspec.structs.replace(outcome, is_best=is_best))
+    return marked
+
+
+def cheapest(outcomes: Sequence[Outcome], budget: float) -> Setting | None:
+    """The cheapest setting within the budget; None where none is."""
+    good = [outcome for outcome in outcomes if outcome.error <= budget]
+    return min(good, key=lambda outcome: outcome.cost).setting if good else None
+
+
+class _Runs:
+    """Runs of one scene, started and awaited."""
+
+    def __init__(
+        self,
+        scene: OpenedScene,
+        assets: AssetStore,
+        executor: Executor,
+        duration: float,
+        rate: int,
+        progress: Progress | None,
+    ) -> None:
+        self._scene = scene
+        self._assets = physical(assets)
+        self._executor = executor
+        self._duration = duration
+        self._rate = max(divisor for divisor in range(1, SAMPLE_RATE + 1) if rate % divisor == 0)
+        self._progress = progress
+        self._pending: set[Future[Motion]] = set()
+        self._started = 0
+        self._label: dict[Future[Motion], str] = {}
+
+    def start(self, setting: Setting) -> Future[Motion]:
+        job = Job(setting.applied_to(self._scene), self._assets, self._duration, self._rate)
+        future = self._executor.submit(run_job, job)
+        self._pending.add(future)
+        self._started += 1
+        self._label[future] = setting.label
+        return future
+
+    def result(self, future: Future[Motion]) -> Motion:
+        """What a run came to; while it is awaited progress is told of all others too."""
+        while not future.done():
+            self._tell(wait(self._pending, return_when=FIRST_COMPLETED).done)
+        self._tell({future} & self._pending)
+        return future.result()
+
+    def _tell(self, done: set[Future[Motion]]) -> None:
+        self._pending -= done
+        for future in done:
+            if future.exception() is not None:
+                self._cancel()
+                future.result()
+            if self._progress is not None:
+                self._progress(self._label[future], self._started - len(self._pending), self._started)
+
+    def _cancel(self) -> None:
+        for future in self._pending:
+            future.cancel()
+
+
+def _converged(runs: _Runs, scene: OpenedScene) -> Reference:
+    own = setting_of(scene.settings)
+    base = msgspec.structs.replace(own, substeps=max(own.substeps, REFERENCE_SUBSTEPS))
+    first, second = (runs.start(refined(base, FIRST_REFINEMENT + k)) for k in range(2))
+    best = agree(runs.result(first), runs.result(second))
+    for doublings in range(FIRST_REFINEMENT + 2, MOST_REFINEMENTS + 1):
+        if best.is_converged:
+            break
+        finer = runs.result(runs.start(refined(base, doublings)))
+        new = agree(best.motion, finer)
+        if not is_better(new, best):
+            break
+        best = new
+    return best
+
+
+def physical(assets: AssetStore) -> AssetStore:
+    """What physics needs of the assets of a scene: images stay at home."""
+    chosen = AssetStore()
+    for reference in assets.references():
+        kind = assets.kind(reference)
+        if kind in ("mesh", "heights"):
+            chosen.put(assets.get(reference), kind=kind)
+    return chosen
+
