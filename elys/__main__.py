@@ -29,6 +29,9 @@ app.add_typer(node_app, name="node", hidden=True)
 # What the simulation alone can do without, by the extra of pyproject.toml that brings it.
 _EXTRA_OF = {
     "PIL": "render",
+    "distributed": "cluster",
+    "pyarrow": "lab",
+    "vl_convert": "lab",
     "av": "render",
     "glfw": "render",
     "imgui_bundle": "editor",
@@ -51,6 +54,16 @@ Threads = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="print facts as JSON")]
 Frames = Annotated[int, typer.Option(help="end after so many frames (0: never)", min=0, hidden=True)]
+
+Seconds = Annotated[float, typer.Option(min=0.1, max=36000.0, help="simulated seconds of each run")]
+Budget = Annotated[
+    float, typer.Option(help="largest error that is good enough, as a share of what is typical of the scene")
+]
+Only = Annotated[
+    list[str], typer.Option("--only", help="an observable that counts, may be given several times; default: all")
+]
+Jobs = Annotated[int, typer.Option(min=0, max=512, help="runs side by side (0: one for each processor)")]
+Cluster = Annotated[str, typer.Option(help="run on a Dask cluster: endpoint of its scheduler, tcp://HOST:PORT")]
 
 
 def _print_version(wanted: bool) -> None:
@@ -95,6 +108,56 @@ def run(
         name=name,
         threads=threads,
         json=json,
+    )
+
+
+@app.command()
+def pareto(
+    scenes: Annotated[list[str], typer.Argument(help="scenes, or samples by name", show_default=False)],
+    seconds: Seconds = 5.0,
+    error: Budget = 1e-3,
+    only: Only = [],  # noqa: B006  typer copies it
+    html: Annotated[Optional[Path], typer.Option(help="also write a page with curves and pictures")] = None,  # noqa: UP045
+    json: Json = False,
+    jobs: Jobs = 0,
+    cluster: Cluster = "",
+) -> None:
+    """Speed against error: run a scene at a ladder of tick rates, substeps and strengths, and judge each."""
+    from elys.verbs import pareto as verb
+
+    verb.pareto(scenes, seconds=seconds, error=error, only=only, page=html, json=json, jobs=jobs, cluster=cluster)
+
+
+@app.command()
+def calibrate(
+    scene: Scene,
+    output: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option("--output", "-o", help="write the calibrated scene there; default: into the scene's file"),
+    ] = None,
+    seconds: Seconds = 5.0,
+    error: Budget = 1e-3,
+    only: Only = [],  # noqa: B006  typer copies it
+    keep_tick_rate: Annotated[
+        bool, typer.Option("--keep-tick-rate", help="choose substeps and strength alone")
+    ] = False,
+    json: Json = False,
+    jobs: Jobs = 0,
+    cluster: Cluster = "",
+) -> None:
+    """Find the cheapest settings within an error budget and write them into the scene, with the evidence."""
+    from elys.verbs import calibrate as verb
+
+    verb.calibrate(
+        scene,
+        output=output,
+        seconds=seconds,
+        error=error,
+        only=only,
+        keep_tick_rate=keep_tick_rate,
+        json=json,
+        jobs=jobs,
+        cluster=cluster,
     )
 
 

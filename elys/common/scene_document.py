@@ -44,6 +44,23 @@ class AttractorSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
     ] = 0.0
 
 
+class Calibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Why a scene is simulated as its settings say: what `elys calibrate` measured when it wrote them."""
+
+    budget: Annotated[float, Meta(gt=0.0, description="Error that was asked for, as a share of what is typical.")]
+    error: Annotated[float, Meta(ge=0.0, description="Error that was measured.")]
+    dominant: Annotated[str, Meta(description="The observable that makes it.")]
+    observables: Annotated[tuple[str, ...], Meta(description="All that were judged.")]
+    duration: Annotated[float, Meta(gt=0.0, description="Simulated time.", extra={"unit": "s"})]
+    reference: Annotated[str, Meta(description="What it was compared with.")]
+    cost: Annotated[float, Meta(ge=0.0, description="Processor time for a second.", extra={"unit": "ms"})]
+    cost_before: Annotated[float, Meta(ge=0.0, description="The same of the settings before.", extra={"unit": "ms"})]
+    error_before: Annotated[float, Meta(ge=0.0, description="The error of the settings before.")]
+    date: Annotated[str, Meta(description="Of the measurement.")]
+    version: Annotated[str, Meta(description="Of ELYS.")]
+    processor: Annotated[str, Meta(description="That the times were measured on.")]
+
+
 class SceneSettings(msgspec.Struct, frozen=True, kw_only=True):
     """What holds for the whole scene."""
 
@@ -66,6 +83,9 @@ class SceneSettings(msgspec.Struct, frozen=True, kw_only=True):
             description="How often substeps may be doubled for islands that are high or uneven in mass, that and one.",
         ),
     ] = 5
+    calibration: Annotated[
+        Calibration | None, Meta(description="Evidence for tick_rate, substeps and strengths, by `elys calibrate`.")
+    ] = None
     on_problem: Annotated[
         Literal["continue", "pause"], Meta(description="Whether time stops when physics finds something to be wrong.")
     ] = "continue"

@@ -205,4 +205,3 @@ class _Keeper:
         if entity not in self._names:
             self._names[entity] = self._simulation.world.hierarchy.name_of(Entity(entity)) or f"entity {entity}"
         return self._names[entity]
-

@@ -9,14 +9,16 @@ Every error is also told as a share of what is typical of the scene, so that met
 
 from __future__ import annotations
 
+import difflib
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 import msgspec
 import numpy as np
 
+from elys.common.errors import ElysError
 from elys.lab.motion import Motion
 
 Array = np.ndarray[Any, Any]
@@ -154,7 +156,9 @@ def _drift_at_rest(motion: Motion, reference: Motion, scales: Scales) -> _Worst:
     if not resting.any():
         return _Worst(0.0)
     positions = motion.position[window]
-    return _worst_body(np.linalg.norm(positions - positions[0], axis=2) * resting, motion._replace(time=motion.time[window]))
+    return _worst_body(
+        np.linalg.norm(positions - positions[0], axis=2) * resting, motion._replace(time=motion.time[window])
+    )
 
 
 def _rest_pose(motion: Motion, reference: Motion, scales: Scales) -> _Worst:
@@ -285,3 +289,13 @@ OBSERVABLES: Final[tuple[Observable, ...]] = (
         of=_contact_timing,
     ),
 )
+
+
+def require_observables(names: Sequence[str]) -> None:
+    """Raises ElysError where one of `names` is none."""
+    known = [observable.name for observable in OBSERVABLES]
+    for name in names:
+        if name not in known:
+            close = difflib.get_close_matches(name, known, n=1)
+            remedy = f"did you mean '{close[0]}'?" if close else f"there are {', '.join(known)}"
+            raise ElysError(f"there is no observable '{name}'; {remedy}")

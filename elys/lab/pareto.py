@@ -56,6 +56,11 @@ class Study(msgspec.Struct, frozen=True):
     chosen: Setting | None  # the cheapest whose error is within the budget
     budget: float  # relative
     own: Setting  # the scene's own
+    only: tuple[str, ...] = ()  # the observables that count; all where none are named
+
+    def outcome_of(self, setting: Setting) -> Outcome | None:
+        """How a setting did; None where it was not tried, or moved everything as a stronger one did."""
+        return next((outcome for outcome in self.outcomes if outcome.setting == setting), None)
 
 
 class Judge(msgspec.Struct, frozen=True):
@@ -63,12 +68,13 @@ class Judge(msgspec.Struct, frozen=True):
 
     reference: Reference
     scales: Scales
+    only: tuple[str, ...] = ()  # the observables that count; all where none are named
 
     def outcome(self, motion: Motion) -> Outcome:
         """How a motion did. What the reference itself is not sure of decides nothing."""
         errors = errors_of(motion, self.reference.motion, self.scales)
-        known = {error.name: self.known(error) for error in errors}
-        dominant = max(known, key=lambda name: (known[name] if not math.isnan(known[name]) else math.inf))
+        known = {error.name: self.known(error) for error in errors if not self.only or error.name in self.only}
+        dominant = max(known, key=lambda name: known[name] if not math.isnan(known[name]) else math.inf)
         horizon = divergence_time(motion, self.reference.motion, self.scales) if motion.is_finite else 0.0
         return Outcome(
             motion.setting,
@@ -92,6 +98,7 @@ def study(
     duration: float,
     budget: float,
     settings: Sequence[Setting] = (),
+    only: Sequence[str] = (),
     progress: Progress | None = None,
     motions: list[Motion] | None = None,
 ) -> Study:
@@ -100,6 +107,7 @@ def study(
     Args:
         duration: of each run [s].
         budget: relative error up to which a setting is good enough.
+        only: names of the observables that count; all where none are named.
         motions: takes the runs themselves, the reference first, where somebody wants to look at them.
 
     Raises:
@@ -109,7 +117,7 @@ def study(
     runs = _Runs(scene, assets, executor, duration, common_rate(tried), progress)
     waiting = [runs.start(setting) for setting in tried]
     reference = _converged(runs, scene)
-    judge = Judge(reference, scales_of(reference.motion))
+    judge = Judge(reference, scales_of(reference.motion), tuple(only))
     done = distinct([runs.result(future) for future in waiting])
     if motions is not None:
         motions += [reference.motion, *done]
@@ -126,6 +134,7 @@ def study(
         chosen=cheapest(outcomes, budget),
         budget=budget,
         own=setting_of(scene.settings),
+        only=tuple(only),
     )
 
 
@@ -230,4 +239,3 @@ def physical(assets: AssetStore) -> AssetStore:
         if kind in ("mesh", "heights"):
             chosen.put(assets.get(reference), kind=kind)
     return chosen
-

@@ -7,13 +7,17 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.mirror import SceneMirror
 from elys.common.errors import ElysError
 from elys.render_node.offline import OfflineRenderer, output_kind
 from elys.verbs.output import size_text
+
+if TYPE_CHECKING:
+    from elys.common.assets.store import AssetStore
+    from elys.common.scene import OpenedScene
 
 SCENE_DURATION: Final = 5.0  # [s] of a video of a scene when nobody says how long
 
@@ -111,16 +115,22 @@ def _recorded(path: Path, time: float, duration: float) -> Iterator[Footage]:
 
 def _simulated(scene: str, time: float, duration: float) -> Footage:
     from elys.common.assets.store import AssetStore
-    from elys.sim_node.scene.snapshot import take_snapshot
-    from elys.sim_node.simulation import Simulation
-    from elys.sim_node.systems.publish_state import state_frame
     from elys.verbs.kernels import compile_with_progress
     from elys.verbs.scenes import open_scene_or_sample
 
     assets = AssetStore()
     opened = open_scene_or_sample(scene, assets)
     compile_with_progress(opened)
-    simulation = Simulation.load(opened, assets)
+    return simulated(opened, assets, time, duration)
+
+
+def simulated(scene: OpenedScene, assets: AssetStore, time: float, duration: float = SCENE_DURATION) -> Footage:
+    """A scene from `time` [s] on, simulated in this process as it is drawn."""
+    from elys.sim_node.scene.snapshot import take_snapshot
+    from elys.sim_node.simulation import Simulation
+    from elys.sim_node.systems.publish_state import state_frame
+
+    simulation = Simulation.load(scene, assets)
     mirror = SceneMirror()
     mirror.apply_snapshot(
         take_snapshot(
