@@ -162,6 +162,27 @@ def calibrate(
 
 
 @app.command()
+def sweep(
+    scene: Scene,
+    output: Annotated[Path, typer.Option("--output", "-o", help="the table: .parquet, .csv or .json")],
+    vary: Annotated[
+        list[str],
+        typer.Option(
+            help="NAME=A,B,C or NAME=A..B or NAME=A..B:N of seed, gravity, tick_rate, ... or ENTITY.COMPONENT.FIELD"
+        ),
+    ] = [],  # noqa: B006
+    seconds: Seconds = 5.0,
+    jitter: Annotated[float, typer.Option(min=0.0, help="[m] by which a seed moves each body at most")] = 1e-3,
+    jobs: Jobs = 0,
+    cluster: Cluster = "",
+) -> None:
+    """Run a scene many times with other values, every combination a row of a table."""
+    from elys.verbs import sweep as verb
+
+    verb.sweep(scene, vary=vary, output=output, seconds=seconds, jitter=jitter, jobs=jobs, cluster=cluster)
+
+
+@app.command()
 def view(connect: Connect = None, frames: Frames = 0) -> None:
     """Watch a running session or a replay in a window."""
     from elys.verbs import attach

@@ -9,13 +9,17 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import os
-from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
-from typing import Final
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from typing import Final, TypeVar
 
 from elys.common.errors import ElysError
 
-RETRIES: Final = 3  # of a run whose machine was lost
+RETRIES: Final = 3  # of a run whose process or machine was lost
+
+J = TypeVar("J")
+R = TypeVar("R")
 
 
 class ClusterError(ElysError):
@@ -44,6 +48,30 @@ def workers(*, processes: int = 0, cluster: str = "") -> Iterator[Executor]:
         yield executor
     finally:
         executor.shutdown(wait=True, cancel_futures=True)
+
+
+def completed(
+    function: Callable[[J], R], jobs: Sequence[J], *, processes: int = 0, cluster: str = ""
+) -> Iterator[tuple[int, R]]:
+    """Runs `function` for each job and gives its place and its result, in the order in which they end.
+
+    Raises:
+        ClusterError: the cluster cannot be used, or processes were lost again and again.
+    """
+    waiting = dict(enumerate(jobs))
+    for _ in range(RETRIES + 1):
+        with contextlib.suppress(BrokenProcessPool), workers(processes=processes, cluster=cluster) as executor:
+            started: dict[Future[R], int] = {executor.submit(function, job): n for n, job in waiting.items()}
+            for future in as_completed(started):
+                result = future.result()
+                del waiting[started[future]]
+                yield started[future], result
+        if not waiting:
+            return
+    raise ClusterError(
+        f"processes that should have run {len(waiting)} of {len(jobs)} jobs were ended from outside {RETRIES + 1} times: "
+        "is there enough memory? fewer at once need less (--jobs)"
+    )
 
 
 def usable_processors() -> int:

@@ -105,7 +105,7 @@ def _distances(motion: Motion, reference: Motion) -> Array:
     return np.linalg.norm(motion.position - reference.position, axis=2)
 
 
-def _is_resting(motion: Motion) -> Array:
+def is_resting(motion: Motion) -> Array:
     """Which bodies rest when, (T, N)."""
     slow = np.linalg.norm(motion.linear_velocity, axis=2) < AT_REST
     return np.asarray(slow & (np.linalg.norm(motion.angular_velocity, axis=2) < 2.0 * AT_REST))
@@ -152,7 +152,7 @@ def _joint_violation(motion: Motion, reference: Motion, scales: Scales) -> _Wors
 
 def _drift_at_rest(motion: Motion, reference: Motion, scales: Scales) -> _Worst:
     window = motion.time > motion.time[-1] - REST_WINDOW - 1e-9
-    resting = _is_resting(motion)[window].all(0) & _is_resting(reference)[window].all(0)
+    resting = is_resting(motion)[window].all(0) & is_resting(reference)[window].all(0)
     if not resting.any():
         return _Worst(0.0)
     positions = motion.position[window]
@@ -163,7 +163,7 @@ def _drift_at_rest(motion: Motion, reference: Motion, scales: Scales) -> _Worst:
 
 def _rest_pose(motion: Motion, reference: Motion, scales: Scales) -> _Worst:
     """Where what rests at the end rests: each body where trajectories have not parted, else how high all lie."""
-    resting = _is_resting(motion)[-1] & _is_resting(reference)[-1]
+    resting = is_resting(motion)[-1] & is_resting(reference)[-1]
     if not resting.any():
         return _Worst(0.0)
     end = motion.duration
@@ -175,9 +175,9 @@ def _rest_pose(motion: Motion, reference: Motion, scales: Scales) -> _Worst:
     return _Worst(abs(height[0] - height[1]), end)
 
 
-def _settling_time(motion: Motion) -> tuple[float, int]:
+def settling_time(motion: Motion) -> tuple[float, int]:
     """When the last body came to rest for good [s], and which; the end where one never does."""
-    moving = ~_is_resting(motion)
+    moving = ~is_resting(motion)
     last = len(motion.time) - 1 - np.argmax(moving[::-1], axis=0)
     last[~moving.any(0)] = -1
     body = int(np.argmax(last))
@@ -185,12 +185,12 @@ def _settling_time(motion: Motion) -> tuple[float, int]:
 
 
 def _settling(motion: Motion, reference: Motion, scales: Scales) -> _Worst:
-    own, body = _settling_time(motion)
-    return _Worst(abs(own - _settling_time(reference)[0]), own, motion.names[body])
+    own, body = settling_time(motion)
+    return _Worst(abs(own - settling_time(reference)[0]), own, motion.names[body])
 
 
 def _stick_or_slip(motion: Motion, reference: Motion, scales: Scales) -> _Worst:
-    own, meant = _is_resting(motion)[-1], _is_resting(reference)[-1]
+    own, meant = is_resting(motion)[-1], is_resting(reference)[-1]
     other = np.flatnonzero(own != meant)
     culprit = motion.names[int(other[0])] if len(other) else ""
     return _Worst(abs(int(own.sum()) - int(meant.sum())) / len(own), motion.duration, culprit)

@@ -180,7 +180,7 @@ class _Runs:
         self._assets = physical(assets)
         self._executor = executor
         self._duration = duration
-        self._rate = max(divisor for divisor in range(1, SAMPLE_RATE + 1) if rate % divisor == 0)
+        self._rate = sample_rate(rate)
         self._progress = progress
         self._pending: set[Future[Motion]] = set()
         self._started = 0
@@ -229,6 +229,11 @@ def _converged(runs: _Runs, scene: OpenedScene) -> Reference:
             break
         best = new
     return best
+
+
+def sample_rate(tick_rate: int) -> int:
+    """How often the motion of a scene is kept [Hz]: at most at each 60th of a second, and always at a tick."""
+    return max(divisor for divisor in range(1, SAMPLE_RATE + 1) if tick_rate % divisor == 0)
 
 
 def physical(assets: AssetStore) -> AssetStore:
