@@ -117,6 +117,7 @@ def pareto(
     seconds: Seconds = 5.0,
     error: Budget = 1e-3,
     only: Only = [],  # noqa: B006  typer copies it
+    peers: Annotated[bool, typer.Option("--peers", help="put rapier3d and mujoco beside it (extra 'peers')")] = False,
     html: Annotated[Optional[Path], typer.Option(help="also write a page with curves and pictures")] = None,  # noqa: UP045
     json: Json = False,
     jobs: Jobs = 0,
@@ -125,7 +126,9 @@ def pareto(
     """Speed against error: run a scene at a ladder of tick rates, substeps and strengths, and judge each."""
     from elys.verbs import pareto as verb
 
-    verb.pareto(scenes, seconds=seconds, error=error, only=only, page=html, json=json, jobs=jobs, cluster=cluster)
+    verb.pareto(
+        scenes, seconds=seconds, error=error, only=only, peers=peers, page=html, json=json, jobs=jobs, cluster=cluster
+    )
 
 
 @app.command()

@@ -5,8 +5,11 @@ A `Job` and its `Motion` travel between processes and machines: both are plain d
 
 from __future__ import annotations
 
+import contextlib
+import logging
 import math
 import time
+from collections.abc import Iterator
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -65,6 +68,7 @@ class Motion(NamedTuple):
     first_contacts: dict[tuple[str, str], float]  # [s] when two entities first touched
     state_hash: int  # of the end
     cost: float  # [s] of processor time that all steps took
+    lost: str = ""  # the first entity that left the numbers, where one did
 
     @property
     def duration(self) -> float:
@@ -79,7 +83,9 @@ class Motion(NamedTuple):
     @property
     def is_finite(self) -> bool:
         """Whether it stayed in numbers."""
-        return all(bool(np.isfinite(column).all()) for column in (self.position, self.linear_velocity, self.energy))
+        return not self.lost and all(
+            bool(np.isfinite(column).all()) for column in (self.position, self.linear_velocity, self.energy)
+        )
 
 
 def run_job(job: Job) -> Motion:
@@ -98,6 +104,19 @@ def run_job(job: Job) -> Motion:
     return motion
 
 
+@contextlib.contextmanager
+def _unheard() -> Iterator[None]:
+    """Within it the simulation tells no log of its problems: a ladder's cheap end has many, and a motion keeps the first."""
+    log = logging.getLogger("elys.sim_node.simulation")
+    before = log.level
+    log.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        log.setLevel(before)
+
+
+@_unheard()
 def _run(job: Job) -> Motion:
     simulation = Simulation.load(job.scene, job.assets)
     keeper = _Keeper(simulation, round(job.duration * job.sample_rate) + 1)
@@ -108,6 +127,7 @@ def _run(job: Job) -> Motion:
             simulation.step()
             keeper.cost += time.thread_time() - began
             keeper.note_contacts()
+            keeper.note_problems()
         keeper.keep()
     return keeper.motion(job.setting)
 
@@ -130,6 +150,7 @@ class _Keeper:
             )
         self._names: dict[int, str] = {}
         self._moments: list[tuple[Any, ...]] = []
+        self._lost = ""
         self._touched: dict[tuple[str, str], float] = {}
         self.keep()
 
@@ -163,6 +184,12 @@ class _Keeper:
             pair = tuple(sorted((self._name(a), self._name(b))))
             self._touched.setdefault((pair[0], pair[1]), self._simulation.time)
 
+    def note_problems(self) -> None:
+        """Keeps who left the numbers first."""
+        for event in self._simulation.take_events():
+            if not self._lost and event.values.get("cause") == "not_finite":
+                self._lost = self._name(event.entity)
+
     def motion(self, setting: Setting) -> Motion:
         """All that was kept."""
         time, position, rotation, linear, angular, kinetic, potential, momentum, overlap, between = zip(
@@ -190,6 +217,7 @@ class _Keeper:
             first_contacts=self._touched,
             state_hash=self._simulation.physics.state_hash(),
             cost=self.cost,
+            lost=self._lost,
         )
 
     def _deepest(self) -> tuple[float, str]:

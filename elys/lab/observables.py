@@ -86,7 +86,7 @@ def errors_of(motion: Motion, reference: Motion, scales: Scales) -> list[Observa
     """All errors of a motion against a reference; infinite ones where it did not stay in numbers."""
     errors = []
     for observable in OBSERVABLES:
-        worst = observable.of(motion, reference, scales) if motion.is_finite else _Worst(math.inf)
+        worst = observable.of(motion, reference, scales) if motion.is_finite else _Worst(math.inf, 0.0, motion.lost)
         relative = worst.value / observable.scale(scales)
         errors.append(
             ObservableError(observable.name, worst.value, observable.unit, relative, worst.time, worst.culprit)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
-from typing import Final
+from typing import Any, Final, TypeVar
 
 import msgspec
 
@@ -13,15 +13,18 @@ from elys.common.assets.store import AssetStore
 from elys.common.scene import OpenedScene
 from elys.lab.motion import Job, Motion, run_job
 from elys.lab.observables import ObservableError, Scales, divergence_time, errors_of, scales_of
+from elys.lab.peers.running import PeerJob, run_peer, version_of
 from elys.lab.reference import Reference, agree, is_better
 from elys.lab.setting import Setting, common_rate, ladder, refined, setting_of
 
 FIRST_REFINEMENT: Final = 2  # halvings of the scene's tick that the reference begins with
 MOST_REFINEMENTS: Final = 5
 REFERENCE_SUBSTEPS: Final = 4  # at least; a short tick needs few
+PEER_FACTORS: Final = (1, 4)  # of the scene's tick rate, that peers are run at
 DOUBT: Final = 2.0  # an error must be so many times the reference's own uncertainty to count
 SAMPLE_RATE: Final = 60  # [Hz] at most, at which motions are compared
 
+R = TypeVar("R")
 Progress = Callable[[str, int, int], None]  # what is done, how many runs are, how many there will be
 
 
@@ -42,6 +45,15 @@ class Outcome(msgspec.Struct, frozen=True):
         return next(error for error in self.errors if error.name == self.dominant)
 
 
+class PeerOutcome(msgspec.Struct, frozen=True):
+    """How another engine did with its default parameters, or why it could not."""
+
+    label: str
+    tick_rate: int  # [Hz]
+    outcome: Outcome | None
+    reason: str = ""
+
+
 class Study(msgspec.Struct, frozen=True):
     """What a scene's runs say."""
 
@@ -57,6 +69,7 @@ class Study(msgspec.Struct, frozen=True):
     budget: float  # relative
     own: Setting  # the scene's own
     only: tuple[str, ...] = ()  # the observables that count; all where none are named
+    peers: tuple[PeerOutcome, ...] = ()
 
     def outcome_of(self, setting: Setting) -> Outcome | None:
         """How a setting did; None where it was not tried, or moved everything as a stronger one did."""
@@ -99,6 +112,7 @@ def study(
     budget: float,
     settings: Sequence[Setting] = (),
     only: Sequence[str] = (),
+    peers: Sequence[str] = (),
     progress: Progress | None = None,
     motions: list[Motion] | None = None,
 ) -> Study:
@@ -108,6 +122,7 @@ def study(
         duration: of each run [s].
         budget: relative error up to which a setting is good enough.
         only: names of the observables that count; all where none are named.
+        peers: other engines that run the scene too, where it can be built in them.
         motions: takes the runs themselves, the reference first, where somebody wants to look at them.
 
     Raises:
@@ -116,9 +131,11 @@ def study(
     tried = list(settings) or ladder(scene.settings)
     runs = _Runs(scene, assets, executor, duration, common_rate(tried), progress)
     waiting = [runs.start(setting) for setting in tried]
+    others = [(peer, rate, runs.start_peer(peer, rate)) for peer in peers for rate in _peer_rates(scene)]
     reference = _converged(runs, scene)
     judge = Judge(reference, scales_of(reference.motion), tuple(only))
     done = distinct([runs.result(future) for future in waiting])
+    beside = [_beside(judge, peer, rate, runs.result(future)) for peer, rate, future in others]
     if motions is not None:
         motions += [reference.motion, *done]
     outcomes = with_front(sorted((judge.outcome(motion) for motion in done), key=lambda outcome: outcome.cost))
@@ -135,7 +152,19 @@ def study(
         budget=budget,
         own=setting_of(scene.settings),
         only=tuple(only),
+        peers=tuple(beside),
     )
+
+
+def _peer_rates(scene: OpenedScene) -> tuple[int, ...]:
+    return tuple(scene.settings.tick_rate * factor for factor in PEER_FACTORS)
+
+
+def _beside(judge: Judge, peer: str, rate: int, found: Motion | str) -> PeerOutcome:
+    label = version_of(peer)
+    if isinstance(found, str):
+        return PeerOutcome(label, rate, None, found)
+    return PeerOutcome(label, rate, judge.outcome(found))
 
 
 def distinct(motions: Sequence[Motion]) -> list[Motion]:
@@ -182,26 +211,35 @@ class _Runs:
         self._duration = duration
         self._rate = sample_rate(rate)
         self._progress = progress
-        self._pending: set[Future[Motion]] = set()
+        self._pending: set[Future[Any]] = set()
         self._started = 0
-        self._label: dict[Future[Motion], str] = {}
+        self._label: dict[Future[Any], str] = {}
 
     def start(self, setting: Setting) -> Future[Motion]:
         job = Job(setting.applied_to(self._scene), self._assets, self._duration, self._rate)
-        future = self._executor.submit(run_job, job)
+        return self._submitted(self._executor.submit(run_job, job), setting.label)
+
+    def start_peer(self, peer: str, rate: int) -> Future[Motion | str]:
+        scene = msgspec.structs.replace(
+            self._scene, settings=msgspec.structs.replace(self._scene.settings, tick_rate=rate)
+        )
+        job = PeerJob(peer, scene, self._assets, self._duration, self._rate)
+        return self._submitted(self._executor.submit(run_peer, job), peer)
+
+    def _submitted(self, future: Future[R], label: str) -> Future[R]:
         self._pending.add(future)
         self._started += 1
-        self._label[future] = setting.label
+        self._label[future] = label
         return future
 
-    def result(self, future: Future[Motion]) -> Motion:
+    def result(self, future: Future[R]) -> R:
         """What a run came to; while it is awaited progress is told of all others too."""
         while not future.done():
             self._tell(wait(self._pending, return_when=FIRST_COMPLETED).done)
         self._tell({future} & self._pending)
         return future.result()
 
-    def _tell(self, done: set[Future[Motion]]) -> None:
+    def _tell(self, done: set[Future[Any]]) -> None:
         self._pending -= done
         for future in done:
             if future.exception() is not None:

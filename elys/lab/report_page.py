@@ -146,6 +146,19 @@ def _table(study: Study) -> str:
             "never" if outcome.horizon is None else f"{outcome.horizon:.2f} s",
         )
         rows.append(f"<tr{mark}>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in cells) + "</tr>")
+    for peer in study.peers:
+        if peer.outcome is None:
+            continue
+        worst = peer.outcome.worst
+        cells = (
+            f"{peer.label}, {peer.tick_rate} Hz",
+            f"{1000.0 * peer.outcome.cost:.2f}",
+            f"{peer.outcome.error:.1e}",
+            f"{worst.name}: {worst.value:.2e} {worst.unit} at {worst.time:.2f} s",
+            worst.culprit,
+            "never" if peer.outcome.horizon is None else f"{peer.outcome.horizon:.2f} s",
+        )
+        rows.append("<tr class='peer'>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in cells) + "</tr>")
     return f"<table><tr>{head}</tr>{''.join(rows)}</table>"
 
 

@@ -13,7 +13,8 @@ from elys.common.scene import OpenedScene
 from elys.lab.jobs import workers
 from elys.lab.motion import Motion
 from elys.lab.observables import require_observables
-from elys.lab.pareto import Outcome, Progress, Study, study
+from elys.lab.pareto import Outcome, PeerOutcome, Progress, Study, study
+from elys.lab.peers.running import PACKAGES, require_peers
 from elys.lab.report_page import Picture, write_page
 from elys.lab.setting import Setting
 from elys.verbs.kernels import compile_with_progress
@@ -29,6 +30,7 @@ def pareto(
     seconds: float,
     error: float,
     only: Sequence[str],
+    peers: bool,
     page: Path | None,
     json: bool,
     jobs: int,
@@ -37,6 +39,8 @@ def pareto(
     """Studies each scene and tells what came out."""
     require_budget(error)
     require_observables(only)
+    if peers:
+        require_peers()
     studies, motions, pictures = [], [], []
     with contextlib.ExitStack() as stack:
         opened = [(open_scene_or_sample(scene, assets := AssetStore()), assets) for scene in scenes]
@@ -53,6 +57,7 @@ def pareto(
                     duration=seconds,
                     budget=error,
                     only=only,
+                    peers=tuple(PACKAGES) if peers else (),
                     progress=progress,
                     motions=kept,
                 )
@@ -106,11 +111,20 @@ def print_study(found: Study) -> None:
         print(f"  the reference did not converge in {', '.join(open_ones)}: less than twice that decides nothing")
     shown = [outcome for outcome in found.outcomes if outcome.is_best or outcome.setting in (found.own, found.chosen)]
     columns = ("", "setting", "ms/s", "error", "which is mostly", "parted")
-    print_table(columns, [_row(outcome, found) for outcome in shown])
+    rows = [_row(outcome, found) for outcome in shown]
+    rows += [_peer_row(peer, found) for peer in found.peers if peer.outcome is not None]
+    print_table(columns, rows)
+    for label, reason in {peer.label: peer.reason for peer in found.peers if peer.outcome is None}.items():
+        print(f"  {label}: {reason}")
     print(f"  {len(found.outcomes)} settings tried; * nothing is cheaper and more exact, = the scene's own, > chosen")
     if found.chosen is None:
         best = min(outcome.error for outcome in found.outcomes)
         print(f"  none keeps within an error of {found.budget:g}; the most exact has {best:.1e}")
+
+
+def _peer_row(peer: PeerOutcome, found: Study) -> tuple[str, ...]:
+    assert peer.outcome is not None
+    return ("", f"{peer.label}, {peer.tick_rate} Hz", *_row(peer.outcome, found)[2:])
 
 
 def _row(outcome: Outcome, found: Study) -> tuple[str, ...]:
@@ -125,9 +139,17 @@ def _row(outcome: Outcome, found: Study) -> tuple[str, ...]:
         outcome.setting.label,
         f"{1000.0 * outcome.cost:.2f}",
         f"{outcome.error:.1e}",
-        f"{worst.name} {worst.value:.2e} {worst.unit}" + (f", {worst.culprit}" if worst.culprit else ""),
+        _worst_text(outcome),
         "never" if outcome.horizon is None else f"{outcome.horizon:.2f} s",
     )
+
+
+def _worst_text(outcome: Outcome) -> str:
+    worst = outcome.worst
+    by = f", {worst.culprit}" if worst.culprit else ""
+    if not worst.is_finite:
+        return f"left the numbers{by}"
+    return f"{worst.name} {worst.value:.2e} {worst.unit}{by}"
 
 
 def worst_moments(found: Study, scene: OpenedScene, assets: AssetStore) -> list[Picture]:
@@ -135,7 +157,7 @@ def worst_moments(found: Study, scene: OpenedScene, assets: AssetStore) -> list[
     setting = found.chosen or found.own
     outcome = found.outcome_of(setting) or found.outcomes[-1]
     worst = outcome.worst
-    named = f"{worst.name} {worst.value:.2e} {worst.unit}" + (f", {worst.culprit}" if worst.culprit else "")
+    named = _worst_text(outcome)
     shown = (
         (outcome.setting, f"{outcome.setting.label} at {worst.time:.2f} s: {named}"),
         (found.reference, f"The reference, {found.reference.label}, at the same moment"),

@@ -9,8 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from elys.lab.peers.engine import CannotError, Engine
 from elys.samples.rigid_cases import RigidCase
-from tests.benchmarks.rigid_engines import CannotError, Engine, engines, record
+from tests.benchmarks.rigid_engines import engines, record
 
 
 class AccuracyRow(NamedTuple):

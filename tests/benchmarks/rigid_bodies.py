@@ -18,11 +18,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from elys.lab.peers.engine import Engine
+from elys.lab.peers.mujoco import MuJoCo
 from elys.samples.rigid_cases import CROWDS, RIGID_CASES
 from tests.benchmarks.machine import machine
 from tests.benchmarks.rigid_accuracy import AccuracyRow, accuracy_table, measure_case
-from tests.benchmarks.rigid_engines import Engine, engines, versions
-from tests.benchmarks.rigid_mujoco import MuJoCo
+from tests.benchmarks.rigid_engines import engines, versions
 from tests.benchmarks.rigid_services import ServiceRow, growth, measure_rays, measure_spawning, service_table
 from tests.benchmarks.rigid_speed import SETTLED, SpeedRow, measure_crowd, speed_table, stage_table
 

@@ -11,8 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from elys.lab.peers.engine import Engine
 from elys.samples.rigid_cases import CROWDS, DYNAMIC, Bodies, rays_into
-from tests.benchmarks.rigid_engines import Engine, engines
+from tests.benchmarks.rigid_engines import engines
 from tests.benchmarks.rigid_speed import SETTLED, SpeedRow, start_all, step_in_turns, timed
 
 _RAYS = {"ELYS": 100_000, "Rapier": 20_000}

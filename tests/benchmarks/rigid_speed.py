@@ -16,8 +16,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from elys.lab.peers.engine import CannotError, Engine
 from elys.samples.rigid_cases import DYNAMIC, Crowd, RigidScene, deepest_overlap
-from tests.benchmarks.rigid_engines import CannotError, Elys, Engine, engines
+from tests.benchmarks.rigid_engines import Elys, engines
 
 FIRST_STEPS = 100
 SETTLED = "settled"

@@ -8,12 +8,13 @@ import math
 import numpy as np
 import pytest
 
+from elys.lab.peers.mujoco import MuJoCo
+from elys.lab.peers.rapier import Rapier
 from elys.samples.rigid_cases import BOX, DYNAMIC, RIGID_CASES, SPHERE, STATIC, RigidScene
 from elys.samples.rigid_cases.scene import bodies, turn_about_z
 from tests.benchmarks import rigid_bodies
 from tests.benchmarks.rigid_accuracy import AccuracyRow
-from tests.benchmarks.rigid_engines import Elys, Rapier, record
-from tests.benchmarks.rigid_mujoco import MuJoCo
+from tests.benchmarks.rigid_engines import Elys, record
 from tests.benchmarks.rigid_services import ServiceRow, growth
 from tests.benchmarks.rigid_speed import SpeedRow, step_in_turns
 

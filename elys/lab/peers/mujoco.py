@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from elys.common.math import quaternion
+from elys.lab.peers.engine import CannotError, Frame
 from elys.samples.rigid_cases import BOX, CAPSULE, DYNAMIC, TIME_STEP, Bodies, RigidScene
-from tests.benchmarks.rigid_engines import CannotError, Frame
 
 Array = np.ndarray[Any, Any]
 
@@ -21,7 +21,9 @@ class MuJoCo:
 
     label: ClassVar = "MuJoCo"
 
-    def __init__(self, scene: RigidScene, *, sleeping: bool = False, threads: int = 1) -> None:
+    def __init__(
+        self, scene: RigidScene, *, sleeping: bool = False, threads: int = 1, time_step: float = TIME_STEP
+    ) -> None:
         import mujoco
 
         bodies = scene.bodies
@@ -36,7 +38,7 @@ class MuJoCo:
         self._step = mujoco.mj_step
         self._moving = bodies.motion == DYNAMIC
         self._start = Frame(bodies.position, bodies.rotation, bodies.linear_velocity, bodies.angular_velocity)
-        self._model = mujoco.MjModel.from_xml_string(_document(scene))
+        self._model = mujoco.MjModel.from_xml_string(_document(scene, time_step))
         self._data = mujoco.MjData(self._model)
         velocity = self._data.qvel.reshape(-1, 6)
         velocity[:, :3] = bodies.linear_velocity[self._moving]
@@ -67,7 +69,7 @@ class MuJoCo:
         raise CannotError("MuJoCo is measured for accuracy alone")
 
 
-def _document(scene: RigidScene) -> str:
+def _document(scene: RigidScene, time_step: float) -> str:
     """The scene in MuJoCo's XML; its quaternions begin with w, its boxes have half edges."""
     bodies = scene.bodies
     lines = []
@@ -80,7 +82,7 @@ def _document(scene: RigidScene) -> str:
         geometry = f'<geom type="{"box" if is_box else "sphere"}" size="{size}" {surface}/>'
         joint = "<freejoint/>" if bodies.motion[row] == DYNAMIC else ""
         lines.append(f"<body {place}>{joint}{geometry}</body>")
-    option = f'<option timestep="{TIME_STEP!r}" gravity="{_numbers(scene.gravity)}"/>'
+    option = f'<option timestep="{time_step!r}" gravity="{_numbers(scene.gravity)}"/>'
     return f"<mujoco>{option}<worldbody>{''.join(lines)}</worldbody></mujoco>"
 
 
