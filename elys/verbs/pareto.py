@@ -128,7 +128,6 @@ def _peer_row(peer: PeerOutcome, found: Study) -> tuple[str, ...]:
 
 
 def _row(outcome: Outcome, found: Study) -> tuple[str, ...]:
-    worst = outcome.worst
     marks = (
         ("*" if outcome.is_best else "")
         + ("=" if outcome.setting == found.own else "")
