@@ -63,7 +63,7 @@ def write_page(
         for number, (study, own_motions, own_pictures) in enumerate(zip(studies, motions, pictures, strict=True))
     ]
     specs = {f"{name}{number}": spec for number, part in enumerate(parts) for name, spec in part[1].items()}
-    calls = "".join(f"vegaEmbed('#{place}', specs['{place}'], {{actions: false}});" for place in specs)
+    calls = "".join(f"vegaEmbed('#{place}', specs['{place}'], {{actions: false, renderer: 'svg'}});" for place in specs)
     title = "Speed against error: " + ", ".join(study.scene for study in studies)
     today = datetime.datetime.now(tz=datetime.UTC).date().isoformat()
     page = (
