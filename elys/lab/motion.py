@@ -123,9 +123,9 @@ def _run(job: Job) -> Motion:
     every = job.setting.tick_rate // job.sample_rate
     for _ in range(round(job.duration * job.sample_rate)):
         for _ in range(every):
-            began = time.thread_time()
+            began = time.process_time()
             simulation.step()
-            keeper.cost += time.thread_time() - began
+            keeper.cost += time.process_time() - began
             keeper.note_contacts()
             keeper.note_problems()
         keeper.keep()
