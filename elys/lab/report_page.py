@@ -71,7 +71,7 @@ def write_page(
         f"<body><h1>{html.escape(title)}</h1><p>ELYS {elys.__version__}, {today}, {html.escape(machine())}. "
         "Time is processor time of the simulation alone; an error is told as a share of what is typical of the scene.</p>"
         + "".join(part[0] for part in parts)
-        + f"<script type='module'>const specs = {json.dumps(specs)};\n"
+        + f"<script type='module'>const specs = {_embedded(specs)};\n"
         + _scripts(calls)
         + "</script></body></html>\n"
     )
@@ -88,6 +88,11 @@ def machine() -> str:
         return next(line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
     except (OSError, StopIteration):
         return platform.processor() or platform.machine()
+
+
+def _embedded(specs: dict[str, Spec]) -> str:
+    """As JSON within a script, which no text in it may end."""
+    return json.dumps(specs).replace("</", "<\\/")
 
 
 def _scripts(calls: str) -> str:
