@@ -22,8 +22,10 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 topic_app = typer.Typer(help="Look at what is said on the bus.", no_args_is_help=True)
+cases_app = typer.Typer(help="The hard cases: what they are, and how wrong ELYS is in them.", no_args_is_help=True)
 node_app = typer.Typer(help="Single nodes, as launch files start them.", no_args_is_help=True)
 app.add_typer(topic_app, name="topic")
+app.add_typer(cases_app, name="cases")
 app.add_typer(node_app, name="node", hidden=True)
 
 # What the simulation alone can do without, by the extra of pyproject.toml that brings it.
@@ -357,6 +359,28 @@ def topic_hz(
     from elys.verbs import topic as verb
 
     verb.hz(topic, connect, seconds=seconds, json=json)
+
+
+@cases_app.command("list")
+def cases_list(json: Json = False) -> None:
+    """List the hard cases and what makes each hard."""
+    from elys.verbs import cases
+
+    cases.list_cases(json=json)
+
+
+@cases_app.command("run")
+def cases_run(
+    names: Annotated[Optional[list[str]], typer.Argument(help="names of cases (elys cases list)")] = None,  # noqa: UP045
+    every: Annotated[bool, typer.Option("--all", help="run all of them")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="long ones shorter, large ones smaller")] = False,
+    jobs: Annotated[int, typer.Option("--jobs", min=0, help="so many at a time (0: one a processor)")] = 0,
+    json: Json = False,
+) -> None:
+    """Run hard cases and print their errors; ends with 1 where one is above its bound."""
+    from elys.verbs import cases
+
+    raise typer.Exit(cases.run_cases(names or [], every=every, quick=quick, jobs=jobs, json=json))
 
 
 @node_app.command("simulation")
