@@ -130,7 +130,8 @@ def error_text(error: MeasuredError) -> str:
     """An error with its unit."""
     if error.value is None:
         return "not finite"
-    return f"{error.value:.3g}" + (f" {error.unit}" if error.unit != "1" else "")
+    figure = f"{error.value:.0f}" if abs(error.value) >= 100.0 else f"{error.value:.3g}"
+    return figure + (f" {error.unit}" if error.unit != "1" else "")
 
 
 def verdict(error: MeasuredError) -> str:

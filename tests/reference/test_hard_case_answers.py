@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, fsolve
 
-from elys.samples.hard_cases import jointed, moving, spinning
+from elys.samples.hard_cases import driven, jointed, moving, spinning
 
 G = 9.81
 
@@ -163,9 +163,9 @@ def test_the_four_bars_close():
 
 def test_the_planks_hang_in_balance():
     """At every joint the parts of the bridge on one side, held by the tension there, do not turn about any other joint."""
-    angles = jointed.hanging_angles()
+    angles = driven.hanging_angles()
     ways = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    assert ways.sum(axis=0) * 0.27 == pytest.approx([jointed.BRIDGE_SPAN, 0.0], abs=1e-9)
+    assert ways.sum(axis=0) * 0.27 == pytest.approx([driven.BRIDGE_SPAN, 0.0], abs=1e-9)
     # Tension at the left of plank 1: its moments about the right ends of the first k planks must cancel the weights'.
     joints = np.vstack([[0.0, 0.0], np.cumsum(ways, axis=0)])
     middles = 0.5 * (joints[:-1] + joints[1:])
@@ -175,8 +175,8 @@ def test_the_planks_hang_in_balance():
         weights = -(middles[:k, 0] - joints[k, 0]).sum()
         return arm[0] * force[1] - arm[1] * force[0] + weights
 
-    force = fsolve(lambda f: [moment(f, 1), moment(f, jointed.PLANKS)], [-1.0, 1.0])
-    assert max(abs(moment(force, k)) for k in range(1, jointed.PLANKS + 1)) < 1e-6
+    force = fsolve(lambda f: [moment(f, 1), moment(f, driven.PLANKS)], [-1.0, 1.0])
+    assert max(abs(moment(force, k)) for k in range(1, driven.PLANKS + 1)) < 1e-6
 
 
 def test_the_ball_rolls_when_friction_has_turned_it():
@@ -205,7 +205,7 @@ def test_infinitely_many_bounces_end_when_the_series_does():
 
 
 def test_a_spring_hangs_and_swings_as_its_closed_form():
-    rate = 2.0 * math.pi * jointed.SOFT
+    rate = 2.0 * math.pi * driven.SOFT
     times = np.linspace(0.0, 2.0, 121)
     found = solve_ivp(
         lambda _, s: [s[1], G - rate**2 * s[0]], [0.0, 2.0], [0.0, 0.0], t_eval=times, rtol=1e-10, atol=1e-12

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -23,34 +22,25 @@ def case_of_columns(
     eye: Vector,
     target: Vector,
     picture_time: float,
-    small_seeds: tuple[int, ...] = (),
-    small_duration: float = 0.0,
 ) -> HardCase:
-    """The hard case that a case of columns is, seen from `eye`; its small variant has fewer seeds, or is shorter."""
+    """The hard case that a case of columns is, seen from `eye`."""
 
     def build(seed: int) -> SceneDocument:
         return document_of_columns(case.title, case.build(seed), eye=eye, target=target)
 
-    def hard(seeds: Sequence[int], duration: float, small: HardCase | None) -> HardCase:
-        return HardCase(
-            name=case.name,
-            title=case.title,
-            difficulty=case.difficulty,
-            answer=answer,
-            build=build,
-            duration=duration,
-            measures=tuple(_measure(case, measure) for measure in case.measures),
-            picture_time=picture_time,
-            seeds=tuple(seeds),
-            stride=case.stride,
-            sleeping=False,
-            small=small,
-        )
-
-    small = None
-    if small_seeds or small_duration:
-        small = hard(small_seeds or case.seeds, small_duration or case.duration, None)
-    return hard(case.seeds, case.duration, small)
+    return HardCase(
+        name=case.name,
+        title=case.title,
+        difficulty=case.difficulty,
+        answer=answer,
+        build=build,
+        duration=case.duration,
+        measures=tuple(_measure(case, measure) for measure in case.measures),
+        picture_time=picture_time,
+        seeds=case.seeds,
+        stride=case.stride,
+        sleeping=False,
+    )
 
 
 def document_of_columns(title: str, columns: RigidScene, *, eye: Vector, target: Vector) -> SceneDocument:

@@ -50,6 +50,8 @@ def rain(count: int) -> SceneDocument:
         is_box = number % 2 == 0
         edge = round(float(chance.uniform(0.3, 0.42) if is_box else chance.uniform(0.4, 0.6)), 2)
         turn = chance.normal(size=4)
+        # Balls exactly above balls would stand on each other.
+        x, z = np.array([x, z]) + chance.uniform(-0.04, 0.04, 2)
         bodies.append(
             solid(
                 f"Drop {number + 1}",
@@ -82,6 +84,20 @@ def _outside(run: CaseRun) -> float:
     return float(is_out.sum())
 
 
+_MANY: Final = (
+    "in an island of thousands contacts get the fewest substeps, and the deepest of them all gives way by more"
+)
+
+
+def _rain_measures(*, deep: str) -> tuple[CaseMeasure, ...]:
+    return (
+        CaseMeasure(name="got out", unit="bodies", bound=0, of=_outside),
+        overlap_under(10.0, last=0.1, known_miss=deep),
+        energy_gain_under(0.1),
+        no_problems(),
+    )
+
+
 _RAIN: Final = HardCase(
     name="rain-10000",
     title="10,000 boxes and spheres rain into a bin, 8 s",
@@ -89,12 +105,7 @@ _RAIN: Final = HardCase(
     answer="all lie within the walls, none deeper in another than a few millimetres, and energy was only lost",
     build=always(partial(rain, 10_000)),
     duration=8.0,
-    measures=(
-        CaseMeasure(name="got out", unit="bodies", bound=0, of=_outside),
-        overlap_under(10.0, last=0.1),
-        energy_gain_under(0.1),
-        no_problems(),
-    ),
+    measures=_rain_measures(deep=_MANY),
     picture_time=2.0,
     stride=10,
 )
@@ -117,7 +128,7 @@ def spawned_inside() -> SceneDocument:
         )
         for number in range(_SPAWNED)
     ]
-    return scene("Spawned inside", [ground(), *cubes], eye=(3.5, 3.5, 8.0), target=(0.0, 0.9, 0.0))
+    return scene("Spawned inside", [ground(), *cubes], eye=(5.0, 4.5, 12.0), target=(0.0, 1.3, 0.0))
 
 
 def _fastest(run: CaseRun) -> float:
@@ -157,7 +168,7 @@ def friction_pile(friction: float) -> SceneDocument:
     walls = bin_of(half, 14.0, friction=friction)
     for wall in walls[1:]:
         del wall.components["MeshRenderer"], wall.components["Material"]
-    return scene(f"Pile with friction {friction:g}", [*walls, *bodies], eye=(4.0, 4.5, 8.5), target=(0.0, 1.4, 0.0))
+    return scene(f"Pile with friction {friction:g}", [*walls, *bodies], eye=(4.6, 5.0, 10.0), target=(0.0, 1.9, 0.0))
 
 
 def _unrest(run: CaseRun) -> float:
@@ -232,7 +243,7 @@ _SHARED_TICK: Final = "blows that share a tick lose energy, 5 % of it at a time"
 _BOUNCES: Final = HardCase(
     name="perfect-bounces",
     title="12 balls of restitution 1 in a box, for 10 minutes",
-    difficulty="a hundred thousand blows, each of which may gain or lose a little, among balls and walls, several in a tick",
+    difficulty="some twenty thousand blows, each of which may gain or lose a little, among balls and walls, several in a tick",
     answer="the energy stays",
     build=always(perfect_bounces),
     duration=600.0,
@@ -243,7 +254,9 @@ _BOUNCES: Final = HardCase(
 
 
 CROWDED_CASES: Final = (
-    replace(_RAIN, small=replace(_RAIN, build=always(partial(rain, 400)), duration=6.0)),
+    replace(
+        _RAIN, small=replace(_RAIN, build=always(partial(rain, 400)), duration=6.0, measures=_rain_measures(deep=""))
+    ),
     HardCase(
         name="spawned-inside",
         title="twelve cubes put into each other, 5 s",

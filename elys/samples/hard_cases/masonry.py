@@ -53,7 +53,7 @@ def wall() -> SceneDocument:
                     position=(left + 0.5 * own, (course + 0.5) * height, 0.0),
                     mass=2.0 * own / length,
                     friction=0.6,
-                    color=_BRICK_COLORS[(number * 7 + course) % 3],
+                    color=_BRICK_COLORS[(number * number + 5 * course) % 7 % 3],
                 )
             )
             left += own

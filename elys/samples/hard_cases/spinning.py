@@ -69,7 +69,7 @@ def gyroscopes() -> SceneDocument:
             children=[rod],
         )
         entities += [post, disc]
-    return scene("Gyroscopes", [ground(), *entities], eye=(1.2, 2.3, 4.8), target=(0.0, 0.9, 0.0))
+    return scene("Gyroscopes", [ground(), *entities], eye=(0.9, 2.0, 3.9), target=(0.0, 0.85, 0.0))
 
 
 def axis_angles(run: CaseRun, name: str) -> tuple[Array, Array]:
@@ -238,7 +238,7 @@ _ONCE_A_TICK: Final = "the joint is solved once a tick, in which the disc goes r
 _TIP_STANDS: Final = (
     "contacts keep their places within a tick, in which the tip rolls on: its lean grows by 40 % a second"
 )
-_TOO_SOON: Final = "the same: it turns over within 2 s, and does not at 960 ticks a second"
+_TOO_SOON: Final = "contacts keep their places within a tick: it turns over within 2 s, and does not at 960 ticks a second"
 
 SPINNING_CASES: Final = (
     HardCase(
