@@ -71,7 +71,9 @@ def _outcomes(cases: Sequence[HardCase], *, quick: bool, jobs: int) -> Iterator[
 
     console = Console(stderr=True)
     columns = (TextColumn("Running cases"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, TextColumn("{task.description}"), console=console, transient=True) as bar:
+    with Progress(
+        *columns, TextColumn("{task.description}"), console=console, transient=True, disable=not console.is_terminal
+    ) as bar:
         task = bar.add_task("", total=float(len(cases)))
         if min(jobs, len(cases)) == 1:
             for done, case in enumerate(cases):

@@ -238,7 +238,9 @@ _ONCE_A_TICK: Final = "the joint is solved once a tick, in which the disc goes r
 _TIP_STANDS: Final = (
     "contacts keep their places within a tick, in which the tip rolls on: its lean grows by 40 % a second"
 )
-_TOO_SOON: Final = "contacts keep their places within a tick: it turns over within 2 s, and does not at 960 ticks a second"
+_TOO_SOON: Final = (
+    "contacts keep their places within a tick: it turns over within 2 s, and does not at 960 ticks a second"
+)
 
 SPINNING_CASES: Final = (
     HardCase(
