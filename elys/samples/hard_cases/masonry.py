@@ -110,8 +110,8 @@ STONES: Final = 13  # of an arch
 _MEAN_RADIUS: Final = 2.0  # [m]
 # A semicircular arch of its own weight stands from a thickness of 0.1075 of its mean radius on (Milankovitch 1907; Cocchetti,
 # Colasante & Rizzi 2011): thinner, no line of thrust fits into it.
-THICK: Final = 0.16
-THIN: Final = 0.08
+THICK: Final = 0.115
+THIN: Final = 0.1
 
 
 def masonry_arch() -> SceneDocument:
@@ -206,7 +206,7 @@ MASONRY_CASES: Final = (
         name="masonry-arch",
         title="two arches without mortar, one too thin",
         difficulty="thirteen stones push each other up, and only what leaves room for the line of thrust may stand",
-        answer="a half circle stands from a thickness of 0.1075 of its mean radius on: one has 0.16, the other 0.08",
+        answer="a half circle stands from a thickness of 0.1075 of its mean radius on: one has 0.115, the other 0.1",
         build=always(masonry_arch),
         duration=8.0,
         measures=(
