@@ -13,14 +13,11 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from elys.bus.mirror import SceneMirror
 from elys.common.assets.store import AssetStore
 from elys.lab.cases import opened_case
 from elys.render_node.offline import OfflineRenderer
 from elys.samples.hard_cases import HARD_CASES, HardCase
-from elys.sim_node.scene.snapshot import take_snapshot
-from elys.sim_node.simulation import Simulation
-from elys.sim_node.systems.publish_state import state_frame
+from elys.verbs.render import simulated
 
 DOCS = Path(__file__).parents[1] / "docs"
 PICTURES = DOCS / "pictures" / "hard-cases"
@@ -47,24 +44,10 @@ def main() -> None:
 def draw(case: HardCase, path: Path) -> None:
     """A case at its picture's time, small enough for a page of fifty."""
     assets = AssetStore()
-    simulation = Simulation.load(opened_case(case, case.seeds[0]), assets)
-    for _ in range(round(case.picture_time * simulation.settings.tick_rate)):
-        simulation.step()
-    mirror = SceneMirror()
-    mirror.apply_snapshot(
-        take_snapshot(
-            simulation.world,
-            epoch=1,
-            tick=simulation.tick,
-            simulation_time=simulation.time,
-            sequence=0,
-            scene=simulation.name,
-            settings=simulation.settings,
-        )
-    )
-    mirror.keep_frame(state_frame(simulation, epoch=1, delta_sequence=0, playing=False))
+    footage = simulated(opened_case(case, case.seeds[0]), assets, case.picture_time)
+    footage.mirror.keep_frame(next(footage.frames))
     # Drawn twice as large: the average of four pixels has smooth edges.
-    with OfflineRenderer(mirror, assets.get, width=2 * SIZE[0], height=2 * SIZE[1]) as renderer:
+    with OfflineRenderer(footage.mirror, footage.fetch, width=2 * SIZE[0], height=2 * SIZE[1]) as renderer:
         pixels = np.asarray(renderer.picture())[:, :, :3]
     picture = Image.fromarray(pixels).resize(SIZE, Image.Resampling.BOX)
     picture.quantize(COLORS, dither=Image.Dither.NONE).save(path, optimize=True)

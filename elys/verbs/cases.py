@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import logging
-import multiprocessing
-import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -38,7 +34,7 @@ def run_cases(names: Sequence[str], *, every: bool, quick: bool, jobs: int, json
     """
     chosen = _chosen(names, every=every)
     _compile_for(chosen, quick=quick)
-    outcomes = {outcome.case: outcome for outcome in _outcomes(chosen, quick=quick, jobs=jobs or _processors())}
+    outcomes = {outcome.case: outcome for outcome in _outcomes(chosen, quick=quick, jobs=jobs)}
     ordered = [outcomes[case.name] for case in chosen]
     if json:
         print_json(ordered)
@@ -69,13 +65,15 @@ def _outcomes(cases: Sequence[HardCase], *, quick: bool, jobs: int) -> Iterator[
     """The cases' outcomes as they come, with a bar that tells how far it is."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+    from elys.lab.jobs import completed, usable_processors
+
     console = Console(stderr=True)
     columns = (TextColumn("Running cases"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(
         *columns, TextColumn("{task.description}"), console=console, transient=True, disable=not console.is_terminal
     ) as bar:
         task = bar.add_task("", total=float(len(cases)))
-        if min(jobs, len(cases)) == 1:
+        if min(jobs or usable_processors(), len(cases)) == 1:
             for done, case in enumerate(cases):
 
                 def show(share: float, done: int = done, name: str = case.name) -> None:
@@ -83,19 +81,14 @@ def _outcomes(cases: Sequence[HardCase], *, quick: bool, jobs: int) -> Iterator[
 
                 yield _run_here(case, quick, show)
             return
-        # Not forked: what the compiler and its threads have open must not be shared.
-        context = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(min(jobs, len(cases)), mp_context=context) as pool:
-            waiting = [pool.submit(run_named, case.name, quick) for case in _longest_first(cases)]
-            for future in as_completed(waiting):
-                outcome = future.result()
-                bar.update(task, advance=1.0, description=outcome.case)
-                yield outcome
+        for _, outcome in completed(run_named, [(case.name, quick) for case in _longest_first(cases)], processes=jobs):
+            bar.update(task, advance=1.0, description=outcome.case)
+            yield outcome
 
 
-def run_named(name: str, quick: bool) -> CaseOutcome:
-    """A case by its name, in a process of its own."""
-    logging.disable(logging.ERROR)
+def run_named(job: tuple[str, bool]) -> CaseOutcome:
+    """A case by its name, at its small size or whole, in a process of its own."""
+    name, quick = job
     return _run_here(hard_case(name), quick, lambda share: None)
 
 
@@ -155,7 +148,3 @@ def _facts(case: HardCase) -> dict[str, object]:
             {"name": m.name, "unit": m.unit, "bound": m.bound, "known_miss": m.known_miss} for m in case.measures
         ],
     }
-
-
-def _processors() -> int:
-    return len(os.sched_getaffinity(0))
