@@ -20,6 +20,8 @@ from elys.sim_node.physics.kernels.locks import TURNS, free_part
 from elys.sim_node.physics.kernels.rotation import multiplied, rotated
 from elys.sim_node.physics.kernels.tables import AXIS, CONE, DYNAMIC, GEAR, JOINT_ROWS, LOCKED, MOTOR, STATIC
 
+APART = 0.1  # error of a rigid joint that bodies do not fall asleep with [m], [rad]
+
 
 @inner
 def place_start(bodies, drives, joint):
@@ -155,6 +157,16 @@ def is_driven(joint):
 
 
 @inner
+def is_apart(joint, rows, first):
+    """Whether a rigid joint is so far off that its bodies are still on their way, though at rest after each substep."""
+    most = 0.0
+    if joint.kind != MOTOR and joint.frequency == 0.0:
+        for k in range(joint.locked):
+            most = max(most, abs(rows[first + k].error))
+    return most > APART
+
+
+@inner
 def keep_awake(bodies, joint):
     for side in range(2):
         if joint.body[side] >= 0:
@@ -213,10 +225,11 @@ def prepare_part(system, part, drives, h):
         j = order[place]
         rescale(joints[j], h)
         if joints[j].kind == GEAR:
+            joints[j].mover[0] = joints[j].mover[1] = -1  # it moves what its joints hold
             continue
         place_start(bodies, drives, joints[j])
         prepare_joint(joints[j], rows, JOINT_ROWS * j)
-        if is_driven(joints[j]):
+        if is_driven(joints[j]) or is_apart(joints[j], rows, JOINT_ROWS * j):
             keep_awake(bodies, joints[j])
         for side in range(2):
             row = joints[j].mover[side]

@@ -235,10 +235,10 @@ def sweep_part(system, part, moving, h, biased):
 def mark_struck(system, part, solver_bodies):
     """Has the integrator take nothing back from bodies that were struck at the beginning of the substep."""
     for place in range(part.first, part.last):
-        mover = system.rows[system.order[place]].mover
+        joint = system.rows[system.order[place]]
         for side in range(2):
-            if mover[side] >= 0:
-                solver_bodies[mover[side]].struck = 1.0
+            if joint.mover[side] >= 0 and joint.inverse_mass[side] > 0.0:
+                solver_bodies[joint.mover[side]].struck = 1.0
 
 
 @inner
@@ -246,10 +246,12 @@ def slow_down(system, part, moving, constants):
     """Keeps a blow within the speeds that are allowed: the step would end within them anyway."""
     bodies, rest = moving
     for place in range(part.first, part.last):
-        mover = system.rows[system.order[place]].mover
+        joint = system.rows[system.order[place]]
         for side in range(2):
-            i = mover[side]
-            if i >= 0 and limit_pair(bodies[i].velocity, constants.max_linear_speed, constants.max_angular_speed) != 0:
+            i = joint.mover[side]
+            if i < 0 or joint.inverse_mass[side] == 0.0:
+                continue
+            if limit_pair(bodies[i].velocity, constants.max_linear_speed, constants.max_angular_speed) != 0:
                 for c in range(6):
                     rest[i, c] = 0.0
 
@@ -276,7 +278,7 @@ def give_up(system, part, moving, drives):
         forget_impulses(joint)
         for side in range(2):
             i = joint.mover[side]
-            if joint.kind != GEAR and i >= 0 and joint.inverse_mass[side] > 0.0:
+            if i >= 0 and joint.inverse_mass[side] > 0.0:
                 for c in range(6):
                     bodies[i].velocity[c] = drives[i].start_velocity[c]
                     rest[i, c] = 0.0
