@@ -115,7 +115,11 @@ class Measuring:
             found[10:12],
             found[9],
             found[12:14],
-            *found[14:19],
+            found[14],
+            found[15],
+            found[16],
+            found[17],
+            found[18],
             contacts.touching_count,
             found[19] if islands else 0,
         )

@@ -24,7 +24,7 @@ from elys.sim_node.physics.joint_world import WorldJoints
 from elys.sim_node.physics.kernels.state_hash import hash_bodies
 from elys.sim_node.physics.kernels.tables import BOX, DYNAMIC, SOLID, STATIC, Table
 from elys.sim_node.physics.mass_properties import mass_properties
-from elys.sim_node.physics.measures import energy_of, momentum_of
+from elys.sim_node.physics.measures import energy_of, momentum_of, thickness_of
 from elys.sim_node.physics.measuring import Measuring
 from elys.sim_node.physics.settings import PhysicsSettings, SceneTraits, step_constants, step_strengths
 from elys.sim_node.physics.solving import SolverRoom
@@ -499,6 +499,10 @@ class PhysicsWorld(WorldJoints):
             return self._room.parent, step.islands, step.constants
         traits = SceneTraits(self._colliders.can_bounce, self._colliders.can_roll, self._bodies.can_lock)
         return self._room.parent, 0, step_constants(self.settings, 1.0, traits)
+
+    def thickness_of(self, entity: int) -> float:
+        """How thick an entity's body is where its thinnest shape is [m]; infinite for what has no inside, or no body."""
+        return thickness_of(self._bodies, self._colliders, entity)
 
     def state_hash(self) -> int:
         """64 bits over ids, poses and velocities of all bodies and what joints remember: equal states are equal in it."""
