@@ -54,6 +54,7 @@ Listen = Annotated[
 Threads = Annotated[
     int, typer.Option("--threads", min=1, max=64, help="threads for large steps of physics; what comes out is the same")
 ]
+NoGuard = Annotated[bool, typer.Option("--no-guard", help="do not keep the last 5 s for when something goes wrong")]
 Json = Annotated[bool, typer.Option("--json", help="print facts as JSON")]
 Frames = Annotated[int, typer.Option(help="end after so many frames (0: never)", min=0, hidden=True)]
 
@@ -94,6 +95,7 @@ def run(
     listen: Listen = None,
     name: Annotated[str, typer.Option(help="name of the session; default: the scene's")] = "",
     threads: Threads = 1,
+    no_guard: NoGuard = False,
     json: Json = False,
 ) -> None:
     """Simulate a scene, with an editor attached; or --headless, for a server or a script."""
@@ -109,6 +111,7 @@ def run(
         listen=listen,
         name=name,
         threads=threads,
+        guarded=not no_guard,
         json=json,
     )
 
@@ -328,6 +331,18 @@ def demo(
     verb.demo(directory, headless=headless)
 
 
+@app.command()
+def top(
+    connect: Connect = None,
+    once: Annotated[bool, typer.Option("--once", help="print the figures once and end")] = False,
+    json: Json = False,
+) -> None:
+    """Watch energy, overlap, errors and times of a running session in the terminal."""
+    from elys.verbs import top as verb
+
+    verb.top(connect, once=once, json=json)
+
+
 @topic_app.command("list")
 def topic_list(json: Json = False) -> None:
     """List the topics, their messages and how they are delivered."""
@@ -393,6 +408,7 @@ def node_simulation(
     paused: Annotated[bool, typer.Option("--paused")] = False,
     name: Annotated[str, typer.Option()] = "",
     threads: Threads = 1,
+    no_guard: NoGuard = False,
 ) -> None:
     """The simulation."""
     from elys.verbs import nodes
@@ -406,6 +422,7 @@ def node_simulation(
         paused=paused,
         name=name,
         threads=threads,
+        guarded=not no_guard,
     )
 
 

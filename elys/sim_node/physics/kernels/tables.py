@@ -99,6 +99,41 @@ STEP_REPORT = np.dtype(
     align=True,
 )
 
+# The worst contacts among those that `measure_step` has looked at; entities of their bodies, 0 where there are none.
+GLANCE = np.dtype(
+    [
+        ("deepest_overlap", "f8"),  # [m]
+        ("residual", "f8"),  # fastest approach that the solver left where surfaces overlap [m/s]
+        ("deepest_a", "u4"),
+        ("deepest_b", "u4"),
+        ("restless_a", "u4"),
+        ("restless_b", "u4"),
+    ],
+    align=True,
+)
+
+# All that it finds, in the order of `StepDiagnostics`; a table of one row. No field is an array: those take Python longer.
+MEASURES = np.dtype(
+    [
+        ("kinetic", "f8"),  # of the bodies that were looked at [J]
+        ("potential", "f8"),
+        ("momentum_x", "f8"),  # [kg m/s]
+        ("momentum_y", "f8"),
+        ("momentum_z", "f8"),
+        ("angular_x", "f8"),  # about the origin [kg m^2/s]
+        ("angular_y", "f8"),
+        ("angular_z", "f8"),
+        *GLANCE.descr,
+        ("joint_error", "f8"),  # [m]
+        ("joint_angle_error", "f8"),  # [rad]
+        ("joint", "u4"),  # ids of the joints that are so far off, 0 for none
+        ("turned_joint", "u4"),
+        ("awake_count", "i4"),  # dynamic bodies that are awake
+        ("island_count", "i4"),  # of them
+    ],
+    align=True,
+)
+
 # Where a body was when the step began.
 START = np.dtype([("position", "f8", 3), ("rotation", "f8", 4)], align=True)
 
