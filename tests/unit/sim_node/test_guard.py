@@ -14,7 +14,7 @@ from elys.bus.recording import Recording
 from elys.bus.session import Session
 from elys.bus.transports.loopback import LoopbackBroker
 from elys.common.assets.store import AssetStore
-from elys.common.components import Collider, RigidBody, Transform
+from elys.common.components import Collider, Joint, RigidBody, Transform
 from elys.common.scene import open_scene
 from elys.samples.registry import SAMPLES, write_sample
 from elys.sim_node.guard import MOST_FILES, Guard
@@ -119,3 +119,35 @@ def test_files_are_few_and_hold_different_seconds(tmp_path):
         with Recording(path) as kept:
             ends.append(int(kept.tick[-1]))
     assert np.diff(ends).min() >= 300
+
+
+def test_a_joint_that_is_torn_apart_is_named(tmp_path):
+    simulation = Simulation()
+    spawn = simulation.world.spawn
+    crate = spawn([Transform(), RigidBody(), Collider(), Joint(kind="ball")], name="Crate")
+    away = RigidBody(motion="kinematic", linear_velocity=(2.0, 0.0, 0.0))
+    puller = spawn([Transform(position=(2.0, 0.0, 0.0)), away, Joint(kind="ball", other=crate)], name="Puller")
+    simulation.settle()
+    paths, said = run_guarded(simulation, tmp_path, 300)
+    cause, joint = causes(said)[0]
+    assert cause == "joint_apart" and joint in (crate, puller)
+    assert said["diagnostics"][-1].joint_error > 1.0
+    assert paths and paths[0].is_file()
+
+
+def test_a_body_whose_numbers_end_is_named_and_its_last_seconds_are_kept(tmp_path):
+    simulation, crate = small_world()
+
+    def spoil(tick):
+        if tick == 200:
+            simulation.physics.set_velocities([crate], linear=[1.7e308, 1.7e308, 0.0])
+
+    paths, said = run_guarded(simulation, tmp_path, 260, spoil)
+    assert causes(said) == [("not_finite", crate)]
+    (path,) = paths
+    with Recording(path) as kept:
+        assert [int(tick) for tick in (kept.tick[0], kept.tick[-1])] == [1, 201]
+        frames = [kept.frame(k) for k in range(len(kept))]
+        assert all(np.isfinite(frame.position).all() for frame in frames)
+        texts = [m.body for m in kept.reader.messages((topics.EVENTS.name,))]
+    assert any(b"not_finite" in text for text in texts)
