@@ -21,6 +21,7 @@ from elys.common.components import Collider, Joint, RigidBody
 from elys.common.ids import NO_ENTITY, Entity
 from elys.common.math.matrix import transform_points
 from elys.common.scene import OpenedScene, SceneDocument, expand
+from elys.lab.setting import Setting
 from elys.samples.hard_cases import CaseMeasure, CaseRun, HardCase
 from elys.samples.rigid_cases import Trajectory
 from elys.sim_node.simulation import Simulation
@@ -84,9 +85,12 @@ def run_case(case: HardCase, *, progress: Progress = lambda share: None) -> Case
     )
 
 
-def record_case(case: HardCase, seed: int, *, progress: Progress = lambda share: None) -> CaseRun:
-    """Simulates a case from its start to its end and records it every `stride` ticks."""
-    simulation = Simulation.load(opened_case(case, seed), AssetStore())
+def record_case(
+    case: HardCase, seed: int, *, setting: Setting | None = None, progress: Progress = lambda share: None
+) -> CaseRun:
+    """Simulates a case from its start to its end, at its own setting unless told another, and records it every `stride` ticks."""
+    scene = opened_case(case, seed)
+    simulation = Simulation.load(setting.applied_to(scene) if setting is not None else scene, AssetStore())
     simulation.physics.settings = msgspec.structs.replace(simulation.physics.settings, sleeping=case.sleeping)
     recorder = CaseRecorder(simulation)
     ticks = case.tick_count(simulation.settings.tick_rate)
