@@ -178,9 +178,8 @@ def place_part(system, part, moving, h, biased):
 
 
 @inner
-def measure_gaps(system, part, moving):
+def measure_gaps(joints, rows, order, part, moving):
     """What limits have left, after the bodies have moved."""
-    joints, rows, order = system.rows, system.solver_rows, system.order
     for place in range(part.first, part.last):
         j = order[place]
         if joints[j].kind != GEAR and joints[j].free > 0:
@@ -190,11 +189,11 @@ def measure_gaps(system, part, moving):
 
 
 @inner
-def lead_on(system, part, moving, drives):
+def lead_on(joints, order, part, moving, drives):
     """Where the bodies will be by their velocities as they are; returns by how much these have changed since last time."""
     most = 0.0
     for place in range(part.first, part.last):
-        joint = system.rows[system.order[place]]
+        joint = joints[order[place]]
         if joint.kind != GEAR:
             most = max(most, load_path(moving, drives, joint))
     return most
@@ -208,7 +207,7 @@ def write_part(system, part, moving, h):
         j = order[place]
         if joints[j].kind != GEAR:
             begin_rows(joints[j], rows, JOINT_ROWS * j, h)
-    push_again(system, part, moving)
+    push_again(joints, rows, order, part, moving)
     factor_joints(joints, rows, system.columns, part.first_column, part.last_column, system.blocks, system.updates)
 
 
@@ -232,70 +231,61 @@ def sweep_part(system, part, moving, h, biased):
 
 
 @inner
-def mark_struck(system, part, solver_bodies):
+def mark_struck(joints, order, part, solver_bodies):
     """Has the integrator take nothing back from bodies that were struck at the beginning of the substep."""
     for place in range(part.first, part.last):
-        joint = system.rows[system.order[place]]
+        joint = joints[order[place]]
         for side in range(2):
             if joint.mover[side] >= 0 and joint.inverse_mass[side] > 0.0:
                 solver_bodies[joint.mover[side]].struck = 1.0
 
 
 @inner
-def slow_down(system, part, moving, constants):
-    """Keeps a blow within the speeds that are allowed: the step would end within them anyway."""
+def end_blow(joints, order, part, moving, drives, constants):
+    """Keeps bodies within the speeds that are allowed, as the step would end within them anyway.
+
+    Where joints ask for what cannot be, and velocities come out that no solution has, they do nothing in this substep and
+    forget what they did.
+    """
     bodies, rest = moving
+    total = 0.0
     for place in range(part.first, part.last):
-        joint = system.rows[system.order[place]]
+        joint = joints[order[place]]
+        for side in range(2):
+            if joint.mover[side] >= 0:
+                for c in range(6):
+                    total += abs(bodies[joint.mover[side]].velocity[c])
+    is_lost = not total < LOST  # nor is it a number
+    for place in range(part.first, part.last):
+        joint = joints[order[place]]
+        if is_lost:
+            forget_impulses(joint)
         for side in range(2):
             i = joint.mover[side]
             if i < 0 or joint.inverse_mass[side] == 0.0:
                 continue
-            if limit_pair(bodies[i].velocity, constants.max_linear_speed, constants.max_angular_speed) != 0:
-                for c in range(6):
-                    rest[i, c] = 0.0
-
-
-@inner
-def is_lost(system, part, bodies):
-    """Whether any velocity is beyond all that a solution could be."""
-    total = 0.0
-    for place in range(part.first, part.last):
-        mover = system.rows[system.order[place]].mover
-        for side in range(2):
-            if mover[side] >= 0:
-                for c in range(6):
-                    total += abs(bodies[mover[side]].velocity[c])
-    return not total < LOST  # nor is it a number
-
-
-@inner
-def give_up(system, part, moving, drives):
-    """Lets joints that ask for what cannot be do nothing in this substep, and forget what they did."""
-    bodies, rest = moving
-    for place in range(part.first, part.last):
-        joint = system.rows[system.order[place]]
-        forget_impulses(joint)
-        for side in range(2):
-            i = joint.mover[side]
-            if i >= 0 and joint.inverse_mass[side] > 0.0:
+            if is_lost:
                 for c in range(6):
                     bodies[i].velocity[c] = drives[i].start_velocity[c]
+            is_cut = limit_pair(bodies[i].velocity, constants.max_linear_speed, constants.max_angular_speed) != 0
+            if is_lost or is_cut:
+                for c in range(6):
                     rest[i, c] = 0.0
 
 
 @inner
 def solve_part(system, part, moving, drives, h, biased, constants):
     """The joints of one part once in a substep."""
+    joints, rows, order = system.rows, system.solver_rows, system.order
     if biased:
         place_part(system, part, moving, h, True)
-        lead_on(system, part, moving, drives)
-        part.impulsive = 1 if h * fastest(system.rows, system.order, part.first, part.last) > MOST_LEAD else 0
+        lead_on(joints, order, part, moving, drives)
+        part.impulsive = 1 if h * fastest(joints, order, part.first, part.last) > MOST_LEAD else 0
     elif part.impulsive != 0:
         place_part(system, part, moving, h, False)
-        mark_struck(system, part, moving[0])
+        mark_struck(joints, order, part, moving[0])
     else:
-        measure_gaps(system, part, moving)
+        measure_gaps(joints, rows, order, part, moving)
     before = MOST_LEAD
     for number in range(ROUNDS + 1):
         if biased or part.impulsive != 0:
@@ -303,7 +293,7 @@ def solve_part(system, part, moving, drives, h, biased, constants):
         sweep_part(system, part, moving, h, biased)
         if not biased or part.impulsive != 0:
             break
-        change = h * lead_on(system, part, moving, drives)
+        change = h * lead_on(joints, order, part, moving, drives)
         is_last = number == ROUNDS - 1
         if change < (TOLERATED if is_last else MISPLACED):
             break
@@ -311,9 +301,7 @@ def solve_part(system, part, moving, drives, h, biased, constants):
             part.impulsive = 1
         before = change
     if part.impulsive != 0:
-        if is_lost(system, part, moving[0]):
-            give_up(system, part, moving, drives)
-        slow_down(system, part, moving, constants)
+        end_blow(joints, order, part, moving, drives, constants)
 
 
 @inner
@@ -340,18 +328,19 @@ def solve_joints(system, g, solver_bodies, drives, h, biased, constants):
 def warm_start_joints(system, g, solver_bodies):
     """Begins the step with the impulses of the last one."""
     for number in range(system.groups[g].first, system.groups[g].last):
-        push_again(system, system.parts[system.part_order[number]], (solver_bodies, system.rest))
+        part = system.parts[system.part_order[number]]
+        push_again(system.rows, system.solver_rows, system.order, part, (solver_bodies, system.rest))
 
 
 @inner
-def push_again(system, part, moving):
+def push_again(joints, rows, order, part, moving):
     """Applies the impulses of the last substep along the rows as they stand."""
     for place in range(part.first, part.last):
-        j = system.order[place]
-        joint = system.rows[j]
+        j = order[place]
+        joint = joints[j]
         if joint.kind != GEAR:
             load_velocity(moving, joint)
-            push_all(joint, system.solver_rows, JOINT_ROWS * j)
+            push_all(joint, rows, JOINT_ROWS * j)
             store_velocity(moving, joint)
 
 
