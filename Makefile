@@ -53,5 +53,12 @@ pictures: $(READY)  ## draw the pictures of the docs anew
 gallery: $(READY)  ## run the hard cases and draw docs/hard-cases.md anew
 	@$(PY) -m tests.gallery
 
+REPORTED := stack-10 newtons-cradle heavy-chain closed-loop dominoes
+
+reports: $(READY)  ## study five hard cases anew: docs/reports/speed-against-error.html
+	-@$(PY) -m pip install --quiet --disable-pip-version-check -e '.[peers]'
+	@mkdir -p docs/reports
+	@$(PY) -m elys pareto $(REPORTED) --seconds 4 --peers --html docs/reports/speed-against-error.html
+
 clean:  ## take away what was made here
 	rm -rf .venv build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis demo.mcap demo.png demo.mp4 demo.scene.json
