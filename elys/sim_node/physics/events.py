@@ -67,11 +67,13 @@ class EventLog:
             self._begun, self._ended = _with_removed(self._begun, self._ended, self._removed_contacts)
             self._removed_contacts = self._removed_contacts[:0]
 
-    def track_triggers(self, bodies: Array, colliders: Array, room: SolverRoom, geometry: Geometry) -> None:
-        """Finds what has entered and left triggers, after bodies were moved."""
+    def track_triggers(
+        self, bodies: Array, colliders: Array, room: SolverRoom, geometry: Geometry, *, wanted: bool
+    ) -> None:
+        """Finds what has entered and left triggers, after bodies were moved; where it is not wanted nothing has."""
         contacts = self._contacts
         entered = exited = 0
-        if contacts.trigger_count:
+        if wanted:
             entered, exited = track_triggers(
                 bodies,
                 colliders,
