@@ -44,6 +44,11 @@ class EventLog:
 
     # ---------------------------------------------------------------- within a step
 
+    @property
+    def has_removed_visits(self) -> bool:
+        """Whether somebody was taken out of a trigger, or a trigger from around somebody, since the last step."""
+        return len(self._removed_visits) > 0
+
     def track_contacts(self, bodies: Array, colliders: Array, solver_bodies: Array, constants: Table) -> None:
         """Finds the contacts that a solved step has begun and ended; bodies are not moved yet."""
         contacts = self._contacts

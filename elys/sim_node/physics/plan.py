@@ -93,6 +93,7 @@ class Switches:
         self._all_joints = "joints" in forced
         self._all_polytopes = "polytopes" in forced
         self._all_checks = "overlap_check" in forced
+        self._all_bounces = "bounces" in forced
         self._always_solved = "solver" in forced
         self._always_shared = "shared_solver" in forced
         self._always_swept = "continuous_collision" in forced
@@ -123,6 +124,11 @@ class Switches:
     def solver(self) -> bool:
         """Whether there is anything to solve."""
         return self.held_end > 0 or self._always_solved or self.joints
+
+    @property
+    def bounces(self) -> bool:
+        """Whether contacts that may bounce are looked for."""
+        return self._colliders.can_bounce or self._all_bounces
 
     def shared_solver(self, threads: int) -> bool:
         """Whether several threads solve together."""

@@ -106,7 +106,7 @@ class Step:
         faulty = _timed(profile, "finish_step", self._finish_step)
         if switches.continuous_collision and not len(faulty):
             _timed(profile, "stop_at_impacts", self._stop_at_impacts)
-        if self._events is not None and not len(faulty):
+        if self._events is not None and not len(faulty) and (switches.triggers or self._events.has_removed_visits):
             _timed(profile, "track_triggers", self._track_triggers)
         if self._sleeping:
             _timed(profile, "put_to_sleep", self._put_to_sleep)
@@ -252,6 +252,8 @@ class Step:
             self._strengths,
             self._constants,
         )
+        if not self._switches.bounces:
+            return
         prepare_impacts(
             self._bodies.rows,
             self._colliders.rows,
