@@ -224,9 +224,9 @@ class Switches:
             return False, "no islands"
         hard = int((strength > 1).sum())
         if not hard:
-            return False, (
-                f"{_counted(len(strength), 'body')} in islands that {settings.substeps} substeps or fewer hold: "
-                f"none is so high or so unequally heavy that it needs more"
+            return (
+                False,
+                f"no island of {_counted(len(strength), 'held body')} needs more than {settings.substeps} substeps",
             )
         most = (settings.substeps << int(strength.max())) // 2
         return True, f"{hard} of {_counted(len(strength), 'held body')} in islands that need up to {most} substeps"
