@@ -430,6 +430,8 @@ class PhysicsWorld(WorldJoints):
             if self._team.asked != self.settings.threads:
                 self._team = Team(self.settings.threads)
             self._switches.force(self.settings.forced)
+            if "sleepers" in self.settings.forced:  # those too who slept when this world was made from a snapshot
+                self._activity.wake_all()
             has_events = self.settings.events or "contact_events" in self.settings.forced
             if not has_events:
                 self._events.forget()

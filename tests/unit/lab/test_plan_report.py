@@ -61,6 +61,13 @@ def test_what_is_off_is_proven_harmless_in_this_scene_too(simulated):
     assert code["joints"] > code["continuous_collision"] > 0 and code["rolling"] == 0
 
 
+def test_what_sleeps_is_awake_in_the_world_that_sleepers_are_forced_in(simulated):
+    found = report(simulated("stack", 2.0), seconds=0.2)
+    sleepers = next(stage for stage in found.stages if stage.name == "sleepers")
+    assert (sleepers.is_on, sleepers.why) == (False, "10 of 10 dynamic bodies at rest and not stepped")
+    assert not sleepers.saving.is_same and 0.0 < sleepers.saving.difference < 1e-3
+
+
 def test_the_figures_make_up_the_tick(simulated):
     found = report(simulated("pile", 0.5), seconds=0.5)
     told = sum(stage.time for stage in found.stages) + sum(found.other_stages.values())
