@@ -4,7 +4,7 @@ PY := .venv/bin/python
 READY := .venv/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test check format wheel bench soak golden pictures pin clean
+.PHONY: help setup demo test check format wheel bench soak golden pictures gallery pin clean
 
 help:  ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -49,6 +49,9 @@ pin: $(READY)  ## pin the state hashes anew, after the physics was changed on pu
 
 pictures: $(READY)  ## draw the pictures of the docs anew
 	@$(PY) -m tests.pictures
+
+gallery: $(READY)  ## run the hard cases and draw docs/hard-cases.md anew
+	@$(PY) -m tests.gallery
 
 clean:  ## take away what was made here
 	rm -rf .venv build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis demo.mcap demo.png demo.mp4 demo.scene.json

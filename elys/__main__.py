@@ -22,8 +22,10 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 topic_app = typer.Typer(help="Look at what is said on the bus.", no_args_is_help=True)
+cases_app = typer.Typer(help="The hard cases: what they are, and how wrong ELYS is in them.", no_args_is_help=True)
 node_app = typer.Typer(help="Single nodes, as launch files start them.", no_args_is_help=True)
 app.add_typer(topic_app, name="topic")
+app.add_typer(cases_app, name="cases")
 app.add_typer(node_app, name="node", hidden=True)
 
 # What the simulation alone can do without, by the extra of pyproject.toml that brings it.
@@ -52,6 +54,7 @@ Listen = Annotated[
 Threads = Annotated[
     int, typer.Option("--threads", min=1, max=64, help="threads for large steps of physics; what comes out is the same")
 ]
+NoGuard = Annotated[bool, typer.Option("--no-guard", help="do not keep the last 5 s for when something goes wrong")]
 Json = Annotated[bool, typer.Option("--json", help="print facts as JSON")]
 Frames = Annotated[int, typer.Option(help="end after so many frames (0: never)", min=0, hidden=True)]
 
@@ -92,6 +95,7 @@ def run(
     listen: Listen = None,
     name: Annotated[str, typer.Option(help="name of the session; default: the scene's")] = "",
     threads: Threads = 1,
+    no_guard: NoGuard = False,
     json: Json = False,
 ) -> None:
     """Simulate a scene, with an editor attached; or --headless, for a server or a script."""
@@ -107,6 +111,7 @@ def run(
         listen=listen,
         name=name,
         threads=threads,
+        guarded=not no_guard,
         json=json,
     )
 
@@ -344,6 +349,18 @@ def demo(
     verb.demo(directory, headless=headless)
 
 
+@app.command()
+def top(
+    connect: Connect = None,
+    once: Annotated[bool, typer.Option("--once", help="print the figures once and end")] = False,
+    json: Json = False,
+) -> None:
+    """Watch energy, overlap, errors and times of a running session in the terminal."""
+    from elys.verbs import top as verb
+
+    verb.top(connect, once=once, json=json)
+
+
 @topic_app.command("list")
 def topic_list(json: Json = False) -> None:
     """List the topics, their messages and how they are delivered."""
@@ -377,6 +394,28 @@ def topic_hz(
     verb.hz(topic, connect, seconds=seconds, json=json)
 
 
+@cases_app.command("list")
+def cases_list(json: Json = False) -> None:
+    """List the hard cases and what makes each hard."""
+    from elys.verbs import cases
+
+    cases.list_cases(json=json)
+
+
+@cases_app.command("run")
+def cases_run(
+    names: Annotated[Optional[list[str]], typer.Argument(help="names of cases (elys cases list)")] = None,  # noqa: UP045
+    every: Annotated[bool, typer.Option("--all", help="run all of them")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="long ones shorter, large ones smaller")] = False,
+    jobs: Annotated[int, typer.Option("--jobs", min=0, help="so many at a time (0: one a processor)")] = 0,
+    json: Json = False,
+) -> None:
+    """Run hard cases and print their errors; ends with 1 where one is above its bound."""
+    from elys.verbs import cases
+
+    raise typer.Exit(cases.run_cases(names or [], every=every, quick=quick, jobs=jobs, json=json))
+
+
 @node_app.command("simulation")
 def node_simulation(
     scene: Scene,
@@ -387,6 +426,7 @@ def node_simulation(
     paused: Annotated[bool, typer.Option("--paused")] = False,
     name: Annotated[str, typer.Option()] = "",
     threads: Threads = 1,
+    no_guard: NoGuard = False,
 ) -> None:
     """The simulation."""
     from elys.verbs import nodes
@@ -400,6 +440,7 @@ def node_simulation(
         paused=paused,
         name=name,
         threads=threads,
+        guarded=not no_guard,
     )
 
 

@@ -67,6 +67,25 @@ def tumbling_hammers() -> PhysicsWorld:
     return world
 
 
+def struck_bridge() -> PhysicsWorld:
+    """Planks on hinges from cliff to cliff, struck hard, and balls that hang below them and bump into each other."""
+    world = PhysicsWorld()
+    count, length = 12, 0.5
+    planks = np.arange(1, count + 1)
+    along = (np.arange(count) + 0.5) * length
+    world.add_bodies(planks, position=np.column_stack((along, np.zeros(count), np.zeros(count))), mass=20.0)
+    world.add_colliders(planks, size=(length, 0.1, 1.0))
+    hinge = {"kind": "hinge", "axis_a": (0.0, 0.0, 1.0)}
+    world.add_joints(planks, **hinge, entity_a=planks - 1, entity_b=planks, anchor_b=(-length / 2.0, 0.0, 0.0))
+    world.add_joints([50], **hinge, entity_b=count, anchor_b=(length / 2.0, 0.0, 0.0))
+    balls = np.arange(21, 21 + count)
+    world.add_bodies(balls, position=np.column_stack((along, np.full(count, -1.0), np.zeros(count))), mass=5.0)
+    world.add_colliders(balls, shape=SPHERE, radius=0.24, restitution=0.3)
+    world.add_joints(balls, kind="ball", entity_a=planks, entity_b=balls, anchor_b=(0.0, 0.9, 0.0))
+    world.apply_impulse([4], [0.0, -1500.0, 40.0])
+    return world
+
+
 def world_on_the_ground() -> PhysicsWorld:
     """A world with a wide floor, entity 1, whose top is at height 0."""
     world = PhysicsWorld()
@@ -75,7 +94,7 @@ def world_on_the_ground() -> PhysicsWorld:
     return world
 
 
-SCENES = (leaning_stack, mixed_heap, tumbling_hammers)
+SCENES = (leaning_stack, mixed_heap, tumbling_hammers, struck_bridge)
 
 
 def hashes() -> dict[str, str]:

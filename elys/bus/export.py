@@ -10,7 +10,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from elys.bus import codec, topics
+from elys.bus.messages.physics import Diagnostics
 from elys.bus.recording import Recording
+from elys.bus.topics import Encoding
 from elys.bus.transports.mcap import METADATA_NAME
 from elys.common.errors import RecordingError
 
@@ -84,7 +87,9 @@ def export_npz(source: Path, target: Path) -> dict[str, tuple[int, ...]]:
     """Writes every body's motion as arrays; returns their shapes.
 
     time [T] s, tick [T], name [N], entity [N], position [T, N, 3] m, rotation [T, N, 4] x y z w, linear_velocity [T, N, 3]
-    m/s and angular_velocity [T, N, 3] rad/s. N are all bodies there ever were; NaN where one was not there.
+    m/s and angular_velocity [T, N, 3] rad/s. N are all bodies there ever were; NaN where one was not there. Where diagnostics
+    were recorded: energy [T] J, momentum [T, 3] kg m/s, angular_momentum [T, 3] kg m^2/s, overlap [T] m, joint_error [T] m
+    and residual [T] m/s.
 
     Raises:
         RecordingError: the source is no recording, or the target cannot be written.
@@ -122,6 +127,28 @@ def motion_arrays(recording: Recording) -> dict[str, NDArray[Any]]:
         "name": np.array(_names(recording, positions, entities)),
         "entity": entities,
         **arrays,
+        **_diagnostics(recording, recording.tick[positions]),
+    }
+
+
+def _diagnostics(recording: Recording, ticks: NDArray[Any]) -> dict[str, NDArray[Any]]:
+    """What was measured in each tick [T], NaN where nothing was; no arrays where nothing was at all."""
+    found: dict[int, Diagnostics] = {}
+    for message in recording.reader.messages((topics.DIAGNOSTICS.name,)):
+        if recording.is_within(message):
+            measured = codec.decode_body(message.body, Diagnostics, Encoding.JSON)
+            found[measured.tick] = measured
+    if not found:
+        return {}
+    rows = [found.get(tick) for tick in ticks.tolist()]
+    nothing = (np.nan,) * 3
+    return {
+        "energy": np.array([np.nan if row is None else row.kinetic + row.potential for row in rows]),
+        "momentum": np.array([nothing if row is None else row.momentum for row in rows]),
+        "angular_momentum": np.array([nothing if row is None else row.angular_momentum for row in rows]),
+        "overlap": np.array([np.nan if row is None else row.deepest_overlap for row in rows]),
+        "joint_error": np.array([np.nan if row is None else row.joint_error for row in rows]),
+        "residual": np.array([np.nan if row is None else row.residual for row in rows]),
     }
 
 

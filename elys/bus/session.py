@@ -56,7 +56,7 @@ class Session:
         self.connected = True
         self.nodes: dict[str, Node] = {}  # all that are alive, by id
         self.refused: dict[str, int] = {}  # messages that were not what their topic promises, by topic
-        self.tap: Callable[[Topic[Any], str, bytes], None] | None = None  # sees every publication (topic, key, payload)
+        self.taps: list[Callable[[Topic[Any], str, bytes], None]] = []  # see every publication (topic, key, payload)
         self._loop = asyncio.get_running_loop()
         self._closers: list[Closer] = []
         self._link_listeners: list[Callable[[bool], None]] = []
@@ -116,8 +116,8 @@ class Session:
         if self._closed:
             return
         self.transport.publish(topics.key_of(self.name, topic, key), payload, topic.delivery)
-        if self.tap is not None:
-            self.tap(topic, key, payload)
+        for tap in self.taps:
+            tap(topic, key, payload)
 
     def has_listener(self, topic: Topic[Any], *, key: str = "") -> bool:
         """Whether anybody subscribes to a topic now, so that what costs something to make need not be made for nobody."""

@@ -69,7 +69,7 @@ class RecordingTap:
         scene = take_snapshot()
         self._send(FrameKind.BEGIN, session.name, scene.scene.encode())
         self._send_snapshot(scene)
-        session.tap = self.publication
+        session.taps.append(self.publication)
 
     def publication(self, topic: Topic[Any], _: str, payload: bytes) -> None:
         """Takes what the session has just published."""
@@ -97,8 +97,8 @@ class RecordingTap:
 
     def close(self, timeout: float = 30.0) -> None:
         """Sends what is queued and ends the stream, waiting at most `timeout` seconds. A second call does nothing."""
-        if self._session.tap == self.publication:
-            self._session.tap = None
+        if self.publication in self._session.taps:
+            self._session.taps.remove(self.publication)
         with self._changed:
             self._ending = True
             self._changed.notify()

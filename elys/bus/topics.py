@@ -112,6 +112,12 @@ PROFILE: Final = Topic(
     text="what a tick cost, by stage",
     delivery=Delivery.LATEST,
 )
+DIAGNOSTICS: Final = Topic(
+    name="diagnostics",
+    message=physics.Diagnostics,
+    text="energy, momentum, overlap, errors of joints and of the solver, each tick; only while somebody listens or records",
+    delivery=Delivery.LATEST,
+)
 DEBUG_LINES: Final = Topic(
     name="debug_lines",
     message=physics.DebugLines,
@@ -183,6 +189,7 @@ TOPICS: Final[tuple[Topic[Any], ...]] = (
     COMMANDS,
     LOG,
     PROFILE,
+    DIAGNOSTICS,
     DEBUG_LINES,
     VIEW_REQUEST,
     VIEW_FRAME,

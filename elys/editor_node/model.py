@@ -26,6 +26,7 @@ from elys.bus.messages.commands import (
     SetRate,
     StepTicks,
 )
+from elys.bus.messages.physics import Diagnostics
 from elys.bus.messages.session import LogLevel, LogLine, SessionStatus, TickProfile
 from elys.bus.session import Session
 from elys.common.errors import BusError, ConnectionLost
@@ -64,6 +65,7 @@ class EditorModel:
         self.file = SceneFile(self.scene, self.history)
         self.status: SessionStatus | None = None
         self.profiles: deque[TickProfile] = deque(maxlen=240)  # the newest last
+        self.diagnostics: deque[Diagnostics] = deque(maxlen=240)  # likewise
         self.connected = session.connected
         self._told_stroke: object = None
         self._wanted_time: float | None = None  # [s] to seek to
@@ -75,6 +77,7 @@ class EditorModel:
         session.subscribe(topics.STATUS, self._status_arrived)
         session.subscribe(topics.LOG, self._line_arrived)
         session.subscribe(topics.PROFILE, self._profile_arrived)
+        session.subscribe(topics.DIAGNOSTICS, self._diagnostics_arrived)
         session.subscribe(topics.COMMANDS, self._command_seen)
         session.on_link(self._link_changed)
 
@@ -240,6 +243,10 @@ class EditorModel:
 
     def _profile_arrived(self, profile: TickProfile, _: str) -> None:
         self.profiles.append(profile)
+        self.request_redraw(0.25)
+
+    def _diagnostics_arrived(self, found: Diagnostics, _: str) -> None:
+        self.diagnostics.append(found)
         self.request_redraw(0.25)
 
     def _command_seen(self, record: CommandRecord, _: str) -> None:

@@ -7,7 +7,7 @@ from typing import Final
 
 from imgui_bundle import imgui
 
-from elys.editor_node.panels import console, hierarchy, inspector, keys_help, profiler, timeline, viewport
+from elys.editor_node.panels import console, diagnostics, hierarchy, inspector, keys_help, profiler, timeline, viewport
 from elys.editor_node.panels.hierarchy import HierarchyPanel, draw_add_menu
 from elys.editor_node.panels.keys_help import draw_help
 from elys.editor_node.panels.save_dialog import SaveDialog
@@ -44,6 +44,7 @@ class Workspace:
             "Console": console.ConsolePanel().draw,
             "Timeline": timeline.TimelinePanel().draw,
             "Profiler": profiler.ProfilerPanel().draw,
+            "Diagnostics": diagnostics.DiagnosticsPanel().draw,
         }
         self._hidden: set[str] = set()
         self._resets_layout = False
@@ -177,7 +178,7 @@ def _build_layout(dock: int) -> None:
     lower = builder.dock_builder_split_node(right.id_at_opposite_dir, imgui.Dir.down, _LOWER_SHARE)
     builder.dock_builder_dock_window(hierarchy.TITLE, left.id_at_dir)
     builder.dock_builder_dock_window(inspector.TITLE, right.id_at_dir)
-    for title in (console.TITLE, timeline.TITLE, profiler.TITLE):
+    for title in (console.TITLE, timeline.TITLE, profiler.TITLE, diagnostics.TITLE):
         builder.dock_builder_dock_window(title, lower.id_at_dir)
     builder.dock_builder_dock_window(viewport.TITLE, lower.id_at_opposite_dir)
     builder.dock_builder_finish(dock)

@@ -10,7 +10,6 @@ import msgspec
 import elys
 from elys.common.errors import ElysError
 from elys.common.scene_document import Calibration, SceneSettings
-from elys.lab.observables import OBSERVABLES
 from elys.lab.pareto import Outcome, Study
 from elys.lab.report_page import machine
 from elys.lab.setting import Setting
@@ -50,12 +49,13 @@ def calibrated(settings: SceneSettings, found: Study) -> SceneSettings:
 
 def judged(found: Study) -> Sequence[str]:
     """The observables that a study counts."""
-    return found.only or [observable.name for observable in OBSERVABLES]
+    return found.only or [error.name for error in found.outcomes[0].errors]
 
 
 def require_sure(found: Study) -> None:
     """Raises CalibrationError where the reference is less sure of a judged observable than the budget is large."""
-    unsure = {name: found.uncertainty[name] for name in judged(found) if not found.uncertainty[name] <= found.budget}
+    known = {name: found.uncertainty.get(name, 0.0) for name in judged(found)}  # answers are sure
+    unsure = {name: value for name, value in known.items() if not value <= found.budget}
     if not unsure:
         return
     told = ", ".join(f"{name} (±{value:.0e})" for name, value in unsure.items())

@@ -123,9 +123,9 @@ def _run(job: Job) -> Motion:
     every = job.setting.tick_rate // job.sample_rate
     for _ in range(round(job.duration * job.sample_rate)):
         for _ in range(every):
-            began = time.thread_time()
+            began = time.process_time()
             simulation.step()
-            keeper.cost += time.thread_time() - began
+            keeper.cost += time.process_time() - began
             keeper.note_contacts()
             keeper.note_problems()
         keeper.keep()
@@ -162,6 +162,8 @@ class _Keeper:
         rows = np.searchsorted(states.entity, self._entities)
         energy, momentum = physics.energy(), physics.momentum()
         overlap, between = self._deepest()
+        left = physics.diagnostics
+        violation = (left.joint_error, self._name(left.joint) if left.joint else "")
         self._moments.append(
             (
                 simulation.time,
@@ -174,6 +176,7 @@ class _Keeper:
                 momentum.linear,
                 overlap,
                 between,
+                *violation,
             )
         )
 
@@ -192,10 +195,20 @@ class _Keeper:
 
     def motion(self, setting: Setting) -> Motion:
         """All that was kept."""
-        time, position, rotation, linear, angular, kinetic, potential, momentum, overlap, between = zip(
-            *self._moments, strict=True
-        )
-        count = len(self._moments)
+        (
+            time,
+            position,
+            rotation,
+            linear,
+            angular,
+            kinetic,
+            potential,
+            momentum,
+            overlap,
+            between,
+            joint_error,
+            joint,
+        ) = zip(*self._moments, strict=True)
         return Motion(
             setting=setting,
             gravity=math.hypot(*self._simulation.settings.gravity),
@@ -212,8 +225,8 @@ class _Keeper:
             momentum=np.array(momentum),
             overlap=np.array(overlap),
             overlap_between=between,
-            joint_error=np.zeros(count),
-            joint=("",) * count,
+            joint_error=np.array(joint_error),
+            joint=joint,
             first_contacts=self._touched,
             state_hash=self._simulation.physics.state_hash(),
             cost=self.cost,

@@ -291,9 +291,9 @@ OBSERVABLES: Final[tuple[Observable, ...]] = (
 )
 
 
-def require_observables(names: Sequence[str]) -> None:
-    """Raises ElysError where one of `names` is none."""
-    known = [observable.name for observable in OBSERVABLES]
+def require_observables(names: Sequence[str], *, more: Sequence[str] = ()) -> None:
+    """Raises ElysError where one of `names` is none, nor one of `more`."""
+    known = [*(observable.name for observable in OBSERVABLES), *more]
     for name in names:
         if name not in known:
             close = difflib.get_close_matches(name, known, n=1)

@@ -11,6 +11,7 @@ import msgspec
 
 from elys.common.assets.store import AssetStore
 from elys.common.scene import OpenedScene
+from elys.lab.answers import Answer, AnswerJob, as_errors, run_answer
 from elys.lab.motion import Job, Motion, run_job
 from elys.lab.observables import ObservableError, Scales, divergence_time, errors_of, scales_of
 from elys.lab.peers.running import PeerJob, run_peer, version_of
@@ -83,9 +84,9 @@ class Judge(msgspec.Struct, frozen=True):
     scales: Scales
     only: tuple[str, ...] = ()  # the observables that count; all where none are named
 
-    def outcome(self, motion: Motion) -> Outcome:
+    def outcome(self, motion: Motion, answers: Sequence[ObservableError] = ()) -> Outcome:
         """How a motion did. What the reference itself is not sure of decides nothing."""
-        errors = errors_of(motion, self.reference.motion, self.scales)
+        errors = [*errors_of(motion, self.reference.motion, self.scales), *answers]
         known = {error.name: self.known(error) for error in errors if not self.only or error.name in self.only}
         dominant = max(known, key=lambda name: known[name] if not math.isnan(known[name]) else math.inf)
         horizon = divergence_time(motion, self.reference.motion, self.scales) if motion.is_finite else 0.0
@@ -100,7 +101,8 @@ class Judge(msgspec.Struct, frozen=True):
 
     def known(self, error: ObservableError) -> float:
         """An error as far as it is beyond doubt: 0 where the reference itself is hardly better."""
-        return error.relative if error.relative > DOUBT * self.reference.uncertainty[error.name] else 0.0
+        uncertainty = self.reference.uncertainty.get(error.name, 0.0)
+        return error.relative if error.relative > DOUBT * uncertainty else 0.0
 
 
 def study(
@@ -113,6 +115,7 @@ def study(
     settings: Sequence[Setting] = (),
     only: Sequence[str] = (),
     peers: Sequence[str] = (),
+    case: str = "",
     progress: Progress | None = None,
     motions: list[Motion] | None = None,
 ) -> Study:
@@ -122,6 +125,7 @@ def study(
         duration: of each run [s].
         budget: relative error up to which a setting is good enough.
         only: names of the observables that count; all where none are named.
+        case: the hard case that the scene is, whose answers are judged too.
         peers: other engines that run the scene too, where it can be built in them.
         motions: takes the runs themselves, the reference first, where somebody wants to look at them.
 
@@ -131,6 +135,7 @@ def study(
     tried = list(settings) or ladder(scene.settings)
     runs = _Runs(scene, assets, executor, duration, common_rate(tried), progress)
     waiting = [runs.start(setting) for setting in tried]
+    answering = {setting: runs.start_answer(case, setting) for setting in tried} if case else {}
     others = [(peer, rate, runs.start_peer(peer, rate)) for peer in peers for rate in _peer_rates(scene)]
     reference = _converged(runs, scene)
     judge = Judge(reference, scales_of(reference.motion), tuple(only))
@@ -138,7 +143,9 @@ def study(
     beside = [_beside(judge, peer, rate, runs.result(future)) for peer, rate, future in others]
     if motions is not None:
         motions += [reference.motion, *done]
-    outcomes = with_front(sorted((judge.outcome(motion) for motion in done), key=lambda outcome: outcome.cost))
+    answers = {setting: as_errors(runs.result(future), judge.scales) for setting, future in answering.items()}
+    judged = [judge.outcome(motion, answers.get(motion.setting, ())) for motion in done]
+    outcomes = with_front(sorted(judged, key=lambda outcome: outcome.cost))
     return Study(
         scene=scene.name,
         duration=duration,
@@ -225,6 +232,9 @@ class _Runs:
         )
         job = PeerJob(peer, scene, self._assets, self._duration, self._rate)
         return self._submitted(self._executor.submit(run_peer, job), peer)
+
+    def start_answer(self, case: str, setting: Setting) -> Future[list[Answer]]:
+        return self._submitted(self._executor.submit(run_answer, AnswerJob(case, setting)), f"answers, {setting.label}")
 
     def _submitted(self, future: Future[R], label: str) -> Future[R]:
         self._pending.add(future)

@@ -63,7 +63,7 @@ def write_page(
         for number, (study, own_motions, own_pictures) in enumerate(zip(studies, motions, pictures, strict=True))
     ]
     specs = {f"{name}{number}": spec for number, part in enumerate(parts) for name, spec in part[1].items()}
-    calls = "".join(f"vegaEmbed('#{place}', specs['{place}'], {{actions: false}});" for place in specs)
+    calls = "".join(f"vegaEmbed('#{place}', specs['{place}'], {{actions: false, renderer: 'svg'}});" for place in specs)
     title = "Speed against error: " + ", ".join(study.scene for study in studies)
     today = datetime.datetime.now(tz=datetime.UTC).date().isoformat()
     page = (
@@ -71,7 +71,7 @@ def write_page(
         f"<body><h1>{html.escape(title)}</h1><p>ELYS {elys.__version__}, {today}, {html.escape(machine())}. "
         "Time is processor time of the simulation alone; an error is told as a share of what is typical of the scene.</p>"
         + "".join(part[0] for part in parts)
-        + f"<script type='module'>const specs = {json.dumps(specs)};\n"
+        + f"<script type='module'>const specs = {_embedded(specs)};\n"
         + _scripts(calls)
         + "</script></body></html>\n"
     )
@@ -88,6 +88,11 @@ def machine() -> str:
         return next(line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
     except (OSError, StopIteration):
         return platform.processor() or platform.machine()
+
+
+def _embedded(specs: dict[str, Spec]) -> str:
+    """As JSON within a script, which no text in it may end."""
+    return json.dumps(specs).replace("</", "<\\/")
 
 
 def _scripts(calls: str) -> str:

@@ -90,7 +90,7 @@ def _deck() -> EntityNode:
         color = _WOOD if number % 2 else _OLD_WOOD
         plank = body(f"Plank {number}", "box", size=size, position=place, rotation=turn, color=color, friction=0.8)
         joined(
-            _damped(plank),
+            plank,
             "hinge",
             f"Plank {number - 1}" if number > 1 else "West",
             anchor=[-0.5, 0.0, 0.0],
@@ -102,13 +102,6 @@ def _deck() -> EntityNode:
     end = joined(EntityNode(name="Eastern hinge"), "hinge", "East", anchor=[0.5, 0.0, 0.0], axis=[0.0, 0.0, 1.0])
     planks[-1].children.append(end)
     return group("Deck", planks)
-
-
-def _damped(node: EntityNode) -> EntityNode:
-    """Wood and iron rub where they are joined."""
-    values = node.components["RigidBody"] or {}
-    node.components["RigidBody"] = {**values, "linear_damping": 0.1, "angular_damping": 1.0}
-    return node
 
 
 def _curb(name: str, side: float, plank: Vector) -> EntityNode:
@@ -165,9 +158,7 @@ def _chain() -> EntityNode:
         link = body(
             f"Link {number}", "box", size=size, position=place, rotation=turn, color=_IRON, metallic=1.0, density=4000.0
         )
-        links.append(
-            joined(_damped(link), "ball", f"Link {number - 1}" if number > 1 else "Arm", anchor=[0.0, 0.5, 0.0])
-        )
+        links.append(joined(link, "ball", f"Link {number - 1}" if number > 1 else "Arm", anchor=[0.0, 0.5, 0.0]))
     place = at(LINK_COUNT * _LINK + _BALL / 2.0)
     ball = body(
         "Ball", "sphere", size=(_BALL,) * 3, position=place, rotation=turn, color=_IRON, metallic=1.0, density=800.0

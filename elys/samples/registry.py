@@ -1,10 +1,11 @@
-"""The scenes by name, each with the check that tells whether it ended as it should."""
+"""The scenes by name: the samples, each with the check that tells whether it ended as it should, and the hard cases."""
 
 from __future__ import annotations
 
 import difflib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -12,6 +13,7 @@ from elys.common.errors import SceneError
 from elys.common.scene import SceneDocument, write_scene
 from elys.samples.bridge import bridge, check_bridge
 from elys.samples.empty import empty
+from elys.samples.hard_cases import HARD_CASES
 from elys.samples.pile import pile
 from elys.samples.stack import check_stack, stack
 from elys.samples.yard import check_yard, yard
@@ -42,14 +44,23 @@ SAMPLES: Final[Mapping[str, Sample]] = {
 }
 
 
+def is_sample(name: str) -> bool:
+    """Whether a sample or a hard case has this name."""
+    return name in SAMPLES or name in HARD_CASES
+
+
 def sample(name: str) -> Sample:
-    """The sample of this name; raises SceneError, naming those there are."""
-    try:
+    """The sample, or the hard case as one, of this name; raises SceneError, with the nearest name, where there is none."""
+    if name in SAMPLES:
         return SAMPLES[name]
-    except KeyError:
-        close = difflib.get_close_matches(name, SAMPLES, n=1)
-        remedy = f"did you mean '{close[0]}'?" if close else f"there are {', '.join(SAMPLES)}"
-        raise SceneError(f"there is no sample scene '{name}'; {remedy}") from None
+    if name in HARD_CASES:
+        case = HARD_CASES[name]
+        return Sample(name=name, title=case.title, build=partial(case.build, case.seeds[0]))
+    close = difflib.get_close_matches(name, [*SAMPLES, *HARD_CASES], n=1)
+    remedy = (
+        f"did you mean '{close[0]}'?" if close else f"there are {', '.join(SAMPLES)} and the hard cases (elys samples)"
+    )
+    raise SceneError(f"there is no sample scene '{name}'; {remedy}")
 
 
 def write_sample(name: str, path: str | Path) -> None:

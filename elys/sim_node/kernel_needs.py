@@ -25,7 +25,7 @@ def needed_kernels(scene: OpenedScene, *, threads: int = 1) -> tuple[str, ...]:
         needs.append("physics.update_manifolds")
     if any(collider.get("is_trigger") for collider in _all_of(entities, "Collider")):
         needs.append("physics.track_triggers")
-    if any(_may_be_fast(entity, scene) for entity in entities):
+    if any(_may_be_fast(_body_of(scene, place), entity, scene) for place, entity in enumerate(entities)):
         needs.append("physics.stop_at_impacts")
     is_jointed = any(True for _ in _all_of(entities, "Joint"))
     if is_jointed:
@@ -43,11 +43,21 @@ def _shape(collider: dict[str, Any]) -> str:
     return str(collider.get("shape", "box"))
 
 
-def _may_be_fast(entity: ComponentValues, scene: OpenedScene) -> bool:
-    """Whether a body soon moves by more than its own thickness in a tick, as bullets and pebbles do."""
-    if "RigidBody" not in entity or "Collider" not in entity:
+def _body_of(scene: OpenedScene, place: int) -> dict[str, Any] | None:
+    """The RigidBody that a record's collider is part of: its own, or the nearest above it."""
+    while place >= 0:
+        record = scene.records[place]
+        if "RigidBody" in record.components:
+            return record.components["RigidBody"]
+        place = record.parent
+    return None
+
+
+def _may_be_fast(body: dict[str, Any] | None, entity: ComponentValues, scene: OpenedScene) -> bool:
+    """Whether a body with such a collider soon moves by more than its thickness in a tick, as bullets and pebbles do."""
+    if body is None or "Collider" not in entity:
         return False
-    body, collider = entity["RigidBody"], entity["Collider"]
+    collider = entity["Collider"]
     if body.get("motion", "dynamic") == "static":
         return False
     speed = math.hypot(*body.get("linear_velocity", (0.0, 0.0, 0.0)))

@@ -25,12 +25,14 @@ from elys.bus.messages.session import Event, EventBatch, SessionStatus
 from elys.bus.session import Session
 from elys.common.clock import FixedStepClock
 from elys.common.errors import ElysError, RequestError
+from elys.sim_node.guard import Guard
 from elys.sim_node.scene.snapshot import take_snapshot
 from elys.sim_node.simulation import Simulation
 from elys.sim_node.systems.apply_commands import apply_command
 from elys.sim_node.systems.publish_state import (
     contact_batch,
     publish_debug_lines,
+    publish_diagnostics,
     publish_profile,
     scene_delta,
     state_frame,
@@ -76,6 +78,7 @@ class SimulationNode:
         self.session = session
         self.steps_done = 0
         self.recorder: BackPressure | None = None
+        self.guard: Guard | None = None
         self.tick_times: deque[float] = deque(maxlen=TICK_TIMES_KEPT)  # [ms] of the last ticks, for the report
         self._step_limit = step_limit
         self._clock = FixedStepClock(simulation.settings.tick_rate, playing=playing, rate=1.0 if realtime else 0.0)
@@ -147,7 +150,9 @@ class SimulationNode:
         self._publish_changes()
         if stepping or replies:
             self._publish_frame()
-        self._publish_events()
+        if stepping and (found := publish_diagnostics(self.session, self.simulation)) and self.guard is not None:
+            self._events += self.guard.look(found)
+        events = self._publish_events()
         if stepping:
             self._publish_contacts()
         publish_debug_lines(self.session, self.simulation)
@@ -160,6 +165,8 @@ class SimulationNode:
         if stepping:
             self.tick_times.append(stages.total)
             publish_profile(self.session, self.simulation, stages.times, total=stages.total, late=late)
+        if self.guard is not None:
+            self.guard.end_tick(events)
 
     def _step(self, stages: StageTimes) -> None:
         self.simulation.step()
@@ -285,12 +292,13 @@ class SimulationNode:
         )
         self.session.publish(topics.STATE, frame)
 
-    def _publish_events(self) -> None:
-        self._events += self.simulation.take_events()
-        if self._events:
-            batch = EventBatch(epoch=self.session.epoch, tick=self.simulation.tick, events=tuple(self._events))
+    def _publish_events(self) -> tuple[Event, ...]:
+        events = (*self._events, *self.simulation.take_events())
+        self._events.clear()
+        if events:
+            batch = EventBatch(epoch=self.session.epoch, tick=self.simulation.tick, events=events)
             self.session.publish(topics.EVENTS, batch)
-            self._events.clear()
+        return events
 
     def _publish_contacts(self) -> None:
         batch = contact_batch(self.simulation, epoch=self.session.epoch)

@@ -148,7 +148,7 @@ class Simulation:
         self._is_stopped |= bool(in_step) and self.physics.settings.on_problem == "pause"
         for problem in (*self._bodies.take_problems(), *in_step):
             _log.error("%s", problem.text)
-            values = {"text": problem.text, "cause": problem.cause}
+            values = {"text": problem.text, **({"cause": problem.cause} if problem.cause else {})}
             self._events.append(Event(kind="physics", entity=problem.entity, values=values))
 
     # What others ask

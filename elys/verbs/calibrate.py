@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import msgspec
-
 from elys.common.assets.store import AssetStore
 from elys.common.errors import SceneError
 from elys.common.scene import SceneDocument, read_scene, write_scene
@@ -16,10 +14,10 @@ from elys.lab.jobs import workers
 from elys.lab.observables import require_observables
 from elys.lab.pareto import study
 from elys.lab.setting import Setting, ladder
-from elys.samples.registry import SAMPLES
+from elys.samples.registry import is_sample, sample
 from elys.verbs.kernels import compile_with_progress
 from elys.verbs.output import print_json
-from elys.verbs.pareto import counted, require_budget
+from elys.verbs.pareto import answers_of, case_of, counted, require_budget
 from elys.verbs.scenes import open_scene_or_sample
 
 
@@ -37,7 +35,7 @@ def calibrate(
 ) -> None:
     """Studies the scene and writes the chosen settings, with their evidence, into its file or into `output`."""
     require_budget(error)
-    require_observables(only)
+    require_observables(only, more=answers_of(scene))
     document, target = _document(scene, output)
     assets = AssetStore()
     opened = open_scene_or_sample(scene, assets)
@@ -45,7 +43,15 @@ def calibrate(
     settings: list[Setting] = ladder(opened.settings, factors=(1.0,)) if keep_tick_rate else []
     with workers(processes=jobs, cluster=cluster) as executor, counted(f"Running {opened.name}") as progress:
         found = study(
-            opened, assets, executor, duration=seconds, budget=error, settings=settings, only=only, progress=progress
+            opened,
+            assets,
+            executor,
+            duration=seconds,
+            budget=error,
+            settings=settings,
+            only=only,
+            case=case_of(scene),
+            progress=progress,
         )
     document.settings = calibrated(document.settings, found)
     write_scene(document, target)
@@ -61,12 +67,12 @@ def _document(scene: str, output: Path | None) -> tuple[SceneDocument, Path]:
     path = Path(scene)
     if path.exists() and path.suffix == ".json":
         return read_scene(path), output or path
-    if scene in SAMPLES and not path.exists():
+    if is_sample(scene) and not path.exists():
         if output is None:
             raise SceneError(
                 f"{scene} is a sample and has no file: write the calibrated scene with -o {scene}.scene.json"
             )
-        return msgspec.structs.replace(SAMPLES[scene].build()), output
+        return sample(scene).build(), output
     if path.suffix in (".gltf", ".glb"):
         raise SceneError(f"{path} is a model and has no settings: calibrate a scene that holds it")
     open_scene_or_sample(scene)  # says what is wrong

@@ -32,6 +32,7 @@ def demo(directory: Path, *, headless: bool) -> None:
             listen=None,
             name="",
             threads=1,
+            guarded=True,
             json=False,
         )
         return
@@ -71,6 +72,7 @@ def _demo_files(directory: Path) -> None:
         listen=None,
         name="demo",
         threads=1,
+        guarded=True,
         json=False,
     )
     render(str(recording), picture, size="1280x720", time=PICTURE_TIME, duration=0.0, fps=30.0)

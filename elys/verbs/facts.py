@@ -17,7 +17,8 @@ def schema(component: str) -> None:
 
 
 def samples(name: str, output: Path | None, *, json: bool) -> None:
-    """Lists the samples, or writes one as a scene file."""
+    """Lists the samples and the hard cases, or writes one as a scene file."""
+    from elys.samples.hard_cases import HARD_CASES
     from elys.samples.registry import SAMPLES, write_sample
 
     if name:
@@ -26,10 +27,15 @@ def samples(name: str, output: Path | None, *, json: bool) -> None:
             raise SceneError(f"{path} is there already: choose another name with -o, or remove it first")
         write_sample(name, path)
         print(f"{path}\nTry: elys run {path}")
-    elif json:
-        print_json([{"name": sample.name, "title": sample.title} for sample in SAMPLES.values()])
+        return
+    scenes = [(sample.name, sample.title) for sample in SAMPLES.values()]
+    cases = [(case.name, case.title) for case in HARD_CASES.values()]
+    if json:
+        print_json([{"name": name, "title": title} for name, title in (*scenes, *cases)])
     else:
-        print_table(("sample", "what it is"), ((sample.name, sample.title) for sample in SAMPLES.values()))
+        print_table(("sample", "what it is"), scenes)
+        print()
+        print_table(("hard case", "what it is"), cases)
         print("\nTry: elys run NAME, or elys samples NAME to write it as a file.")
 
 

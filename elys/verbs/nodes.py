@@ -96,6 +96,7 @@ def simulation(
     paused: bool,
     name: str,
     threads: int,
+    guarded: bool,
 ) -> None:
     """The simulation's process."""
     from elys.verbs.simulate import prepare, simulate
@@ -110,6 +111,7 @@ def simulation(
             realtime=realtime,
             paused=paused,
             name=name,
+            guarded=guarded,
         )
     )
 

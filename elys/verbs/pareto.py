@@ -10,6 +10,7 @@ from pathlib import Path
 from elys.common.assets.store import AssetStore
 from elys.common.errors import DisplayError, ElysError
 from elys.common.scene import OpenedScene
+from elys.lab.answers import ANSWER
 from elys.lab.jobs import workers
 from elys.lab.motion import Motion
 from elys.lab.observables import require_observables
@@ -17,6 +18,7 @@ from elys.lab.pareto import Outcome, PeerOutcome, Progress, Study, study
 from elys.lab.peers.running import PACKAGES, require_peers
 from elys.lab.report_page import Picture, write_page
 from elys.lab.setting import Setting
+from elys.samples.hard_cases import HARD_CASES
 from elys.verbs.kernels import compile_with_progress
 from elys.verbs.output import print_json, print_table
 from elys.verbs.scenes import open_scene_or_sample
@@ -38,16 +40,17 @@ def pareto(
 ) -> None:
     """Studies each scene and tells what came out."""
     require_budget(error)
-    require_observables(only)
+    for name in scenes:
+        require_observables(only, more=answers_of(name))
     if peers:
         require_peers()
     studies, motions, pictures = [], [], []
     with contextlib.ExitStack() as stack:
-        opened = [(open_scene_or_sample(scene, assets := AssetStore()), assets) for scene in scenes]
-        for scene, _ in opened:
+        opened = [(name, open_scene_or_sample(name, assets := AssetStore()), assets) for name in scenes]
+        for _, scene, _ in opened:
             compile_with_progress(scene)
         executor = stack.enter_context(workers(processes=jobs, cluster=cluster))
-        for scene, assets in opened:
+        for name, scene, assets in opened:
             kept: list[Motion] = []
             with counted(f"Running {scene.name}") as progress:
                 found = study(
@@ -57,6 +60,7 @@ def pareto(
                     duration=seconds,
                     budget=error,
                     only=only,
+                    case=case_of(name),
                     peers=tuple(PACKAGES) if peers else (),
                     progress=progress,
                     motions=kept,
@@ -73,6 +77,16 @@ def pareto(
         write_page(page, studies, motions=motions, pictures=pictures)
         if not json:
             print(f"{page}: curves, table and pictures")
+
+
+def case_of(scene: str) -> str:
+    """The hard case that a scene is named for, "" where it is none."""
+    return scene if scene in HARD_CASES and not Path(scene).exists() else ""
+
+
+def answers_of(scene: str) -> list[str]:
+    """Names of the observables that a scene's own answers are judged by."""
+    return [ANSWER + measure.name for measure in HARD_CASES[scene].quick.measures] if case_of(scene) else []
 
 
 def require_budget(error: float) -> None:

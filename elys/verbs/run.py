@@ -26,6 +26,7 @@ def run(
     listen: str | None,
     name: str,
     threads: int,
+    guarded: bool,
     json: bool,
 ) -> None:
     """Simulates a scene: with an editor, or headless; headless with a step limit runs as fast as it can."""
@@ -42,6 +43,7 @@ def run(
             listen=endpoint,
             name=name,
             threads=threads,
+            guarded=guarded,
             json=json,
         )
         return
@@ -61,6 +63,7 @@ def run(
     options += ["--record", str(record)] if record else []
     options += ["--paused"] if paused else []
     options += ["--name", name] if name else []
+    options += [] if guarded else ["--no-guard"]
     options += ["--threads", str(threads)] if threads > 1 else []
     sys.exit(start("editor", {"scene": scene}, endpoint=endpoint, extra={"simulation": options}))
 
@@ -134,6 +137,7 @@ def _run_headless(
     listen: str | None,
     name: str,
     threads: int,
+    guarded: bool,
     json: bool,
 ) -> None:
     from elys.bus.log import start_logging
@@ -154,6 +158,7 @@ def _run_headless(
             realtime=realtime,
             paused=paused,
             name=name,
+            guarded=guarded,
             on_end=reports.append,
         )
 

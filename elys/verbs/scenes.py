@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import difflib
 from pathlib import Path
 
 from elys.common.assets.store import AssetStore
 from elys.common.errors import SceneError
 from elys.common.scene import OpenedScene, expand, open_scene
-from elys.samples.registry import SAMPLES
+from elys.samples.hard_cases import HARD_CASES
+from elys.samples.registry import SAMPLES, is_sample, sample
 
 
 def open_scene_or_sample(name: str, assets: AssetStore | None = None) -> OpenedScene:
@@ -18,8 +20,8 @@ def open_scene_or_sample(name: str, assets: AssetStore | None = None) -> OpenedS
     """
     store = assets if assets is not None else AssetStore()
     if not Path(name).exists():
-        if name in SAMPLES:
-            document = SAMPLES[name].build()
+        if is_sample(name):
+            document = sample(name).build()
             return OpenedScene(
                 name=document.name or name,
                 path=Path(f"{name}.scene.json").absolute(),
@@ -27,8 +29,11 @@ def open_scene_or_sample(name: str, assets: AssetStore | None = None) -> OpenedS
                 records=expand(document, directory=Path(), assets=store),
             )
         if "." not in name and "/" not in name:
-            known = ", ".join(SAMPLES)
-            raise SceneError(f"there is no scene file and no sample called '{name}'; samples are {known}")
+            close = difflib.get_close_matches(name, [*SAMPLES, *HARD_CASES], n=1)
+            known = (
+                f"did you mean '{close[0]}'?" if close else f"samples are {', '.join(SAMPLES)}; elys samples lists all"
+            )
+            raise SceneError(f"there is no scene file and no sample called '{name}'; {known}")
     if name.endswith(".mcap"):
         raise SceneError(f"{name} is a recording, not a scene: elys play {name}")
     return open_scene(Path(name), store)

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import os
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
+import platformdirs
 
 from elys.common.assets.store import AssetStore
-from elys.verbs.nodes import hosted
+from elys.verbs.nodes import hosted, session_name
 from elys.verbs.output import size_text
 from elys.verbs.scenes import open_scene_or_sample
 
 if TYPE_CHECKING:
+    from elys.bus.session import Session
+    from elys.sim_node.guard import Guard
     from elys.sim_node.node import SimulationNode
     from elys.sim_node.simulation import Simulation
 
@@ -78,6 +82,7 @@ async def simulate(
     realtime: bool,
     paused: bool,
     name: str,
+    guarded: bool = True,
     on_end: Callable[[RunReport], None] | None = None,
 ) -> None:
     """Runs a simulation in a session of its own.
@@ -95,14 +100,30 @@ async def simulate(
         recorder = RecordingChild(record) if record else None
         if recorder is not None:
             recorder.attach(session, node, simulation.assets, lossless=not realtime)
+        if guarded:
+            node.guard = _guard_of(node, session, record)
         started = time.perf_counter()
         try:
             await node.run()
         finally:
             wall_time = time.perf_counter() - started
+            if node.guard is not None:
+                await asyncio.shield(asyncio.to_thread(node.guard.close))
             size = await asyncio.shield(recorder.finish()) if recorder is not None else 0
             if on_end is not None:
                 on_end(_report(node, wall_time, record, size))
+
+
+def _guard_of(node: SimulationNode, session: Session, record: Path | None) -> Guard:
+    from elys.bus.last_seconds import LastSeconds
+    from elys.sim_node.guard import Guard
+
+    simulation = node.simulation
+    last = LastSeconds(session, take_snapshot=node.snapshot, assets=simulation.assets)
+    folder = record.parent if record is not None else Path()
+    if not os.access(folder, os.W_OK):
+        folder = Path(platformdirs.user_data_dir("elys", ensure_exists=True))
+    return Guard(simulation, last, lambda tick: folder / f"elys-problem-{session_name(simulation.name)}-{tick}.mcap")
 
 
 def _report(node: SimulationNode, wall_time: float, record: Path | None, size: int) -> RunReport:

@@ -46,6 +46,32 @@ class ContactBatch(msgspec.Struct, frozen=True, kw_only=True):
     exited: Visits = Visits()
 
 
+class Diagnostics(msgspec.Struct, frozen=True, kw_only=True):
+    """What a tick has left in the physics. Entities are 0 where there is nothing to name; a joint is named by who carries it.
+
+    Energy and momentum are of all dynamic bodies; overlap and residual the worst of the last ticks in which every contact of
+    what is awake was looked at, at most 64.
+    """
+
+    tick: int
+    kinetic: float  # [J]
+    potential: float  # in the fields of gravity, 0 at the origin and far from what attracts [J]
+    momentum: Vec3  # [kg m/s]
+    angular_momentum: Vec3  # about the origin [kg m^2/s]
+    deepest_overlap: float  # [m]
+    deepest: tuple[int, int]  # the bodies that overlap so
+    residual: float  # fastest approach of surfaces that overlap, which the solver should not have left [m/s]
+    restless: tuple[int, int]  # the bodies that approach so
+    joint_error: float  # how far a joint's anchors are from where it holds them [m]
+    joint_angle_error: float  # how far a joint's frames are turned from where it holds them [rad]
+    joint: int  # the one with the largest error
+    turned_joint: int  # the one with the largest error of angle
+    bodies: int
+    awake: int  # dynamic bodies
+    contacts: int
+    islands: int
+
+
 class DebugLines(msgspec.Struct, frozen=True, kw_only=True):
     """Lines that show how physics sees the world, of the kind that the key names: raw little-endian rows.
 

@@ -22,7 +22,8 @@ class Activity:
         self._bodies = bodies
         self._colliders = colliders
         self._contacts = contacts
-        self._is_outdated = True
+        self.is_outdated = True  # somebody woke, slept, came or went since the lists were made
+        self.version = 0  # how often they were made
         self.bodies = np.zeros(0, np.int32)
         self.body_count = 0
         self.colliders = np.zeros(0, np.int32)
@@ -32,13 +33,14 @@ class Activity:
 
     def outdate(self) -> None:
         """Something came, went, or is moved otherwise than before."""
-        self._is_outdated = True
+        self.is_outdated = True
         self._contacts.is_outdated = True
 
     def update(self) -> None:
         """Lists anew if need be."""
-        if not self._is_outdated:
+        if not self.is_outdated:
             return
+        self.version += 1
         bodies, colliders = self._bodies.rows, self._colliders.rows
         if len(bodies) > len(self.bodies):
             self.bodies = np.zeros(2 * len(bodies), np.int32)
@@ -47,7 +49,7 @@ class Activity:
             self.moved = np.zeros(2 * len(colliders), np.int32)
         lists = (self.bodies, self.colliders)
         self.body_count, self.collider_count, fresh = list_awake(bodies, colliders, self._colliders.proxies, *lists)
-        self._is_outdated = self.has_fresh = fresh > 0  # what never moves needs its box once
+        self.is_outdated = self.has_fresh = fresh > 0  # what never moves needs its box once
 
     def wake(self, rows: Array) -> None:
         """Wakes bodies in rows (M,), each with its island."""

@@ -19,12 +19,14 @@ MOST_NEIGHBOURS = 12
 
 
 class JointPlan:
-    """Columns (C,) in the order of elimination, their blocks (B,) and the blocks that each elimination changes (U,)."""
+    """Columns (C,) part by part in the order of elimination, their blocks (B,), and those that each elimination changes (U,)."""
 
-    def __init__(self, joint_count: int, direct: Array, bodies: Array) -> None:
-        """`direct` (D,) are the joints to solve, `bodies` (D, 2) the body rows they couple, -1 for what does not move."""
-        self.key = (joint_count, direct.tobytes(), bodies.tobytes())
+    def __init__(self, part: Array, direct: Array, bodies: Array) -> None:
+        """`part` (J,) is where each joint belongs to, `direct` (D,) are the joints to solve, `bodies` (D, 2) the body rows that
+        these couple, -1 for what does not move."""
+        self._key = _key(part, direct, bodies)
         order, later = eliminated(neighbours(direct, bodies))
+        order.sort(key=part.__getitem__)  # within a part as they are
         place = {joint: number for number, joint in enumerate(order)}
         self.columns = np.zeros(len(order), JOINT_COLUMN)
         block_of: dict[tuple[int, int], int] = {}
@@ -46,8 +48,16 @@ class JointPlan:
         self.blocks = np.zeros(len(owners), JOINT_BLOCK)
         self.blocks["joint"] = owners
         self.updates = np.array(updates, np.int32)
-        self.direct = np.zeros(joint_count, np.uint8)
+        self.direct = np.zeros(len(part), np.uint8)
         self.direct[order] = 1
+
+    def is_for(self, part: Array, direct: Array, bodies: Array) -> bool:
+        """Whether it would be the same plan."""
+        return self._key == _key(part, direct, bodies)
+
+
+def _key(part: Array, direct: Array, bodies: Array) -> tuple[bytes, bytes, bytes]:
+    return part.tobytes(), direct.tobytes(), bodies.tobytes()
 
 
 def neighbours(joints: Array, bodies: Array) -> dict[int, set[int]]:

@@ -15,6 +15,7 @@ from elys.common.math import quaternion
 from elys.sim_node.physics import checks
 from elys.sim_node.physics.bodies import BodyTable
 from elys.sim_node.physics.joint_checks import joint_column, joint_named
+from elys.sim_node.physics.joint_parts import parts_of, ranges_of
 from elys.sim_node.physics.joint_plan import JointPlan
 from elys.sim_node.physics.kernels.tables import (
     BALL,
@@ -26,6 +27,7 @@ from elys.sim_node.physics.kernels.tables import (
     HINGE,
     JOINT,
     JOINT_GROUP,
+    JOINT_PART,
     JOINT_ROW,
     JOINT_ROWS,
     SLIDER,
@@ -44,7 +46,7 @@ _MEMORY = (
     "gear_impulse",
     "swing_impulse",
 )
-NO_PLAN = JointPlan(0, np.zeros(0, np.int64), np.zeros((0, 2), np.int32))
+NO_PLAN = JointPlan(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2), np.int32))
 
 
 class JointStates(NamedTuple):
@@ -85,7 +87,8 @@ class JointTable:
         self._is_outdated = True
         self._groups = np.zeros(0, JOINT_GROUP)
         self._order = np.zeros(0, np.int32)
-        self._column_order = np.zeros(0, np.int32)
+        self._parts = np.zeros(0, JOINT_PART)
+        self._part_order = np.zeros(0, np.int32)
         self._loads = np.zeros((0, 6))
         self._rest = np.zeros((0, 6))
         self._turned = np.zeros((0, 3))
@@ -124,7 +127,7 @@ class JointTable:
         """Takes rows out, and the gears that couple them."""
         gone = np.isin(self.rows["geared"], self.rows["id"][rows]).any(1) & (self.rows["kind"] == GEAR)
         gone[rows] = True
-        self._release_gears(self.rows[gone & (self.rows["kind"] == GEAR)])
+        self._forget(np.flatnonzero(gone))
         self._take(self.rows[~gone])
 
     def rows_on(self, bodies: Array) -> Array:
@@ -189,7 +192,6 @@ class JointTable:
             self._rest = np.zeros((len(bodies.rows), 6))
             self._turned = np.zeros((len(bodies.rows), 3))
         self._update_plan(bodies)
-        self._column_order = np.zeros(len(self._plan.columns), np.int32)
 
     @property
     def tables(self) -> Joints:
@@ -200,9 +202,10 @@ class JointTable:
             self.rows,
             self.solver_rows,
             self._groups,
+            self._parts,
+            self._part_order,
             self._order,
             plan.columns,
-            self._column_order,
             plan.blocks,
             plan.updates,
             self._loads,
@@ -214,14 +217,21 @@ class JointTable:
         r = self.rows
         body = r["body"]
         free = (body >= 0) & (bodies.rows["inverse_mass"][body] > 0.0)
-        rigid = (r["frequency"] == 0.0) & (r["broken"] == 0) & free.any(1)
+        coupled = np.where(free, body, -1)
+        part = parts_of(coupled, r["broken"] == 0, r["kind"] == GEAR, r["gear_row"])
+        rigid = (r["frequency"] == 0.0) & (part >= 0)
         held = np.isin(r["kind"], (FIXED, BALL, HINGE, SLIDER, CONE))
         rod = (r["kind"] == DISTANCE) & (r["lower"] == r["upper"])
         direct = np.flatnonzero(rigid & (held | rod))
-        coupled = np.where(free, body, -1)[direct]
-        if self._plan.key != (len(r), direct.tobytes(), coupled.tobytes()):
-            self._plan = JointPlan(len(r), direct, coupled)
-        r["direct"] = self._plan.direct
+        if not self._plan.is_for(part, direct, coupled[direct]):
+            self._plan = JointPlan(part, direct, coupled[direct])
+        r["direct"], r["part"] = self._plan.direct, part
+        self._order = np.argsort(part, kind="stable")[np.count_nonzero(part < 0) :].astype(np.int32)
+        self._parts = np.zeros(part.max(initial=-1) + 1, JOINT_PART)
+        self._parts["first"], self._parts["last"] = ranges_of(part[self._order], len(self._parts))
+        columns = part[self._plan.columns["joint"]]
+        self._parts["first_column"], self._parts["last_column"] = ranges_of(columns, len(self._parts))
+        self._part_order = np.zeros(len(self._parts), np.int32)
 
     def calm(self) -> None:
         """Joints whose numbers stopped being finite begin anew: what is no number would spoil their bodies in every step."""
@@ -238,10 +248,8 @@ class JointTable:
         """Joints that broke hold nothing any more, nor do the gears that couple them."""
         gears = self.rows["kind"] == GEAR
         broken = gears & (self.rows["broken"] == 0) & np.isin(self.rows["geared"], self.rows["id"][rows]).any(1)
-        self._release_gears(self.rows[broken])
         self.rows["broken"][broken] = 1
-        for name in ("impulse", "spring_impulse", "motor_impulse", "lower_impulse", "upper_impulse", "swing_impulse"):
-            self.rows[name][rows] = 0.0
+        self._forget(rows)
         self._index()
 
     def states(self) -> JointStates:
@@ -282,17 +290,22 @@ class JointTable:
         self.rows = rows
         self.solver_rows = np.zeros(JOINT_ROWS * len(rows), JOINT_ROW)
         self.broken_room = np.zeros(len(rows), np.int32)
-        self._order = np.zeros(len(rows), np.int32)
         gears = np.flatnonzero(rows["kind"] == GEAR)
         rows["gear_row"][gears] = np.searchsorted(rows["id"], rows["geared"][gears])
         self._index()
 
-    def _release_gears(self, gears: Array) -> None:
-        """What gears have given to their joints' coordinates goes with them."""
-        for gear in gears:
-            one, two = gear["gear_row"]
-            self.rows["gear_impulse"][one] -= gear["ratio"] * gear["impulse"][0]
-            self.rows["gear_impulse"][two] += gear["impulse"][0]
+    def _forget(self, rows: Array) -> None:
+        """What hung together with joint rows that hold no more begins anew: much of what it pushed, pushed against them.
+
+        Joints that are only swept keep their impulses: they would take long to find them again.
+        """
+        r = self.rows
+        hung = np.isin(r["part"], r["part"][rows]) & (r["part"] >= 0)
+        r["gear_impulse"][hung] = 0.0
+        exact = hung & ((r["direct"] != 0) | (r["geared_by"] != 0) | (r["kind"] == GEAR))
+        exact[rows] = True
+        for name in _MEMORY:
+            r[name][exact] = 0.0
 
     def _index(self) -> None:
         """Finds what is connected, and the sorted keys of pairs of body rows that do not collide."""

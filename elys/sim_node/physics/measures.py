@@ -9,7 +9,8 @@ import numpy as np
 from elys.common.components import Vec3
 from elys.common.math import quaternion
 from elys.sim_node.physics.bodies import BodyTable
-from elys.sim_node.physics.kernels.tables import DYNAMIC
+from elys.sim_node.physics.colliders import ColliderTable
+from elys.sim_node.physics.kernels.tables import BOX, CAPSULE, CYLINDER, DYNAMIC, HULL, SOLID, SPHERE
 from elys.sim_node.physics.settings import Attractor
 from elys.sim_node.physics.states import Energy, Momentum
 
@@ -37,6 +38,25 @@ def momentum_of(bodies: BodyTable) -> Momentum:
     spin = quaternion.rotate(quaternion.conjugate(rows["rotation"]), rows["velocity"][:, 3:])
     own = quaternion.rotate(rows["rotation"], moments * spin)
     return Momentum(linear.sum(0), (own + np.cross(rows["position"], linear)).sum(0))
+
+
+def thickness_of(bodies: BodyTable, colliders: ColliderTable, entity: int) -> float:
+    """How thick an entity's body is where its thinnest shape is [m]; infinite for what has no inside, or no body."""
+    entities = np.array([entity], np.uint32)
+    if not bodies.has(entities).all():
+        return np.inf
+    rows = colliders.rows[colliders.rows_on(bodies.rows_of(entities))]
+    half = rows["half_extents"][rows["trigger"] == SOLID]
+    kinds = rows["kind"][rows["trigger"] == SOLID]
+    return min((_thickness(int(kind), lengths) for kind, lengths in zip(kinds, half, strict=True)), default=np.inf)
+
+
+def _thickness(kind: int, half: Array) -> float:
+    if kind in (SPHERE, CAPSULE):
+        return 2.0 * float(half[0])
+    if kind == CYLINDER:
+        return 2.0 * float(half[:2].min())
+    return 2.0 * float(half.min()) if kind in (BOX, HULL) else np.inf
 
 
 def _dynamic(bodies: BodyTable) -> tuple[Array, Array, Array]:

@@ -37,6 +37,7 @@ class SolverRoom:
 
     def __init__(self) -> None:
         self._work: SolverWork | None = None
+        self.island_version = 0  # how often islands were found anew
         most = 1 + MOST_STRENGTHS + MOST_CHUNKS
         self.all_groups = np.zeros(most, GROUP)
         self.present = np.zeros(most, np.int32)

@@ -127,6 +127,30 @@ class Momentum(NamedTuple):
     angular: Array  # (3,) about the origin [kg m^2/s]
 
 
+class StepDiagnostics(NamedTuple):
+    """What a step has left in the world. Entities and joints are 0 where there is nothing to name.
+
+    Energy and momentum are of all dynamic bodies, asleep or awake; what concerns contacts and joints, of those that hold
+    something awake.
+    """
+
+    kinetic: float  # [J]
+    potential: float  # in the fields of gravity, 0 at the origin and far from what attracts [J]
+    momentum: tuple[float, float, float]  # [kg m/s]
+    angular_momentum: tuple[float, float, float]  # about the origin [kg m^2/s]
+    deepest_overlap: float  # of two bodies that touch [m]
+    deepest: tuple[int, int]  # the entities of these bodies
+    residual: float  # fastest approach of surfaces that overlap, which the solver should not have left [m/s]
+    restless: tuple[int, int]  # the entities of these bodies
+    joint_error: float  # how far a joint's anchors are from where it holds them, at most [m]
+    joint_angle_error: float  # how far a joint's frames are turned from where it holds them, at most [rad]
+    joint: int  # the one with the largest error
+    turned_joint: int  # the one with the largest error of angle
+    awake: int  # dynamic bodies
+    contacts: int  # pairs of shapes that touch, or may before long
+    islands: int  # awake bodies that hold on to one another, and single ones; 0 if bodies came or went since the step
+
+
 class Problem(NamedTuple):
     """Something that went wrong inside a step, while the world went on."""
 

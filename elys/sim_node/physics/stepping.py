@@ -71,15 +71,17 @@ class Step:
         self._sleeping = sleeping
         self._room = room
         self._team = team
-        self._constants = constants
+        self.constants = constants
         self._strengths = strengths
         self._links: Array | None = None  # of joints, as islands were last made of them
+        self._stepped: Array | None = None  # the rows of bodies that were stepped last
         self.deep: tuple[Array, Array] = (_NONE, np.zeros(0))  # slots of pairs, depths [m]
 
     def run(self, profile: dict[str, float]) -> tuple[Array, Array]:
         """Moves everything; returns the rows of bodies whose numbers are not finite any more, and of joints that broke."""
         switches = self._switches
         broken = _NONE
+        self._stepped = self._bodies.rows
         while True:
             _timed(profile, "place_bodies", self._place_bodies)
             _timed(profile, "update_pairs", self._update_pairs)
@@ -124,7 +126,7 @@ class Step:
         if contacts.is_outdated:
             contacts.list_active(bodies, colliders)
         awake = (activity.colliders, activity.collider_count)
-        count = fatten_boxes(bodies, colliders, self._colliders.proxies, *awake, activity.moved, self._constants)
+        count = fatten_boxes(bodies, colliders, self._colliders.proxies, *awake, activity.moved, self.constants)
         if count:
             contacts.list_sleeping(bodies, colliders, wanted=activity.has_fresh)
             geometry, unpaired = self._colliders.geometry.arrays, self._joints.unpaired
@@ -135,7 +137,7 @@ class Step:
         contacts = self._contacts
         active = (contacts.active, contacts.active_count, contacts.room, contacts.margins)
         pairs = (self._colliders.proxies, contacts.pairs, *active, contacts.manifolds, contacts.found)
-        results = (self._constants, contacts.touching, contacts.fast, contacts.watched, contacts.triggers)
+        results = (self.constants, contacts.touching, contacts.fast, contacts.watched, contacts.triggers)
         bodies, colliders = self._bodies.rows, self._colliders.rows
         if self._switches.polytopes:
             facts = update_manifolds(bodies, colliders, *pairs, self._colliders.geometry.arrays, *results)
@@ -161,6 +163,11 @@ class Step:
         )
         self.deep = slots[:count], depths[:count]
         self._bodies.has_fresh = False
+
+    @property
+    def islands(self) -> int:
+        """Another number whenever islands are others than before; 0 if bodies came or went since the step."""
+        return self._room.island_version if self._stepped is self._bodies.rows else 0
 
     def take_deep(self) -> tuple[Array, Array]:
         """Slots (M,) of pairs and depths (M,) [m] of what was found put deep into others, once."""
@@ -188,7 +195,7 @@ class Step:
             room.parent,
             room.islands,
             self._strengths,
-            self._constants,
+            self.constants,
             contacts.is_changed,
         )
 
@@ -197,6 +204,7 @@ class Step:
         if not contacts.is_changed:
             return
         contacts.is_changed = False
+        room.island_version += 1
         group_count, self._switches.held_end = form_groups(
             self._bodies.rows,
             self._activity.bodies,
@@ -250,7 +258,7 @@ class Step:
             room.solver_bodies,
             room.drives,
             self._strengths,
-            self._constants,
+            self.constants,
         )
         if not self._switches.bounces:
             return
@@ -267,7 +275,7 @@ class Step:
             room.groups,
             room.solver_bodies,
             room.drives,
-            self._constants,
+            self.constants,
         )
 
     def _prepare_joints(self) -> None:
@@ -276,12 +284,12 @@ class Step:
 
     def _finish_joints(self) -> Array:
         joints = self._joints
-        count = finish_joints(joints.tables, self._room.solver_bodies, self._constants, joints.broken_room)
+        count = finish_joints(joints.tables, self._room.solver_bodies, self.constants, joints.broken_room)
         return joints.broken_room[:count].copy() if count else _NONE
 
     def _solve_contacts(self) -> None:
         work, team, switches = self._room.work(self._contacts), self._team, self._switches
-        given = (self._strengths, self._constants)
+        given = (self._strengths, self.constants)
         held_end = switches.held_end
         if not switches.shared_solver(team.threads):
             if switches.joints:
@@ -297,7 +305,7 @@ class Step:
     def _track_contacts(self) -> None:
         assert self._events is not None
         bodies, colliders = self._bodies.rows, self._colliders.rows
-        self._events.track_contacts(bodies, colliders, self._room.solver_bodies, self._constants)
+        self._events.track_contacts(bodies, colliders, self._room.solver_bodies, self.constants)
 
     def _track_triggers(self) -> None:
         assert self._events is not None
@@ -317,13 +325,13 @@ class Step:
             bodies.faulty_room,
             bodies.report,
             self._room.inertia,
-            self._constants,
+            self.constants,
         )
         return bodies.faulty_room[:count].copy() if count else _NONE
 
     def _put_to_sleep(self) -> None:
         room = self._room
-        self._activity.put_to_sleep(room.parent, room.islands, room.last_asleep, self._constants)
+        self._activity.put_to_sleep(room.parent, room.islands, room.last_asleep, self.constants)
 
     def _stop_at_impacts(self) -> None:
         room = self._room
@@ -339,7 +347,7 @@ class Step:
             room.places,
             room.shapes,
             self._colliders.geometry.arrays,
-            self._constants,
+            self.constants,
         )
 
 

@@ -22,13 +22,23 @@ from elys.sim_node.physics.colliders import EVERY_LAYER, new_colliders
 from elys.sim_node.physics.debug_geometry import Lines, Tables, debug_lines
 from elys.sim_node.physics.joint_world import WorldJoints
 from elys.sim_node.physics.kernels.state_hash import hash_bodies
-from elys.sim_node.physics.kernels.tables import BOX, DYNAMIC, SOLID, STATIC
+from elys.sim_node.physics.kernels.tables import BOX, DYNAMIC, SOLID, STATIC, Table
 from elys.sim_node.physics.mass_properties import mass_properties
-from elys.sim_node.physics.measures import energy_of, momentum_of
+from elys.sim_node.physics.measures import energy_of, momentum_of, thickness_of
+from elys.sim_node.physics.measuring import Measuring
 from elys.sim_node.physics.plan import PlannedStage, Switches, without_exact
 from elys.sim_node.physics.settings import PhysicsSettings, SceneTraits, step_constants, step_strengths
 from elys.sim_node.physics.solving import SolverRoom
-from elys.sim_node.physics.states import BodyStates, ContactPoints, Energy, EventChanges, Momentum, Problem, WorldEvents
+from elys.sim_node.physics.states import (
+    BodyStates,
+    ContactPoints,
+    Energy,
+    EventChanges,
+    Momentum,
+    Problem,
+    StepDiagnostics,
+    WorldEvents,
+)
 from elys.sim_node.physics.stepping import Step
 from elys.sim_node.physics.team import Team
 
@@ -47,6 +57,8 @@ class PhysicsWorld(WorldJoints):
         self._step: Step | None = None
         self._step_plan: tuple[float, PhysicsSettings, SceneTraits] | None = None
         self._problems: list[Problem] = []
+        tables = (self._bodies, self._colliders, self._contacts, self._joints, self._activity)
+        self._measuring = Measuring(*tables)
 
     # ---------------------------------------------------------------- what there is
 
@@ -489,6 +501,31 @@ class PhysicsWorld(WorldJoints):
     def momentum(self) -> Momentum:
         """Linear momentum of all dynamic bodies, and angular momentum about the origin."""
         return momentum_of(self._bodies)
+
+    @property
+    def diagnostics(self) -> StepDiagnostics:
+        """What the last step has left, measured now: energy, momentum, overlap, errors of joints, what the solver did not do."""
+        return self._measuring.whole(*self._measured_state())
+
+    def watch(self) -> StepDiagnostics:
+        """The same for under a fiftieth of what a step costs, where it is asked for after each step.
+
+        Bodies and joints are measured all, of contacts a part in turn: the worst is told of the last steps in which all of
+        them had their turn, at most 64. Up to 16 contacts are all looked at each time.
+        """
+        return self._measuring.part(*self._measured_state())
+
+    def _measured_state(self) -> tuple[Array, int, Table]:
+        """Where islands stand, their version, and the constants of the step; as the next will have them if there was none."""
+        step = self._step
+        if step is not None and self._step_plan is not None and self._step_plan[1] is self.settings:
+            return self._room.parent, step.islands, step.constants
+        traits = SceneTraits(self._colliders.can_bounce, self._colliders.can_roll, self._bodies.can_lock)
+        return self._room.parent, 0, step_constants(self.settings, 1.0, traits)
+
+    def thickness_of(self, entity: int) -> float:
+        """How thick an entity's body is where its thinnest shape is [m]; infinite for what has no inside, or no body."""
+        return thickness_of(self._bodies, self._colliders, entity)
 
     def state_hash(self) -> int:
         """64 bits over ids, poses and velocities of all bodies and what joints remember: equal states are equal in it."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from elys.bus import topics
-from elys.bus.messages.physics import ContactBatch, DebugLines, Meetings, Touches, Visits
+from elys.bus.messages.physics import ContactBatch, DebugLines, Diagnostics, Meetings, Touches, Visits
 from elys.bus.messages.scene import SceneDelta, SettingsSet
 from elys.bus.messages.session import TickProfile
 from elys.bus.messages.state_frame import StateFrame
@@ -89,6 +89,16 @@ def publish_debug_lines(session: Session, simulation: Simulation) -> None:
             colors=lines.colors.tobytes(),
         )
         session.publish(topics.DEBUG_LINES, message, key=kind)
+
+
+def publish_diagnostics(session: Session, simulation: Simulation) -> Diagnostics | None:
+    """What the tick has left in the physics, where somebody listens or records; measured for nobody else."""
+    if not session.taps and not session.has_listener(topics.DIAGNOSTICS):
+        return None
+    found = simulation.physics.watch()._asdict()
+    message = Diagnostics(tick=simulation.tick, bodies=simulation.physics.body_count, **found)
+    session.publish(topics.DIAGNOSTICS, message)
+    return message
 
 
 def publish_profile(

@@ -319,7 +319,7 @@ async def test_another_session_in_the_hosts_place_is_not_taken_for_it(
 async def test_a_tap_sees_every_publication() -> None:
     host, joined = await Pair("loopback").open()
     seen: list[tuple[str, bytes]] = []
-    host.tap = lambda topic, key, payload: seen.append((topic.name, payload))
+    host.taps.append(lambda topic, key, payload: seen.append((topic.name, payload)))
     batch = EventBatch(epoch=3, tick=1, events=())
     host.publish(topics.EVENTS, batch)
     assert seen == [("events", codec.encode(batch, Encoding.JSON))]

@@ -7,6 +7,7 @@ import pytest
 from elys.common.assets.store import AssetStore
 from elys.common.scene import open_scene, write_scene
 from elys.common.scene_document import EntityNode, SceneDocument
+from elys.samples.hard_cases import HARD_CASES
 from elys.samples.registry import SAMPLES
 from elys.sim_node.kernel_list import all_kernels, first_kernels
 from elys.sim_node.kernel_needs import needed_kernels
@@ -56,13 +57,14 @@ def test_threads_need_a_solver_that_shares(opened):
     assert needed_kernels(opened(BALL), threads=2) == ("physics.solve_shared_contacts",)
 
 
-@pytest.mark.parametrize("name", sorted(SAMPLES))
+@pytest.mark.parametrize("name", sorted([*SAMPLES, *HARD_CASES]))
 def test_a_sample_calls_no_other_kernel_in_its_first_second(name, tmp_path, monkeypatch):
     called: set[str] = set()
     for module in (stepping, event_stage):
         for function in {name.partition(".")[2] for name in LATER} & set(vars(module)):
             _listen(monkeypatch, module, function, called)
-    write_scene(SAMPLES[name].build(), tmp_path / f"{name}.scene.json")
+    document = HARD_CASES[name].quick.build(0) if name in HARD_CASES else SAMPLES[name].build()
+    write_scene(document, tmp_path / f"{name}.scene.json")
     scene, assets = open_scene(tmp_path / f"{name}.scene.json", AssetStore()), AssetStore()
     simulation = Simulation.load(scene, assets)
     for _ in range(60):

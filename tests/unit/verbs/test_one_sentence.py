@@ -62,7 +62,9 @@ def test_a_wrong_scene_names_the_file_the_place_and_what_was_expected(elys, tmp_
 
 def test_a_scene_that_is_not_there(elys, tmp_path: Path) -> None:
     assert "there is no scene file gone.scene.json" in elys("run", "gone.scene.json", *HEADLESS).sentence
-    assert "samples are yard, stack" in elys("run", "yrad", *HEADLESS).sentence
+    assert "did you mean 'yard'?" in elys("run", "yrad", *HEADLESS).sentence
+    assert "did you mean 'stiff-spring'?" in elys("run", "stif-sprig", *HEADLESS).sentence
+    assert "samples are yard, stack" in elys("run", "qq", *HEADLESS).sentence
     assert "is a directory" in elys("run", tmp_path, *HEADLESS).sentence
     assert "did you mean 'yard'?" in elys("samples", "yrad").sentence
     (tmp_path / "notes.txt").write_text("hello")

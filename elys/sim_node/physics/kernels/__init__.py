@@ -20,6 +20,7 @@ from elys.sim_node.physics.kernels.integrator import finish_step, publish_poses
 from elys.sim_node.physics.kernels.islands import build_islands
 from elys.sim_node.physics.kernels.joint_preparation import prepare_joints
 from elys.sim_node.physics.kernels.joints import finish_joints
+from elys.sim_node.physics.kernels.measuring import measure_step, sleeping_potential
 from elys.sim_node.physics.kernels.narrow_phase import update_manifolds, update_simple_manifolds
 from elys.sim_node.physics.kernels.nearby import find_closest, find_overlaps
 from elys.sim_node.physics.kernels.overlaps import find_deep_overlaps
@@ -80,6 +81,7 @@ DIRECT: tuple[Any, ...] = (
     track_contacts,
     finish_step,
     put_to_sleep,
+    measure_step,
 )
 
 
@@ -115,6 +117,7 @@ def _kernels() -> tuple[Kernel, ...]:
     starts, proxies = np.zeros(1, tables.START), np.zeros(1, tables.PROXY)
     forces, reports = np.zeros(1, tables.FORCE), np.zeros(1, tables.STEP_REPORT)
     islands = np.zeros(1, tables.ISLAND)
+    glances, measures = np.zeros(1, tables.GLANCE), np.zeros(1, tables.MEASURES)
     indices = np.zeros(1, np.int32)
     entities = np.zeros(1, np.uint32)
     masks = np.zeros(1, np.uint64)
@@ -144,9 +147,10 @@ def _kernels() -> tuple[Kernel, ...]:
         np.zeros(1, tables.JOINT),
         np.zeros(1, tables.JOINT_ROW),
         np.zeros(1, tables.JOINT_GROUP),
+        np.zeros(1, tables.JOINT_PART),
+        indices,
         indices,
         np.zeros(1, tables.JOINT_COLUMN),
-        indices,
         np.zeros(1, tables.JOINT_BLOCK),
         indices,
         np.zeros((1, 6)),
@@ -200,6 +204,14 @@ def _kernels() -> tuple[Kernel, ...]:
             (
                 *(colliders, proxies, indices, 0, flags, leaves, indices, floats, indices, 0),
                 *(flags, indices, indices, geometry, places, pairs, pairs, indices),
+            ),
+        ),
+        (sleeping_potential, (bodies, numbers, constants)),
+        (
+            measure_step,
+            (
+                *(bodies, numbers, vectors, indices, 0, True, indices, True, *touching[1:4], 0, 0, manifolds),
+                *(joints.rows, numbers, glances, 0, 0, measures, constants),
             ),
         ),
         (list_awake, (bodies, colliders, proxies, indices, indices)),

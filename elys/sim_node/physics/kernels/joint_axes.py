@@ -6,8 +6,11 @@ import math
 
 from elys.sim_node.compilation import inner
 from elys.sim_node.physics.kernels.joint_impulses import load_velocity, push_free, store_velocity
-from elys.sim_node.physics.kernels.joint_rows import row_rate
-from elys.sim_node.physics.kernels.tables import AXIS, CORRECTION, JOINT_ROWS, LARGEST_ERROR, SWING
+from elys.sim_node.physics.kernels.joint_rows import correction, row_rate
+from elys.sim_node.physics.kernels.tables import AXIS, JOINT_ROWS, SWING
+
+GEAR_SLIP = 0.01  # error of a gear from which on it pushes against what does not give way, as limits [m], [rad]
+GEAR_LEAK = 0.01  # share of its impulse that it forgets each time then: so that it does not grow without end
 
 
 @inner
@@ -33,8 +36,8 @@ def limit_impulse(old, mass, opening, start, gap, h, biased):
     """
     if biased:
         lead = 0.5 * min(start, 0.0)
-        share = 1.0 if gap > 0.0 else CORRECTION  # a gap may be used up, but not more
-        return max(old - mass * (opening + lead + share / h * max(gap, -LARGEST_ERROR)), 0.0)
+        room = gap / h if gap > 0.0 else correction(gap, h)  # a gap may be used up, but not more
+        return max(old - mass * (opening + lead + room), 0.0)
     if old == 0.0 and gap > 0.0:
         return 0.0
     return max(old - mass * opening, 0.0)
@@ -47,8 +50,7 @@ def solve_limits(joint, rows, first, row, h, biased):
     if joint.lower == joint.upper:
         rate = row_rate(joint, row) + row.lead
         if biased:
-            error = joint.coordinate - joint.lower
-            rate += CORRECTION / h * min(max(error, -LARGEST_ERROR), LARGEST_ERROR)
+            rate += correction(joint.coordinate - joint.lower, h)
         joint.lower_impulse -= mass * rate
         push_free(joint, rows, first, row, -mass * rate)
         return abs(rate)
@@ -120,9 +122,11 @@ def solve_gear(moving, joints, rows, gear, h, biased):
     ratio = gear.ratio
     rate = row_rate(one, first) + first.lead
     rate = ratio * rate - row_rate(two, second) - second.lead
+    leak = 0.0
     if biased:
         error = ratio * one.coordinate - two.coordinate - gear.gear_offset
-        rate += CORRECTION / h * min(max(error, -LARGEST_ERROR), LARGEST_ERROR)
+        rate += correction(error, h)
+        leak = GEAR_LEAK * gear.impulse[0] if abs(error) > GEAR_SLIP else 0.0
     give = 0.0
     if first.effective_mass > 0.0:
         give += ratio * ratio / first.effective_mass
@@ -130,7 +134,7 @@ def solve_gear(moving, joints, rows, gear, h, biased):
         give += 1.0 / second.effective_mass
     if give == 0.0:
         return 0.0
-    impulse = -rate / give
+    impulse = -rate / give - leak
     gear.impulse[0] += impulse
     one.gear_impulse += ratio * impulse
     two.gear_impulse -= impulse

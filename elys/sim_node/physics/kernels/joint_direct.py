@@ -84,32 +84,32 @@ def eliminate(joints, columns, blocks, updates, c):
 
 
 @inner
-def factor_joints(joints, rows, columns, order, first, last, blocks, updates):
-    """Assembles and factors the matrix of joints that are solved directly, in the columns order[first:last]."""
-    for place in range(first, last):
-        column = columns[order[place]]
+def factor_joints(joints, rows, columns, first, last, blocks, updates):
+    """Assembles and factors the matrix of joints that are solved directly, in columns [first, last)."""
+    for c in range(first, last):
+        column = columns[c]
         joint = joints[column.joint]
         write_response(joint, rows, JOINT_ROWS * column.joint, SOFTNESS)
         for b in range(column.first, column.first + column.count):
             other = blocks[b].joint
             write_coupling(blocks[b], joints[other], JOINT_ROWS * other, joint, JOINT_ROWS * column.joint, rows)
-    for place in range(first, last):
-        eliminate(joints, columns, blocks, updates, order[place])
+    for c in range(first, last):
+        eliminate(joints, columns, blocks, updates, c)
 
 
 @inner
-def substitute(joints, columns, order, first, last, blocks):
+def substitute(joints, columns, first, last, blocks):
     """Solves for the impulses of all these joints, from and into their `work`."""
-    for place in range(first, last):
-        column = columns[order[place]]
+    for c in range(first, last):
+        column = columns[c]
         x = joints[column.joint].work
         for b in range(column.first, column.first + column.count):
             later = joints[blocks[b].joint]
             for i in range(later.locked):
                 for k in range(joints[column.joint].locked):
                     later.work[i] -= blocks[b].gain[LOCKED * i + k] * x[k]
-    for place in range(last - 1, first - 1, -1):
-        column = columns[order[place]]
+    for c in range(last - 1, first - 1, -1):
+        column = columns[c]
         joint = joints[column.joint]
         solve_factor(joint, joint.work)
         for b in range(column.first, column.first + column.count):

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from elys.sim_node.compilation import inner
-from elys.sim_node.physics.kernels.tables import AXIS, SWING
+from elys.sim_node.physics.kernels.tables import AXIS, LOCKED, SWING
 
 
 @inner
@@ -125,3 +125,20 @@ def push_all(joint, rows, first):
         push(joint, rows[first + AXIS], axis_impulse(joint))
     if joint.free > 1:
         push(joint, rows[first + SWING], -joint.swing_impulse)
+
+
+@inner
+def forget_impulses(joint):
+    """Begins anew with no impulses at all."""
+    for k in range(LOCKED):
+        joint.impulse[k] = 0.0
+    for c in range(12):
+        joint.given[c] = 0.0
+    for c in range(9):
+        joint.applied[c] = 0.0
+    joint.spring_impulse = 0.0
+    joint.motor_impulse = 0.0
+    joint.lower_impulse = 0.0
+    joint.upper_impulse = 0.0
+    joint.gear_impulse = 0.0
+    joint.swing_impulse = 0.0

@@ -8,8 +8,8 @@ from elys.sim_node.compilation import inner
 from elys.sim_node.physics.kernels.joint_direct import SOFTNESS, substitute
 from elys.sim_node.physics.kernels.joint_impulses import load_velocity, push, store_velocity
 from elys.sim_node.physics.kernels.joint_mass import solve_factor
-from elys.sim_node.physics.kernels.joint_rows import row_rate
-from elys.sim_node.physics.kernels.tables import CORRECTION, JOINT_ROWS, LARGEST_ERROR
+from elys.sim_node.physics.kernels.joint_rows import correction, row_rate
+from elys.sim_node.physics.kernels.tables import JOINT_ROWS
 
 
 @inner
@@ -43,7 +43,7 @@ def locked_rates(joint, rows, first, h, biased):
         row = rows[first + k]
         rate = row_rate(joint, row) + row.lead
         if biased:
-            rate += CORRECTION / h * min(max(row.error, -LARGEST_ERROR), LARGEST_ERROR)
+            rate += correction(row.error, h)
         joint.work[k] = -rate
         most = max(most, abs(rate))
     return most
@@ -85,23 +85,27 @@ def solve_soft(joint, rows, first, h):
 
 @inner
 def solve_drive(joint, rows, first, h):
-    """Gives b a velocity against a, as far as force and torque allow."""
+    """Gives b a velocity against a, as far as force and torque allow.
+
+    One after the other: a force that counts on a torque which is then cut off would drive the bodies on instead.
+    """
     work = joint.work
-    for k in range(joint.locked):
-        row = rows[first + k]
-        work[k] = drive_rate(joint, k) - row_rate(joint, row) - row.lead
-    solve_factor(joint, work)
-    clamp_drive(joint, 0, joint.drive_limit[0] * h)
-    clamp_drive(joint, 3, joint.drive_limit[1] * h)
-    push_work(joint, rows, first)
+    for part in range(2):
+        for k in range(joint.locked):
+            row = rows[first + k]
+            is_meant = k // 3 == part
+            work[k] = drive_rate(joint, k) - row_rate(joint, row) - row.lead if is_meant else 0.0
+        solve_factor(joint, work)
+        clamp_drive(joint, 3 * part, joint.drive_limit[part] * h)
+        push_work(joint, rows, first)
 
 
 @inner
-def solve_direct(moving, joints, rows, columns, order, first, last, blocks, h, biased, settled):
-    """The locked rows of joints that are solved together, in columns order[first:last]; returns the largest rate left."""
+def solve_direct(moving, joints, rows, columns, first, last, blocks, h, biased, settled):
+    """The locked rows of joints that are solved together, in columns [first, last); returns the largest rate left."""
     most = 0.0
-    for place in range(first, last):
-        j = columns[order[place]].joint
+    for c in range(first, last):
+        j = columns[c].joint
         joint = joints[j]
         load_velocity(moving, joint)
         locked_rates(joint, rows, JOINT_ROWS * j, h, biased)
@@ -110,9 +114,9 @@ def solve_direct(moving, joints, rows, columns, order, first, last, blocks, h, b
             most = max(most, abs(joint.work[k]))
     if most <= settled:
         return most
-    substitute(joints, columns, order, first, last, blocks)
-    for place in range(first, last):
-        j = columns[order[place]].joint
+    substitute(joints, columns, first, last, blocks)
+    for c in range(first, last):
+        j = columns[c].joint
         load_velocity(moving, joints[j])
         push_work(joints[j], rows, JOINT_ROWS * j)
         store_velocity(moving, joints[j])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from elys.sim_node.compilation import inner
 from elys.sim_node.physics.kernels.placement import write_axes
-from elys.sim_node.physics.kernels.tables import AXIS, LOCKED
+from elys.sim_node.physics.kernels.tables import AXIS, LOCKED, MOTOR
 
 # A row that keeps less than this share of its own mobility when the rows before it are held is no further condition.
 SINGULAR = 1e-9
@@ -69,11 +69,15 @@ def response(joint, row, other):
 
 @inner
 def write_response(joint, rows, first, softness):
-    """How the locked rows respond to impulses of one another, as a lower triangle."""
+    """How the locked rows respond to impulses of one another, as a lower triangle.
+
+    Force and torque of a drive are solved one after the other, as each has a limit of its own.
+    """
     f = joint.factor
     for i in range(joint.locked):
         for j in range(i + 1):
-            f[LOCKED * i + j] = response(joint, rows[first + i], rows[first + j])
+            apart = joint.kind == MOTOR and j < 3 <= i
+            f[LOCKED * i + j] = 0.0 if apart else response(joint, rows[first + i], rows[first + j])
         rows[first + i].own = f[LOCKED * i + i]
         f[LOCKED * i + i] *= 1.0 + softness
 

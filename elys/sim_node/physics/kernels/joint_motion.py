@@ -14,6 +14,7 @@ from elys.sim_node.physics.kernels.rotation import multiplied, normalized, rotat
 from elys.sim_node.physics.kernels.tables import JOINTED
 from elys.sim_node.physics.kernels.trigonometry import arc_tangent
 
+MOST_TURN = 3.0  # in a substep [rad]: beyond it nothing could be integrated, and nothing would be seen
 STILL = 1e-24  # squared turn [rad^2] below which turns may be added up
 
 
@@ -40,10 +41,14 @@ def turn_jointed(body, solved, drive, rest, turned, h):
     t = turned
     tx, ty, tz = float(t[0]), float(t[1]), float(t[2])
     rx, ry, rz = d[3] - tx, d[4] - ty, d[5] - tz
-    if rx * rx + ry * ry + rz * rz < STILL:
+    squared = rx * rx + ry * ry + rz * rz
+    if squared < STILL:
         for k in range(3):
             turned[k] = d[3 + k]
         return
+    if squared > MOST_TURN * MOST_TURN:
+        scale = MOST_TURN / math.sqrt(squared)
+        rx, ry, rz = scale * rx, scale * ry, scale * rz
     q = body.rotation
     inverse = body.inverse_inertia
     ix, iy, iz = inverse[0], inverse[1], inverse[2]

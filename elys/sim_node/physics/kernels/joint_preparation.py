@@ -20,6 +20,8 @@ from elys.sim_node.physics.kernels.locks import TURNS, free_part
 from elys.sim_node.physics.kernels.rotation import multiplied, rotated
 from elys.sim_node.physics.kernels.tables import AXIS, CONE, DYNAMIC, GEAR, JOINT_ROWS, LOCKED, MOTOR, STATIC
 
+APART = 0.1  # error of a rigid joint that bodies do not fall asleep with [m], [rad]
+
 
 @inner
 def place_start(bodies, drives, joint):
@@ -131,24 +133,17 @@ def find_strengths(bodies, joints):
 
 
 @inner
-def list_joints(joints, columns, groups, order, column_order):
-    """Sorts awake joints, and the columns of those that are solved together, by strength."""
+def list_parts(joints, order, parts, groups, part_order):
+    """Sorts awake parts by strength. All bodies of one fall asleep together."""
     at = 0
-    column_at = 0
     for g in range(groups.shape[0]):
         groups[g].first = at
-        groups[g].first_column = column_at
-        for j in range(joints.shape[0]):
-            if joints[j].live != 0 and joints[j].strength == g:
-                order[at] = j
-                at += 1
-        for c in range(columns.shape[0]):
-            joint = joints[columns[c].joint]
+        for p in range(parts.shape[0]):
+            joint = joints[order[parts[p].first]]
             if joint.live != 0 and joint.strength == g:
-                column_order[column_at] = c
-                column_at += 1
+                part_order[at] = p
+                at += 1
         groups[g].last = at
-        groups[g].last_column = column_at
 
 
 @inner
@@ -159,6 +154,16 @@ def is_driven(joint):
         for c in range(6):
             driven = driven or joint.drive_velocity[c] != 0.0
     return driven
+
+
+@inner
+def is_apart(joint, rows, first):
+    """Whether a rigid joint is so far off that its bodies are still on their way, though at rest after each substep."""
+    most = 0.0
+    if joint.kind != MOTOR and joint.frequency == 0.0:
+        for k in range(joint.locked):
+            most = max(most, abs(rows[first + k].error))
+    return most > APART
 
 
 @inner
@@ -212,37 +217,43 @@ def prepare_rows(joint, rows, first):
         prepare_spring(joint, rows[first + AXIS])
 
 
+@inner
+def prepare_part(system, part, drives, h):
+    """Frames, rows and masses of one part's joints."""
+    bodies, joints, rows, order = system.bodies, system.rows, system.solver_rows, system.order
+    for place in range(part.first, part.last):
+        j = order[place]
+        rescale(joints[j], h)
+        if joints[j].kind == GEAR:
+            joints[j].mover[0] = joints[j].mover[1] = -1  # it moves what its joints hold
+            continue
+        place_start(bodies, drives, joints[j])
+        prepare_joint(joints[j], rows, JOINT_ROWS * j)
+        if is_driven(joints[j]) or is_apart(joints[j], rows, JOINT_ROWS * j):
+            keep_awake(bodies, joints[j])
+        for side in range(2):
+            row = joints[j].mover[side]
+            if row >= 0:
+                for c in range(3):
+                    system.turned[row, c] = 0.0
+                for c in range(6):
+                    system.rest[row, c] = bodies[row].velocity[c] - drives[row].free_velocity[c]
+    spread_loads(joints, order, part.first, part.last, system.loads, h)
+    for place in range(part.first, part.last):
+        j = order[place]
+        if joints[j].kind != GEAR:
+            prepare_rows(joints[j], rows, JOINT_ROWS * j)
+
+
 @kernel
 def prepare_joints(system, drives, strengths):
     """Frames, rows and masses of all joints as the step begins; the solver's bodies must be prepared.
 
     Parameters: system is a Joints, drives (N,) and strengths (S,) as the solver has them.
     """
-    bodies, joints, rows, order = system.bodies, system.rows, system.solver_rows, system.order
-    find_strengths(bodies, joints)
-    list_joints(joints, system.columns, system.groups, order, system.column_order)
-    find_gears(joints, joints.shape[0])
+    find_strengths(system.bodies, system.rows)
+    list_parts(system.rows, system.order, system.parts, system.groups, system.part_order)
+    find_gears(system.rows, system.rows.shape[0])
     for g in range(system.groups.shape[0]):
-        h = strengths[g].substep
-        first, last = system.groups[g].first, system.groups[g].last
-        for place in range(first, last):
-            j = order[place]
-            rescale(joints[j], h)
-            if joints[j].kind == GEAR:
-                continue
-            place_start(bodies, drives, joints[j])
-            prepare_joint(joints[j], rows, JOINT_ROWS * j)
-            if is_driven(joints[j]):
-                keep_awake(bodies, joints[j])
-            for side in range(2):
-                row = joints[j].mover[side]
-                if row >= 0:
-                    for c in range(3):
-                        system.turned[row, c] = 0.0
-                    for c in range(6):
-                        system.rest[row, c] = bodies[row].velocity[c] - drives[row].free_velocity[c]
-        spread_loads(joints, order, first, last, system.loads, h)
-        for place in range(first, last):
-            j = order[place]
-            if joints[j].kind != GEAR:
-                prepare_rows(joints[j], rows, JOINT_ROWS * j)
+        for place in range(system.groups[g].first, system.groups[g].last):
+            prepare_part(system, system.parts[system.part_order[place]], drives, strengths[g].substep)

@@ -15,7 +15,19 @@ import math
 from elys.sim_node.compilation import inner
 from elys.sim_node.physics.kernels.placement import write_axes
 from elys.sim_node.physics.kernels.rotation import cross, multiplied, rotated, turn_by
-from elys.sim_node.physics.kernels.tables import AXIS, BALL, CONE, DISTANCE, FIXED, HINGE, MOTOR, SLIDER, SWING
+from elys.sim_node.physics.kernels.tables import (
+    AXIS,
+    BALL,
+    CONE,
+    CORRECTION,
+    CORRECTION_SPEED,
+    DISTANCE,
+    FIXED,
+    HINGE,
+    MOTOR,
+    SLIDER,
+    SWING,
+)
 from elys.sim_node.physics.kernels.trigonometry import arc_tangent
 
 SMALL = 1e-12  # lengths [m] and sines below it have no direction
@@ -226,6 +238,12 @@ def write_rows(joint, rows, first):
 @inner
 def has_coordinate(kind):
     return kind in (HINGE, SLIDER, DISTANCE, CONE)
+
+
+@inner
+def correction(error, h):
+    """The rate at which an error is taken away in a substep."""
+    return min(max(CORRECTION / h * error, -CORRECTION_SPEED), CORRECTION_SPEED)
 
 
 @inner

@@ -162,7 +162,7 @@ def solve_group(work, joints, g, group, fixed_first, held_end, strength, team, t
         for number in range(2 if is_jointed else passes):
             if joints is not None and is_jointed:
                 if thread == 0:
-                    solve_joints(joints, g, work.solver_bodies, work.drives, h, number == 0)
+                    solve_joints(joints, g, work.solver_bodies, work.drives, h, number == 0, constants)
                 meet(team, threads)
             if number == passes:  # joints alone are relaxed in every substep
                 break

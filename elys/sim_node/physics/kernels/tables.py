@@ -100,6 +100,41 @@ STEP_REPORT = np.dtype(
     align=True,
 )
 
+# The worst contacts among those that `measure_step` has looked at; entities of their bodies, 0 where there are none.
+GLANCE = np.dtype(
+    [
+        ("deepest_overlap", "f8"),  # [m]
+        ("residual", "f8"),  # fastest approach that the solver left where surfaces overlap [m/s]
+        ("deepest_a", "u4"),
+        ("deepest_b", "u4"),
+        ("restless_a", "u4"),
+        ("restless_b", "u4"),
+    ],
+    align=True,
+)
+
+# All that it finds, in the order of `StepDiagnostics`; a table of one row. No field is an array: those take Python longer.
+MEASURES = np.dtype(
+    [
+        ("kinetic", "f8"),  # of the bodies that were looked at [J]
+        ("potential", "f8"),
+        ("momentum_x", "f8"),  # [kg m/s]
+        ("momentum_y", "f8"),
+        ("momentum_z", "f8"),
+        ("angular_x", "f8"),  # about the origin [kg m^2/s]
+        ("angular_y", "f8"),
+        ("angular_z", "f8"),
+        *GLANCE.descr,
+        ("joint_error", "f8"),  # [m]
+        ("joint_angle_error", "f8"),  # [rad]
+        ("joint", "u4"),  # ids of the joints that are so far off, 0 for none
+        ("turned_joint", "u4"),
+        ("awake_count", "i4"),  # dynamic bodies that are awake
+        ("island_count", "i4"),  # of them
+    ],
+    align=True,
+)
+
 # Where a body was when the step began.
 START = np.dtype([("position", "f8", 3), ("rotation", "f8", 4)], align=True)
 
@@ -350,7 +385,7 @@ ROW_POINT = np.dtype(
 FIXED, BALL, HINGE, SLIDER, DISTANCE, CONE, GEAR, MOTOR = range(8)
 LOCKED, AXIS, SWING, JOINT_ROWS = 6, 6, 7, 8  # row r of joint j is row 8 j + r of the joint rows
 CORRECTION = 0.25  # share of a joint's error that a substep takes away
-LARGEST_ERROR = 0.2  # what is farther off comes back as if it were not [m], [rad]
+CORRECTION_SPEED = 10.0  # at which it is taken away at most [m/s], [rad/s]
 JOINT = np.dtype(
     [
         # what was asked for
@@ -405,6 +440,7 @@ JOINT = np.dtype(
         ("strength", "u1"),  # of its island
         ("mover", "i4", 2),  # rows of the solver's bodies, -1 for what never moves
         ("geared_by", "u1"),  # a gear acts on its coordinate
+        ("part", "i4"),  # which it was solved with in the last step, -1 for none
         ("free", "u1"),  # how many of the free rows anything acts on
         ("direct", "u1"),  # its locked rows are solved together with those of other joints
         ("locked", "i4"),  # how many rows are locked
@@ -449,10 +485,21 @@ JOINT_ROW = np.dtype(
     ],
     align=True,
 )
-# Joints whose locked rows are solved directly, in the order of elimination, and what stands below the diagonal of each.
+# Joints whose locked rows are solved directly, part by part in the order of elimination, and what stands below the diagonal.
 JOINT_COLUMN = np.dtype([("joint", "i4"), ("first", "i4"), ("count", "i4"), ("update", "i4")], align=True)
-# The joints of one strength: ranges of the lists that joints and columns are sorted into.
-JOINT_GROUP = np.dtype([("first", "i4"), ("last", "i4"), ("first_column", "i4"), ("last_column", "i4")], align=True)
+# Joints that feel one another, as they hang together by bodies that can be pushed and by gears: they are solved together.
+JOINT_PART = np.dtype(
+    [
+        ("first", "i4"),  # range of the list that joints are sorted into by part
+        ("last", "i4"),
+        ("first_column", "i4"),
+        ("last_column", "i4"),
+        ("impulsive", "u1"),  # in this substep: solved as a blow where it begins, see kernels/joints.py
+    ],
+    align=True,
+)
+# The awake parts of one strength, a range of the list that parts are sorted into.
+JOINT_GROUP = np.dtype([("first", "i4"), ("last", "i4")], align=True)
 JOINT_BLOCK = np.dtype(
     [
         ("joint", "i4"),  # whose rows stand here; it is eliminated later
@@ -595,9 +642,10 @@ class Joints(NamedTuple):
     rows: Table  # JOINT
     solver_rows: Table  # JOINT_ROW
     groups: Table  # JOINT_GROUP, one for each strength
-    order: Table  # (J,) rows of awake joints, by strength
-    columns: Table  # JOINT_COLUMN
-    column_order: Table  # (C,) rows of those of awake joints, by strength
+    parts: Table  # (P,) JOINT_PART
+    part_order: Table  # (P,) rows of the awake ones, by strength
+    order: Table  # (J,) rows of joints that hold something that can be pushed, by part
+    columns: Table  # JOINT_COLUMN, by part
     blocks: Table  # JOINT_BLOCK
     updates: Table  # (U,) rows of blocks
     loads: Table  # (N, 6) room, a row for each body

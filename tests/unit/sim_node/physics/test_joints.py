@@ -272,7 +272,7 @@ def test_a_plan_holds_every_block_that_elimination_fills():
     rng = np.random.default_rng(3)
     for count in (1, 5, 30):
         bodies = rng.integers(-1, count, (count, 2))
-        plan = JointPlan(count, np.arange(count), bodies)
+        plan = JointPlan(np.zeros(count, int), np.arange(count), bodies)
         shared = (bodies[:, None, :, None] == bodies[None, :, None, :]) & (bodies >= 0)[:, None, :, None]
         matrix = np.where(shared.any((2, 3)), rng.uniform(0.1, 0.2, (count, count)), 0.0) + 3.0 * np.eye(count)
         kept = plan.direct == 1
@@ -283,7 +283,7 @@ def test_a_plan_holds_every_block_that_elimination_fills():
 def test_a_chain_is_eliminated_without_a_new_block():
     count = 50
     bodies = np.stack([np.arange(count) - 1, np.arange(count)], axis=1)
-    plan = JointPlan(count, np.arange(count), bodies)
+    plan = JointPlan(np.zeros(count, int), np.arange(count), bodies)
     assert len(plan.blocks) == count - 1
     assert plan.direct.all()
 
@@ -297,7 +297,7 @@ def test_a_net_leaves_to_sweeps_what_would_fill_it():
             np.stack([cells[:-1].ravel(), cells[1:].ravel()], 1),
         ]
     )
-    plan = JointPlan(len(bodies), np.arange(len(bodies)), bodies)
+    plan = JointPlan(np.zeros(len(bodies), int), np.arange(len(bodies)), bodies)
     assert plan.columns["count"].max() <= 12
     assert 0.3 < plan.direct.mean() < 1.0
 

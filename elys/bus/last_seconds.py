@@ -1,0 +1,164 @@
+"""The last seconds of a session, kept in memory, and written as a recording when something went wrong.
+
+The tick only appends what it published anyway. Writing is the work of a thread, and of a recorder process of its own: neither
+the tick nor the session waits for it.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from elys.bus import codec, topics
+from elys.bus.messages.scene import Snapshot
+from elys.bus.recording_pipe import FrameKind, frame_head
+from elys.bus.session import Session
+from elys.bus.topics import Encoding, Topic
+from elys.common.assets.store import AssetStore, references_in
+from elys.common.errors import AssetError
+
+SECONDS: Final = 5.0  # [s] of simulation
+ROOM: Final = 64 << 20  # [bytes] kept at most: very many bodies have fewer seconds
+MOST_DELTAS: Final = 4 << 20  # [bytes] of deltas after which the scene is taken anew
+_RESYNC: Final = b'"resync":true'
+_log = logging.getLogger(__name__)
+
+
+class _Said(NamedTuple):
+    topic: Topic[Any]
+    payload: bytes
+    time: int  # [ns]
+
+
+class _Scene(NamedTuple):
+    """The scene as it was, and the deltas that follow it."""
+
+    snapshot: Snapshot
+    tick: int
+    time: int  # [ns]
+    deltas: list[_Said]
+
+
+class LastSeconds:
+    """Keeps what `session` publishes; `take_snapshot` gives the scene as it is, which is asked for rarely."""
+
+    def __init__(self, session: Session, *, take_snapshot: Callable[[], Snapshot], assets: AssetStore) -> None:
+        self._session = session
+        self._take_snapshot = take_snapshot
+        self._assets = assets
+        self._ticks: deque[tuple[int, int, list[_Said]]] = deque()  # tick, bytes, what was said
+        self._now: list[_Said] = []
+        self._size = 0  # of all that is kept [bytes]
+        self._now_size = 0
+        self._tick = 0
+        self._delta_size = 0
+        self._scenes: deque[_Scene] = deque()
+        self._writers: list[threading.Thread] = []
+        self._take_scene()
+        session.taps.append(self.publication)
+
+    def publication(self, topic: Topic[Any], _: str, payload: bytes) -> None:
+        """Takes what the session has just published."""
+        if not topic.recorded or topic is topics.STATUS:
+            return
+        said = _Said(topic, payload, time.time_ns())
+        if topic is topics.DELTA:
+            self._scenes[-1].deltas.append(said)
+            self._delta_size += len(payload)
+            if _RESYNC in payload or self._delta_size > MOST_DELTAS:
+                self._take_scene()
+            return
+        self._now.append(said)
+        self._now_size += len(payload)
+
+    def end_tick(self, tick: int, tick_rate: float) -> None:
+        """Ends a tick: what is older than `SECONDS` is let go."""
+        self._ticks.append((tick, self._now_size, self._now))
+        self._size += self._now_size
+        self._now, self._now_size, self._tick = [], 0, tick
+        oldest = tick - SECONDS * tick_rate
+        while len(self._ticks) > 1 and (self._ticks[0][0] < oldest or self._size > ROOM):
+            self._size -= self._ticks.popleft()[1]
+        while len(self._scenes) > 1 and self._scenes[1].tick < self._ticks[0][0]:
+            self._scenes.popleft()
+
+    def save(self, path: Path) -> None:
+        """Begins to write what is kept; a thread of its own does it, and tells in the log when the file is whole."""
+        said = [message for _, _, messages in self._ticks for message in messages]
+        scenes = [_Scene(scene.snapshot, scene.tick, scene.time, list(scene.deltas)) for scene in self._scenes]
+        work = (path, self._session.name, scenes, said)
+        writer = threading.Thread(target=self._write, args=work, name="elys-last-seconds")
+        self._writers.append(writer)
+        writer.start()
+
+    def close(self, timeout: float = 30.0) -> None:
+        """Keeps nothing any more, and waits until what is being written is whole, at most `timeout` seconds."""
+        if self.publication in self._session.taps:
+            self._session.taps.remove(self.publication)
+        for writer in self._writers:
+            writer.join(timeout)
+
+    # --- inside ----------------------------------------------------------------------------------------------------
+
+    def _take_scene(self) -> None:
+        snapshot = self._take_snapshot()
+        self._delta_size = 0
+        self._scenes.append(_Scene(snapshot, snapshot.tick, time.time_ns(), []))
+
+    def _write(self, path: Path, session: str, scenes: list[_Scene], said: list[_Said]) -> None:
+        reading, writing = os.pipe()
+        command = [sys.executable, "-m", "elys.bus.recorder_process", "--fd", str(reading), "--output", str(path)]
+        try:
+            with subprocess.Popen(
+                command, pass_fds=[reading], stdin=subprocess.DEVNULL, start_new_session=True
+            ) as process:
+                os.close(reading)
+                with os.fdopen(writing, "wb") as pipe:
+                    for piece in self._pieces(session, scenes, said):
+                        pipe.write(piece)
+            status = process.returncode
+        except OSError as error:
+            _log.warning("the last seconds could not be written to %s: %s", path, error.strerror)
+            return
+        if status == 0:
+            _log.warning("the last seconds before it are in %s: look at them with `elys play %s`", path, path)
+
+    def _pieces(self, session: str, scenes: list[_Scene], said: list[_Said]) -> Iterable[bytes]:
+        sent: set[str] = set()
+        first = scenes[0]
+        yield from _framed(FrameKind.BEGIN, session, first.snapshot.scene.encode(), first.time)
+        for body, name, moment in _in_order(scenes, said):
+            if name in (topics.SNAPSHOT.name, topics.DELTA.name):
+                yield from self._assets_of(body, sent, moment)
+            yield from _framed(FrameKind.MESSAGE, name, body, moment)
+
+    def _assets_of(self, body: bytes, sent: set[str], moment: int) -> Iterable[bytes]:
+        for reference in references_in(body):
+            if reference in sent:
+                continue
+            sent.add(reference)
+            try:
+                yield from _framed(FrameKind.ASSET, reference, self._assets.get(reference), moment)
+            except AssetError as error:
+                _log.warning("%s lacks an asset: %s", "the file of the last seconds", error)
+
+
+def _in_order(scenes: list[_Scene], said: list[_Said]) -> Iterable[tuple[bytes, str, int]]:
+    """Body, channel and time [ns] of everything, as it came."""
+    scene = [(codec.encode_body(one.snapshot, Encoding.JSON), topics.SNAPSHOT.name, one.time) for one in scenes]
+    deltas = [message for one in scenes for message in one.deltas]
+    messages = [(one.payload[codec.PREFIX.size :], one.topic.name, one.time) for one in (*deltas, *said)]
+    return sorted([*scene, *messages], key=lambda message: message[2])
+
+
+def _framed(kind: FrameKind, name: str, content: bytes, moment: int) -> Iterable[bytes]:
+    yield frame_head(kind, name, len(content), moment)
+    yield content
