@@ -46,9 +46,9 @@ class ScenePlan(msgspec.Struct, frozen=True, kw_only=True):
 
 BUS: Final = (
     BusStage(name="view/frame", when="a picture only while a viewer asks for one: without a render node none is drawn"),
+    BusStage(name="state, profile, diagnostics", when="made each tick, only while somebody listens or records"),
     BusStage(name="debug_lines", when="made only while somebody listens"),
     BusStage(name="contacts, events, delta", when="only for ticks in which something began, ended or changed"),
-    BusStage(name="state, profile", when="each tick; the transport carries them only to those who listen"),
     BusStage(name="status", when="at changes and 4 times a second"),
 )
 
