@@ -137,6 +137,24 @@ def pareto(
 
 
 @app.command()
+def plan(
+    scene: Scene,
+    at: Annotated[
+        float, typer.Option(min=0.0, max=36000.0, help="simulated seconds after which the plan is told")
+    ] = 0.0,
+    measure: Annotated[
+        bool, typer.Option("--measure/--no-measure", help="measure what stages take, and what is saved")
+    ] = True,
+    seconds: Annotated[float, typer.Option(min=0.05, max=600.0, help="simulated seconds that are measured")] = 1.0,
+    json: Json = False,
+) -> None:
+    """What a scene makes the engine do, why the rest is switched off, and what that saves."""
+    from elys.verbs import plan as verb
+
+    verb.plan(scene, at=at, seconds=seconds if measure else 0.0, json=json)
+
+
+@app.command()
 def calibrate(
     scene: Scene,
     output: Annotated[

@@ -18,6 +18,7 @@ TEXTURE_USES: Final = {
     "occlusion_texture": ("OCCLUSION_TEXTURE", False),
     "emissive_texture": ("EMISSIVE_TEXTURE", True),
 }
+TANGENTS: Final = "VERTEX_TANGENTS"  # compiled in where a mesh has them and a normal map is laid along them
 
 
 class Geometry:
@@ -27,16 +28,17 @@ class Geometry:
         self._context = context
         self._attributes = {
             name: Buffer(context, np.ascontiguousarray(array, np.float32))
-            for name in ("positions", "normals", "uvs", "tangents", "colors")
+            for name in ("positions", "normals", "uvs", "colors")
             if (array := getattr(mesh, name)) is not None and len(array)
         }
+        # A quarter of a vertex: they come to the card with the first program that reads them.
+        self._tangents = mesh.tangents if mesh.tangents is not None and len(mesh.tangents) else None
         self._indices = Buffer(context, np.ascontiguousarray(mesh.indices, np.uint32)) if len(mesh.indices) else None
         self._count = len(mesh.indices)
         self._arrays: dict[Program, VertexArray] = {}
-        self.defines = tuple(
-            define
-            for name, define in (("tangents", "VERTEX_TANGENTS"), ("colors", "VERTEX_COLORS"))
-            if name in self._attributes
+        self.defines = (
+            *((TANGENTS,) if self._tangents is not None else ()),
+            *(("VERTEX_COLORS",) if "colors" in self._attributes else ()),
         )
 
     @property
@@ -48,6 +50,9 @@ class Geometry:
         """How `program` reads it."""
         array = self._arrays.get(program)
         if array is None:
+            if self._tangents is not None and program.reads("tangent"):
+                self._attributes["tangents"] = Buffer(self._context, np.ascontiguousarray(self._tangents, np.float32))
+                self._tangents = None
             array = VertexArray(self._context, program, self._attributes, self._indices, self._count)
             self._arrays[program] = array
         return array

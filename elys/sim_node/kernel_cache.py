@@ -117,6 +117,14 @@ def kernel_cache_report() -> KernelCacheReport:
     return KernelCacheReport(cpu_level(), path, len(kernels) - len(missing), len(kernels), missing, size)
 
 
+def kernel_sizes() -> dict[str, int]:
+    """Bytes of machine code of each kernel that is in the cache or came with the package, by its name."""
+    places = [folder(package) for package in kernel_packages() for folder in (shipped_directory, cache_directory)]
+    files = [file for folder in places if folder.exists() for file in folder.glob("*.nbc")]
+    held = {kernel.name: [file for file in files if _holds(file, kernel)] for kernel in all_kernels()}
+    return {name: max(file.stat().st_size for file in its) for name, its in held.items() if its}
+
+
 def _holds(file: Path, kernel: Kernel) -> bool:
     """Whether a file of the cache is the kernel's machine code; numba names it by module, function and line."""
     function = getattr(kernel.function, "py_func", kernel.function)

@@ -31,6 +31,7 @@ from elys.sim_node.simulation import Simulation
 from elys.sim_node.systems.apply_commands import apply_command
 from elys.sim_node.systems.publish_state import (
     contact_batch,
+    is_heard,
     publish_debug_lines,
     publish_diagnostics,
     publish_profile,
@@ -148,7 +149,7 @@ class SimulationNode:
             self.simulation.settle()
             stages.done("follow_changes")
         self._publish_changes()
-        if stepping or replies:
+        if replies or (stepping and is_heard(self.session, topics.STATE)):
             self._publish_frame()
         if stepping and (found := publish_diagnostics(self.session, self.simulation)) and self.guard is not None:
             self._events += self.guard.look(found)

@@ -19,7 +19,11 @@ if TYPE_CHECKING:
 
 def compile_with_progress(scene: OpenedScene, *, threads: int = 1) -> None:
     """Loads the kernels that a scene needs, or compiles them with a bar that names what is being compiled."""
-    needs = needed_kernels(scene, threads=threads)
+    load_with_progress(needed_kernels(scene, threads=threads))
+
+
+def load_with_progress(needs: tuple[str, ...]) -> None:
+    """Loads or compiles the kernels of every world and those named, the latter with a bar."""
     if kernels_are_warm(needs):
         warm_kernels(needs=needs)
         return

@@ -29,7 +29,7 @@ def test_top_tells_of_a_session_and_the_recording_keeps_it(elys, free_port, tmp_
     assert facts["status"]["playing"]
     assert facts["diagnostics"]["bodies"] == 11
     assert facts["diagnostics"]["potential"] == pytest.approx(9.81 * TOWER, rel=0.2)
-    assert "physics.solve_contacts" in facts["profile"]["stages"]
+    assert "physics.finish_step" in facts["profile"]["stages"]
     lines = elys("top", "--connect", endpoint)
     lines.wait_for(r"bodies awake, .*energy .* J.*tick .* ms")
     lines.end()

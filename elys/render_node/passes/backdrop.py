@@ -19,7 +19,8 @@ class SkyPass:
         self._program.set("depth", 1.0)
         self._triangle = full_screen(resources, self._program)
 
-    def is_needed(self, plan: PicturePlan) -> bool:
+    @staticmethod
+    def is_needed(plan: PicturePlan) -> bool:
         """Whether the background is anything but black."""
         return any(plan.world.settings.background)
 
@@ -38,7 +39,8 @@ class GridPass:
         self._program = resources.program("grid.vert", "grid.frag", quality.defines)
         self._square = VertexArray(resources.context, self._program, {}, None, 4, strip=True)
 
-    def is_needed(self, plan: PicturePlan) -> bool:
+    @staticmethod
+    def is_needed(plan: PicturePlan) -> bool:
         """Whether the picture is for somebody who edits."""
         return plan.grid
 

@@ -38,7 +38,8 @@ class OutlinePass:
         self._triangle = full_screen(resources, self._program)
         self._mask: Framebuffer | None = None
 
-    def is_needed(self, plan: PicturePlan) -> bool:
+    @staticmethod
+    def is_needed(plan: PicturePlan) -> bool:
         """Whether anything selected is in the picture."""
         return bool(plan.selected)
 

@@ -6,8 +6,10 @@ from elys.render_node.gpu import Framebuffer, Program
 from elys.render_node.passes.drawing import ChooseProgram, draw_calls
 from elys.render_node.picture_plan import PicturePlan
 from elys.render_node.quality import Quality
-from elys.render_node.render_world import Look
-from elys.render_node.resources import Geometry, Resources
+from elys.render_node.render_world import TEXTURE_FIELDS, Look
+from elys.render_node.resources import TANGENTS, TEXTURE_USES, Geometry, Resources
+
+NORMAL_MAP = TEXTURE_USES["normal_texture"][0]
 
 
 class OpaquePass:
@@ -17,7 +19,8 @@ class OpaquePass:
         self._resources = resources
         self._quality = quality
 
-    def is_needed(self, plan: PicturePlan) -> bool:
+    @staticmethod
+    def is_needed(plan: PicturePlan) -> bool:
         """Whether anything solid is seen."""
         return bool(plan.opaque)
 
@@ -35,7 +38,8 @@ class TransparentPass:
         self._resources = resources
         self._quality = quality
 
-    def is_needed(self, plan: PicturePlan) -> bool:
+    @staticmethod
+    def is_needed(plan: PicturePlan) -> bool:
         """Whether anything see-through is seen."""
         return bool(plan.transparent)
 
@@ -51,6 +55,13 @@ def _shaded(resources: Resources, plan: PicturePlan, quality: Quality) -> Choose
 
     def choose(geometry: Geometry, look: Look) -> Program:
         textures = resources.bind_textures(plan.world, look)
-        return resources.program("shaded.vert", "shaded.frag", (*geometry.defines, *textures, *shared))
+        mapped = NORMAL_MAP in textures
+        vertices = tuple(define for define in geometry.defines if define != TANGENTS or mapped)
+        return resources.program("shaded.vert", "shaded.frag", (*vertices, *textures, *shared))
 
     return choose
+
+
+def has_normal_map(look: Look) -> bool:
+    """Whether tangents are needed: only a normal map is laid along them."""
+    return bool(look.textures[TEXTURE_FIELDS.index("normal_texture")])

@@ -19,7 +19,8 @@ class ShadowPass:
         self._map: Framebuffer | None = None
         self.drawn: ShadowState | None = None
 
-    def is_needed(self, plan: PicturePlan) -> bool:
+    @staticmethod
+    def is_needed(plan: PicturePlan) -> bool:
         """Whether there is a sun that casts, something that stops it, and no map of it yet."""
         return plan.shadow is not None and not plan.shadow_is_fresh
 

@@ -18,6 +18,7 @@ from elys.sim_node.physics.kernels.tables import (
     SPHERE,
     STATIC,
 )
+from elys.sim_node.physics.plan import PlannedStage
 from elys.sim_node.physics.settings import Attractor, PhysicsSettings
 from elys.sim_node.physics.states import (
     BodyStates,
@@ -67,6 +68,7 @@ __all__ = [
     "Overlaps",
     "PhysicsSettings",
     "PhysicsWorld",
+    "PlannedStage",
     "Problem",
     "Touches",
     "TriggerEvents",

@@ -44,6 +44,11 @@ class EventLog:
 
     # ---------------------------------------------------------------- within a step
 
+    @property
+    def has_removed_visits(self) -> bool:
+        """Whether somebody was taken out of a trigger, or a trigger from around somebody, since the last step."""
+        return len(self._removed_visits) > 0
+
     def track_contacts(self, bodies: Array, colliders: Array, solver_bodies: Array, constants: Table) -> None:
         """Finds the contacts that a solved step has begun and ended; bodies are not moved yet."""
         contacts = self._contacts
@@ -67,11 +72,13 @@ class EventLog:
             self._begun, self._ended = _with_removed(self._begun, self._ended, self._removed_contacts)
             self._removed_contacts = self._removed_contacts[:0]
 
-    def track_triggers(self, bodies: Array, colliders: Array, room: SolverRoom, geometry: Geometry) -> None:
-        """Finds what has entered and left triggers, after bodies were moved."""
+    def track_triggers(
+        self, bodies: Array, colliders: Array, room: SolverRoom, geometry: Geometry, *, wanted: bool
+    ) -> None:
+        """Finds what has entered and left triggers, after bodies were moved; where it is not wanted nothing has."""
         contacts = self._contacts
         entered = exited = 0
-        if contacts.trigger_count:
+        if wanted:
             entered, exited = track_triggers(
                 bodies,
                 colliders,

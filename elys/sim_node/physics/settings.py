@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from elys.common.components import Vec3
 from elys.common.errors import PhysicsError
-from elys.sim_node.physics.kernels.tables import CONSTANTS, MOST_ATTRACTORS, STRENGTH, Table
+from elys.sim_node.physics.kernels.tables import CONSTANTS, FORCED, MOST_ATTRACTORS, STRENGTH, Table
 
 MOST_STRENGTHS = 8
 MOST_THREADS = 64
@@ -21,6 +22,26 @@ RULES: tuple[Rule, ...] = get_args(Rule)
 
 
 OnProblem = Literal["continue", "pause"]
+
+
+SwitchName = Literal[
+    "polytopes",
+    "overlap_check",
+    "solver",
+    "joints",
+    "shared_solver",
+    "strong_solver",
+    "bounces",
+    "rolling",
+    "locked_axes",
+    "gyroscopic",
+    "attractors",
+    "continuous_collision",
+    "contact_events",
+    "triggers",
+    "sleepers",
+]
+SWITCHES: tuple[SwitchName, ...] = get_args(SwitchName)
 
 
 class Attractor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -69,6 +90,7 @@ class PhysicsSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     on_problem: OnProblem = (
         "continue"  # or pause: whether a running simulation stops its clock when a step finds a problem
     )
+    forced: tuple[SwitchName, ...] = ()  # stages that a step does though nothing needs them: to prove that, see plan.py
 
     def __post_init__(self) -> None:
         numbers = {
@@ -90,6 +112,7 @@ class PhysicsSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
             )
         if self.on_problem not in get_args(OnProblem):
             raise PhysicsError(f"PhysicsSettings.on_problem must be continue or pause, not {self.on_problem!r}")
+        _refuse_unknown(self.forced)
         if not 1 <= self.substeps <= 64:
             raise PhysicsError(f"PhysicsSettings.substeps must be from 1 to 64, not {self.substeps}")
         if not 1 <= self.threads <= MOST_THREADS:
@@ -102,6 +125,14 @@ class PhysicsSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
             )
         if self.contact_margin <= 0.0:
             raise PhysicsError("PhysicsSettings.contact_margin must be above 0, for instance 0.02 m")
+
+
+def _refuse_unknown(forced: tuple[str, ...]) -> None:
+    for name in forced:
+        if name not in SWITCHES:
+            close = difflib.get_close_matches(name, SWITCHES, n=1)
+            remedy = f"did you mean '{close[0]}'?" if close else f"there are {', '.join(SWITCHES)}"
+            raise PhysicsError(f"PhysicsSettings.forced names no switch '{name}'; {remedy}")
 
 
 def soft_constraint(frequency: float, damping_ratio: float, time_step: float) -> tuple[float, float, float]:
@@ -144,8 +175,14 @@ def step_constants(settings: PhysicsSettings, dt: float, traits: SceneTraits) ->
     row["overlap"] = settings.contact_overlap
     row["friction_rule"] = RULES.index(settings.friction_rule)
     row["restitution_rule"] = RULES.index(settings.restitution_rule)
-    row["can_bounce"], row["can_roll"], row["can_lock"] = traits
+    forced = settings.forced
+    row["can_bounce"] = FORCED if "bounces" in forced else traits.can_bounce
+    row["can_roll"] = traits.can_roll or "rolling" in forced
+    row["can_lock"] = traits.can_lock or "locked_axes" in forced
+    row["gyroscopic"] = "gyroscopic" in forced
     row["attractor_count"] = len(settings.attractors)
+    if not settings.attractors and "attractors" in forced:  # one that pulls at nobody
+        row["attractor_count"], row["attractors"][4] = 1, 1.0
     for place, attractor in enumerate(settings.attractors):
         numbers = (*attractor.position, attractor.strength, attractor.softening**2)
         row["attractors"][5 * place : 5 * place + 5] = numbers
@@ -157,10 +194,12 @@ def step_constants(settings: PhysicsSettings, dt: float, traits: SceneTraits) ->
 def step_strengths(settings: PhysicsSettings, dt: float) -> Table:
     """The strengths that islands may be solved with in a step of `dt` seconds: each has twice the substeps of the last.
 
-    The first has half of what the settings say, and is for islands of very many bodies.
+    The first has half of what the settings say, and is for islands of very many bodies. Forced, all are the strongest.
     """
     strengths: np.ndarray[Any, Any] = np.zeros(1 + settings.strengths, STRENGTH)
     for doublings, row in enumerate(strengths):
+        if "strong_solver" in settings.forced:
+            doublings = settings.strengths
         substeps = max((settings.substeps << doublings) // 2, 1)
         substep = dt / substeps
         # Stiffer than an eighth of the substep rate the push overshoots and stacks drift.

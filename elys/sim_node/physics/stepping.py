@@ -32,13 +32,12 @@ from elys.sim_node.physics.kernels.solver import (
 )
 from elys.sim_node.physics.kernels.sweep import stop_at_impacts
 from elys.sim_node.physics.kernels.tables import Table
+from elys.sim_node.physics.plan import Switches
 from elys.sim_node.physics.solving import SolverRoom
 from elys.sim_node.physics.team import Team
 
 Array = np.ndarray[Any, Any]
 Result = TypeVar("Result")
-
-ENOUGH = 300  # contacts for each thread: fewer are done before others have come
 
 _NONE: Array = np.zeros(0, np.int32)
 
@@ -54,6 +53,7 @@ class Step:
         joints: JointTable,
         activity: Activity,
         events: EventLog | None,
+        switches: Switches,
         room: SolverRoom,
         team: Team,
         constants: Table,
@@ -67,19 +67,19 @@ class Step:
         self._joints = joints
         self._activity = activity
         self._events = events
+        self._switches = switches
         self._sleeping = sleeping
         self._room = room
         self._team = team
         self.constants = constants
         self._strengths = strengths
-        self._held_end = 0
         self._links: Array | None = None  # of joints, as islands were last made of them
-        self._fast_count = 0
         self._stepped: Array | None = None  # the rows of bodies that were stepped last
         self.deep: tuple[Array, Array] = (_NONE, np.zeros(0))  # slots of pairs, depths [m]
 
     def run(self, profile: dict[str, float]) -> tuple[Array, Array]:
         """Moves everything; returns the rows of bodies whose numbers are not finite any more, and of joints that broke."""
+        switches = self._switches
         broken = _NONE
         self._stepped = self._bodies.rows
         while True:
@@ -88,22 +88,27 @@ class Step:
             if not _timed(profile, "update_manifolds", self._update_manifolds):
                 break
             self._activity.wake_marked()
-        if self._bodies.has_fresh:
+        if switches.overlap_check:
             _timed(profile, "find_deep_overlaps", self._find_deep_overlaps)
-        _timed(profile, "build_islands", self._build_islands)
-        _timed(profile, "colour_contacts", self._colour_contacts)
-        _timed(profile, "prepare_bodies", self._prepare_bodies)
-        if len(self._joints.rows):
+        self._make_room()
+        if switches.islands:
+            _timed(profile, "build_islands", self._build_islands)
+            _timed(profile, "colour_contacts", self._colour_contacts)
+        is_solved, is_jointed = switches.solver, switches.joints
+        if is_solved:
+            _timed(profile, "prepare_bodies", self._prepare_bodies)
+        if is_jointed:
             _timed(profile, "prepare_joints", self._prepare_joints)
-        _timed(profile, "solve_contacts", self._solve_contacts)
-        if len(self._joints.rows):
+        if is_solved:
+            _timed(profile, "solve_contacts", self._solve_contacts)
+        if is_jointed:
             broken = _timed(profile, "finish_joints", self._finish_joints)
         if self._events is not None:
             _timed(profile, "track_contacts", self._track_contacts)
         faulty = _timed(profile, "finish_step", self._finish_step)
-        if self._fast_count and not len(faulty):
+        if switches.continuous_collision and not len(faulty):
             _timed(profile, "stop_at_impacts", self._stop_at_impacts)
-        if self._events is not None and not len(faulty):
+        if self._events is not None and not len(faulty) and (switches.triggers or self._events.has_removed_visits):
             _timed(profile, "track_triggers", self._track_triggers)
         if self._sleeping:
             _timed(profile, "put_to_sleep", self._put_to_sleep)
@@ -134,11 +139,11 @@ class Step:
         pairs = (self._colliders.proxies, contacts.pairs, *active, contacts.manifolds, contacts.found)
         results = (self.constants, contacts.touching, contacts.fast, contacts.watched, contacts.triggers)
         bodies, colliders = self._bodies.rows, self._colliders.rows
-        if self._colliders.is_simple:
-            facts = update_simple_manifolds(bodies, colliders, *pairs, *results)
-        else:
+        if self._switches.polytopes:
             facts = update_manifolds(bodies, colliders, *pairs, self._colliders.geometry.arrays, *results)
-        contacts.touching_count, is_changed, self._fast_count, is_woken, *others = facts
+        else:
+            facts = update_simple_manifolds(bodies, colliders, *pairs, *results)
+        contacts.touching_count, is_changed, self._switches.fast_count, is_woken, *others = facts
         contacts.watched_count, contacts.trigger_count = others
         contacts.is_changed |= is_changed
         return bool(is_woken)
@@ -169,12 +174,14 @@ class Step:
         deep, self.deep = self.deep, (_NONE, np.zeros(0))
         return deep
 
-    def _build_islands(self) -> None:
-        room, contacts = self._room, self._contacts
-        contacts.is_changed |= room.reserve(len(self._bodies.rows), contacts.touching_count)
+    def _make_room(self) -> None:
+        contacts = self._contacts
+        contacts.is_changed |= self._room.reserve(len(self._bodies.rows), contacts.touching_count)
         contacts.is_changed |= self._links is not self._joints.links
         self._links = self._joints.links
-        activity = self._activity
+
+    def _build_islands(self) -> None:
+        room, contacts, activity = self._room, self._contacts, self._activity
         contacts.is_changed |= build_islands(
             self._bodies.rows,
             activity.bodies,
@@ -198,7 +205,7 @@ class Step:
             return
         contacts.is_changed = False
         room.island_version += 1
-        group_count, self._held_end = form_groups(
+        group_count, self._switches.held_end = form_groups(
             self._bodies.rows,
             self._activity.bodies,
             self._activity.body_count,
@@ -246,13 +253,15 @@ class Step:
             self._bodies.rows,
             self._bodies.forces,
             room.held,
-            self._held_end,
+            self._switches.held_end,
             room.groups,
             room.solver_bodies,
             room.drives,
             self._strengths,
             self.constants,
         )
+        if not self._switches.bounces:
+            return
         prepare_impacts(
             self._bodies.rows,
             self._colliders.rows,
@@ -279,19 +288,19 @@ class Step:
         return joints.broken_room[:count].copy() if count else _NONE
 
     def _solve_contacts(self) -> None:
-        work, team = self._room.work(self._contacts), self._team
+        work, team, switches = self._room.work(self._contacts), self._team, self._switches
         given = (self._strengths, self.constants)
-        is_jointed = len(self._joints.rows) > 0
-        if team.threads == 1 or self._contacts.touching_count < ENOUGH * team.threads:
-            if is_jointed:
-                solve_jointed_contacts(work, self._held_end, self._joints.tables, *given)
+        held_end = switches.held_end
+        if not switches.shared_solver(team.threads):
+            if switches.joints:
+                solve_jointed_contacts(work, held_end, self._joints.tables, *given)
             else:
-                solve_contacts(work, self._held_end, *given)
-        elif is_jointed:
+                solve_contacts(work, held_end, *given)
+        elif switches.joints:
             joints = self._joints.tables
-            team.run(lambda *who: solve_shared_jointed_contacts(work, self._held_end, joints, *given, *who))
+            team.run(lambda *who: solve_shared_jointed_contacts(work, held_end, joints, *given, *who))
         else:
-            team.run(lambda *who: solve_shared_contacts(work, self._held_end, *given, *who))
+            team.run(lambda *who: solve_shared_contacts(work, held_end, *given, *who))
 
     def _track_contacts(self) -> None:
         assert self._events is not None
@@ -300,8 +309,8 @@ class Step:
 
     def _track_triggers(self) -> None:
         assert self._events is not None
-        colliders = self._colliders
-        self._events.track_triggers(self._bodies.rows, colliders.rows, self._room, colliders.geometry.arrays)
+        tables = (self._bodies.rows, self._colliders.rows, self._room, self._colliders.geometry.arrays)
+        self._events.track_triggers(*tables, wanted=self._switches.triggers)
 
     def _finish_step(self) -> Array:
         bodies = self._bodies
@@ -331,7 +340,7 @@ class Step:
             self._colliders.rows,
             self._contacts.pairs,
             self._contacts.fast,
-            self._fast_count,
+            self._switches.fast_count,
             room.starts_of_bodies,
             room.fractions,
             self._bodies.poses,

@@ -26,6 +26,7 @@ from elys.sim_node.physics.kernels.tables import BOX, DYNAMIC, SOLID, STATIC, Ta
 from elys.sim_node.physics.mass_properties import mass_properties
 from elys.sim_node.physics.measures import energy_of, momentum_of, thickness_of
 from elys.sim_node.physics.measuring import Measuring
+from elys.sim_node.physics.plan import PlannedStage, Switches, without_exact
 from elys.sim_node.physics.settings import PhysicsSettings, SceneTraits, step_constants, step_strengths
 from elys.sim_node.physics.solving import SolverRoom
 from elys.sim_node.physics.states import (
@@ -50,6 +51,7 @@ class PhysicsWorld(WorldJoints):
     def __init__(self, settings: PhysicsSettings | None = None) -> None:
         self.settings = settings or PhysicsSettings()
         super().__init__()
+        self._switches = Switches(self._bodies, self._colliders, self._contacts, self._joints)
         self._room = SolverRoom()
         self._team = Team(self.settings.threads)
         self._step: Step | None = None
@@ -109,6 +111,10 @@ class PhysicsWorld(WorldJoints):
     def body_count(self) -> int:
         """How many bodies there are."""
         return len(self._bodies.rows)
+
+    def plan(self) -> tuple[PlannedStage, ...]:
+        """What steps do that only some worlds need, and why the rest is switched off: as the world is after the last step."""
+        return self._switches.plan(self.settings, self._team.threads)
 
     def take_problems(self) -> list[Problem]:
         """What went wrong inside steps since the last call."""
@@ -431,11 +437,15 @@ class PhysicsWorld(WorldJoints):
         traits = SceneTraits(self._colliders.can_bounce, self._colliders.can_roll, self._bodies.can_lock)
         plan = (dt, self.settings, traits)
         if self._step is None or self._step_plan != plan:
-            if self._step_plan is not None and self._step_plan[1] != self.settings:
+            if self._step_plan is not None and without_exact(self._step_plan[1]) != without_exact(self.settings):
                 self._activity.wake_all()
             if self._team.asked != self.settings.threads:
                 self._team = Team(self.settings.threads)
-            if not self.settings.events:
+            self._switches.force(self.settings.forced)
+            if "sleepers" in self.settings.forced:  # those too who slept when this world was made from a snapshot
+                self._activity.wake_all()
+            has_events = self.settings.events or "contact_events" in self.settings.forced
+            if not has_events:
                 self._events.forget()
             constants = step_constants(self.settings, dt, traits)
             strengths = step_strengths(self.settings, dt)
@@ -445,12 +455,13 @@ class PhysicsWorld(WorldJoints):
                 self._contacts,
                 self._joints,
                 self._activity,
-                self._events if self.settings.events else None,
+                self._events if has_events else None,
+                self._switches,
                 self._room,
                 self._team,
                 constants,
                 strengths,
-                sleeping=self.settings.sleeping,
+                sleeping=self.settings.sleeping and "sleepers" not in self.settings.forced,
             )
             self._step_plan = plan
         return self._step

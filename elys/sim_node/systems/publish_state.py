@@ -12,12 +12,18 @@ from elys.bus.messages.scene import SceneDelta, SettingsSet
 from elys.bus.messages.session import TickProfile
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.session import Session
+from elys.bus.topics import Topic
 from elys.sim_node.ecs.changes import WorldChanges
 from elys.sim_node.physics.debug_geometry import LINES
 from elys.sim_node.scene.delta import scene_changes
 from elys.sim_node.simulation import Simulation
 
 RESYNC_THRESHOLD = 2000  # changes in one tick above which readers fetch the snapshot instead
+
+
+def is_heard(session: Session, topic: Topic[Any]) -> bool:
+    """Whether anybody listens to a topic or records: what is published anew each tick is made for nobody else."""
+    return bool(session.taps) or session.has_listener(topic)
 
 
 def state_frame(simulation: Simulation, *, epoch: int, delta_sequence: int, playing: bool) -> StateFrame:
@@ -93,7 +99,7 @@ def publish_debug_lines(session: Session, simulation: Simulation) -> None:
 
 def publish_diagnostics(session: Session, simulation: Simulation) -> Diagnostics | None:
     """What the tick has left in the physics, where somebody listens or records; measured for nobody else."""
-    if not session.taps and not session.has_listener(topics.DIAGNOSTICS):
+    if not is_heard(session, topics.DIAGNOSTICS):
         return None
     found = simulation.physics.watch()._asdict()
     message = Diagnostics(tick=simulation.tick, bodies=simulation.physics.body_count, **found)
@@ -104,7 +110,9 @@ def publish_diagnostics(session: Session, simulation: Simulation) -> Diagnostics
 def publish_profile(
     session: Session, simulation: Simulation, stages: dict[str, float], *, total: float, late: float
 ) -> None:
-    """What the tick cost [ms]."""
+    """What the tick cost [ms], where somebody listens or records."""
+    if not is_heard(session, topics.PROFILE):
+        return
     counts = {"bodies": simulation.physics.body_count, "contacts": simulation.physics.touching_count}
     session.publish(
         topics.PROFILE, TickProfile(tick=simulation.tick, total=total, stages=stages, counts=counts, late=late)

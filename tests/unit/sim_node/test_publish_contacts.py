@@ -135,3 +135,26 @@ async def test_debug_lines_are_made_of_what_somebody_listens_to(simulation, monk
         close()
         node.tick()
         assert made == ["boxes"]
+
+
+@run_in_loop
+async def test_states_and_profiles_are_made_for_those_who_listen_or_record(simulation) -> None:
+    async with hosted() as host:
+        made: list[str] = []
+        publish = host.publish
+        host.publish = lambda topic, *given, **named: (made.append(topic.name), publish(topic, *given, **named))[1]
+        node = SimulationNode(simulation, host)
+        node.tick()
+        assert not {"state", "profile"} & set(made)
+        frames = []
+        stop = host.subscribe(topics.STATE, lambda frame, _: frames.append(frame.tick))
+        node.tick()
+        await asyncio.sleep(0)
+        assert frames == [2] and "profile" not in made
+        stop()
+        made.clear()
+        node.tick()
+        assert "state" not in made
+        host.taps.append(lambda *given: None)
+        node.tick()
+        assert {"state", "profile"} <= set(made)

@@ -26,7 +26,7 @@ from elys.sim_node.physics.kernels.locks import (
     turn_locked,
 )
 from elys.sim_node.physics.kernels.placement import write_world_inertia
-from elys.sim_node.physics.kernels.rotation import multiplied, normalized, rotated, spun, turn_by
+from elys.sim_node.physics.kernels.rotation import multiplied, normalized, rotated, spun, spun_by_euler, turn_by
 from elys.sim_node.physics.kernels.simd import load, splat, store
 from elys.sim_node.physics.kernels.tables import DYNAMIC, JOINTED, SOLVER_DRIVE, float_place
 
@@ -208,7 +208,7 @@ def principal_spin(body, x, y, z):
 
 
 @inner
-def turn_held(body, solved, h):
+def turn_held(body, solved, constants):
     """Turns a body that was held, by what the solver found, and gives it the angular velocity it then has.
 
     Part of the solver's velocity turned the body; with that it has flown freely, as Euler's equations say. The rest came
@@ -225,16 +225,18 @@ def turn_held(body, solved, h):
     if body.held == JOINTED:
         turn_body(body, vx, vy, vz)
         return
-    if ix * iy * iz == 0.0 or (ix == iy and iy == iz) or body.locked & TURNS:
+    is_round = ix == iy and iy == iz and constants.gyroscopic == 0
+    if ix * iy * iz == 0.0 or is_round or body.locked & TURNS:
         turn_body(body, vx, vy, vz)
         v[3], v[4], v[5] = wx, wy, wz
         return
+    h = constants.time
     rate = 1.0 / h
     ox, oy, oz = vx * rate, vy * rate, vz * rate
     px, py, pz = principal_spin(body, wx - ox, wy - oy, wz - oz)
     lx, ly, lz = rotated(q[0], q[1], q[2], q[3], px / ix, py / iy, pz / iz)
     if vx * vx + vy * vy + vz * vz > SPINNING:
-        q[0], q[1], q[2], q[3], ox, oy, oz = spun(q[0], q[1], q[2], q[3], ox, oy, oz, ix, iy, iz, h)
+        q[0], q[1], q[2], q[3], ox, oy, oz = spun_by_euler(q[0], q[1], q[2], q[3], ox, oy, oz, ix, iy, iz, h)
     else:
         turn_body(body, vx, vy, vz)
     px, py, pz = principal_spin(body, lx, ly, lz)
@@ -243,15 +245,15 @@ def turn_held(body, solved, h):
 
 
 @inner
-def move_held(body, solved, h):
-    """Takes over what the solver found in a step of length h."""
+def move_held(body, solved, constants):
+    """Takes over what the solver found in a step."""
     if body.locked != 0:
         hold_solved(body.locked, solved)
     for k in range(3):
         if body.held != JOINTED:
             body.velocity[k] = solved.velocity[k]
         body.position[k] += solved.displacement[k]
-    turn_held(body, solved, h)
+    turn_held(body, solved, constants)
     if body.locked != 0:
         hold_axes(body)
 
@@ -292,7 +294,7 @@ def twist_free(body, force, room, h):
 
 
 @inner
-def turn_free(body, room, h, keep):
+def turn_free(body, room, h, keep, constants):
     """The whole step of a free body's turn; `keep` is what damping leaves of its spin in half of it."""
     v = body.velocity
     q = body.rotation
@@ -303,6 +305,10 @@ def turn_free(body, room, h, keep):
     dynamic = body.motion == DYNAMIC
     if dynamic and body.locked & TURNS:
         turn_locked(body, room, h)
+    elif dynamic and constants.gyroscopic != 0:
+        inverse = body.inverse_inertia
+        turned = spun_by_euler(q[0], q[1], q[2], q[3], v[3], v[4], v[5], inverse[0], inverse[1], inverse[2], h)
+        q[0], q[1], q[2], q[3], v[3], v[4], v[5] = turned
     else:
         inverse = body.inverse_inertia
         ix, iy, iz = (inverse[0], inverse[1], inverse[2]) if dynamic else (1.0, 1.0, 1.0)
@@ -334,7 +340,7 @@ def move_free(body, force, room, constants):
     if dynamic and body.pushed != 0:
         twist_free(body, force, room, 0.5 * h)
     cut = limit_pair(v, constants.max_linear_speed, constants.max_angular_speed) if dynamic else 0
-    turn_free(body, room, h, angular)
+    turn_free(body, room, h, angular, constants)
     if dynamic and body.pushed != 0:
         twist_free(body, force, room, 0.5 * h)
     return cut
@@ -403,7 +409,7 @@ def finish_step(bodies, forces, awake, awake_count, poses, starts, solver_bodies
         cut = 0
         if body.held != 0 and dynamic:
             cut = limit_pair(solver_bodies[i].displacement, constants.time * fastest, constants.time * quickest)
-            move_held(body, solver_bodies[i], constants.time)
+            move_held(body, solver_bodies[i], constants)
         else:
             cut = move_free(body, forces[i], room, constants)
         if not is_finite(body):

@@ -74,15 +74,24 @@ def spin_rates(x, y, z, a, b, c):
 def spun(x, y, z, w, ox, oy, oz, ix, iy, iz, h):
     """A free body after the time h: its quaternion and its world angular velocity.
 
-    Parameters: unit quaternion, world angular velocity [rad/s], inverse principal inertia, time [s]. Runge-Kutta of fourth
-    order on quaternion and angular velocity in principal axes, in parts small enough that energy and angular momentum
-    keep eight digits over minutes. A body whose three moments are equal turns about a fixed axis, exactly.
+    Parameters: unit quaternion, world angular velocity [rad/s], inverse principal inertia, time [s]. A body whose three
+    moments are equal turns about a fixed axis, exactly.
     """
     if ix == iy and iy == iz:
         dx, dy, dz, dw = turn_by(ox * h, oy * h, oz * h)
         x, y, z, w = multiplied(dx, dy, dz, dw, x, y, z, w)
         x, y, z, w = normalized(x, y, z, w)
         return x, y, z, w, ox, oy, oz
+    return spun_by_euler(x, y, z, w, ox, oy, oz, ix, iy, iz, h)
+
+
+@inner
+def spun_by_euler(x, y, z, w, ox, oy, oz, ix, iy, iz, h):
+    """`spun` by Euler's equations, whatever the moments.
+
+    Runge-Kutta of fourth order on quaternion and angular velocity in principal axes, in parts small enough that energy and
+    angular momentum keep eight digits over minutes.
+    """
     jx = 1.0 / ix
     jy = 1.0 / iy
     jz = 1.0 / iz

@@ -18,7 +18,7 @@ from elys.sim_node.physics.kernels.impact import bounce_contacts
 from elys.sim_node.physics.kernels.integrator import integrate_positions, integrate_velocities, take_back, turn_over
 from elys.sim_node.physics.kernels.joint_motion import turn_all
 from elys.sim_node.physics.kernels.joints import has_joints, solve_joints, warm_start_joints
-from elys.sim_node.physics.kernels.tables import POINTS
+from elys.sim_node.physics.kernels.tables import FORCED, POINTS
 from elys.sim_node.physics.kernels.team import meet, share
 
 ENOUGH = 24  # batches of a group for each thread: fewer are done by one, while the others wait
@@ -91,7 +91,7 @@ def span_share(span, thread, threads):
 @inner
 def begin_substep(work, joints, g, group, first, last, h, number, team, thread, threads, constants):
     """What comes before the contacts: the end of the substep before, impacts, gravity and damping, for bodies [first, last)."""
-    can_bounce = group.last_row > group.first_row
+    can_bounce = group.last_row > group.first_row or constants.can_bounce == FORCED
     is_jointed = has_joints(joints, g)
     if number > 0 and not can_bounce and not is_jointed:
         turn_over(work.held, first, last, work.solver_bodies, work.solver, work.drive, h)

@@ -26,6 +26,7 @@ SOLID, NOTICES_MOVING, NOTICES_ALL = 0, 1, 2
 GEOMETRIC_MEAN, MINIMUM, MAXIMUM, AVERAGE, MULTIPLY = 0, 1, 2, 3, 4
 CORNERS = 32  # the most corners of a face that contacts are made with; of larger faces some are left out
 MOST_ATTRACTORS = 16
+FORCED = 2  # of can_bounce: all that it is about is done whether or not anything needs it
 TOLD_SPEED, TOLD_SPIN, FRESH = 1, 2, 4
 POINTS = 4  # the most contact points a manifold keeps; point p of manifold m is row 4 m + p of the points
 
@@ -525,9 +526,10 @@ CONSTANTS = np.dtype(
         ("overlap", "f8"),  # contacts that would give way more are solved by a stronger row of STRENGTH [m]
         ("friction_rule", "u1"),  # how a pair's coefficient follows from two: GEOMETRIC_MEAN to MULTIPLY
         ("restitution_rule", "u1"),
-        ("can_bounce", "u1"),  # some collider has restitution
+        ("can_bounce", "u1"),  # some collider has restitution; or FORCED
         ("can_roll", "u1"),  # some collider has rolling or spinning friction
         ("can_lock", "u1"),  # some body has a locked axis
+        ("gyroscopic", "u1"),  # bodies with three equal moments turn as Euler's equations say, like all others
         ("attractor_count", "i4"),
         ("attractors", "f8", 5 * MOST_ATTRACTORS),  # place [m], strength [m^3/s^2], squared softening [m^2] of each
         ("max_linear_speed", "f8"),  # [m/s]

@@ -250,7 +250,7 @@ def test_a_body_that_stops_being_finite_is_named_once_and_the_world_goes_on():
 
 
 def test_a_profile_names_every_stage():
-    world = PhysicsWorld()
+    world = PhysicsWorld(PhysicsSettings(forced=("solver", "triggers")))
     profile: dict[str, float] = {}
     world.step(DT, profile)
     assert list(profile) == [

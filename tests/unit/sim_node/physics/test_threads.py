@@ -9,7 +9,7 @@ import pytest
 
 from elys.common.errors import PhysicsError
 from elys.samples.rigid_cases import CROWDS
-from elys.sim_node.physics import BOX, KINEMATIC, PLANE, SPHERE, STATIC, PhysicsSettings, PhysicsWorld, stepping
+from elys.sim_node.physics import BOX, KINEMATIC, PLANE, SPHERE, STATIC, PhysicsSettings, PhysicsWorld, plan
 from elys.sim_node.physics.kernels import solver
 from elys.sim_node.physics.kernels.team import give_up, meet, new_team, share
 from elys.sim_node.physics.team import Team
@@ -38,7 +38,7 @@ def crowded_world(threads: int) -> PhysicsWorld:
 @pytest.fixture(autouse=True)
 def _share_early(monkeypatch):
     """Lets threads share what is too small to be worth it."""
-    monkeypatch.setattr(stepping, "ENOUGH", 1)
+    monkeypatch.setattr(plan, "ENOUGH", 1)
 
 
 def test_two_threads_reach_the_same_bits(monkeypatch) -> None:

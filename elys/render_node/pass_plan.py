@@ -1,0 +1,92 @@
+"""Which passes a picture of a scene needs, and why: the passes' own answers, in words, without drawing anything."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from elys.bus.mirror import SceneMirror
+from elys.render_node.camera import View
+from elys.render_node.drawable_assets import DrawableAssets
+from elys.render_node.passes.backdrop import GridPass, SkyPass
+from elys.render_node.passes.finishing import OutlinePass
+from elys.render_node.passes.shading import OpaquePass, TransparentPass, has_normal_map
+from elys.render_node.passes.shadow import ShadowPass
+from elys.render_node.picture_plan import DrawCall, PicturePlan, plan_picture
+from elys.render_node.quality import FULL
+from elys.render_node.render_world import RenderWorld
+from elys.render_node.scene_tables import SceneReader
+
+
+class PlannedPass(NamedTuple):
+    """A pass, or a part of one."""
+
+    name: str
+    is_on: bool
+    why: str
+
+
+def scene_passes(
+    mirror: SceneMirror, fetch: Callable[[str], bytes] | None, width: int, height: int
+) -> tuple[PlannedPass, ...]:
+    """The passes of a picture of a mirror's scene by its own camera, as its newest frame stands."""
+    world = RenderWorld(DrawableAssets(fetch))
+    reader = SceneReader(mirror)
+    try:
+        world.read_scene(reader)
+        newest = mirror.latest_frame
+        if newest is not None:
+            world.take_state(newest)
+        for batch in world.batches:
+            world.assets.mesh(batch.mesh)
+        world.assets.settle()
+        world.place()
+        view = View.of(world.camera(width / height), width, height)
+        return told_passes(plan_picture(world, view, shadow_size=FULL.shadow_size))
+    finally:
+        reader.close()
+        world.assets.close()
+
+
+def told_passes(plan: PicturePlan) -> tuple[PlannedPass, ...]:
+    """Every pass of a picture in the order in which they run."""
+    shown = [*plan.opaque, *plan.transparent]
+    mapped = [call for call in shown if has_normal_map(call.batch.look)]
+    return (
+        PlannedPass("shadow", ShadowPass.is_needed(plan), _why_shadow(plan)),
+        PlannedPass("opaque", OpaquePass.is_needed(plan), _why_seen(plan.opaque, "solid thing")),
+        PlannedPass(
+            "tangents",
+            bool(mapped),
+            _why_seen(mapped, "thing with a normal map") if mapped else "no normal map is seen",
+        ),
+        PlannedPass(
+            "sky",
+            SkyPass.is_needed(plan),
+            "the background has a colour" if SkyPass.is_needed(plan) else "the background is black",
+        ),
+        PlannedPass("grid", GridPass.is_needed(plan), "for who edits" if plan.grid else "nobody edits"),
+        PlannedPass("transparent", TransparentPass.is_needed(plan), _why_seen(plan.transparent, "see-through thing")),
+        PlannedPass("outline", OutlinePass.is_needed(plan), _why_seen(plan.selected, "selected thing")),
+        PlannedPass("tonemap", True, "always: light becomes what a screen shows"),
+    )
+
+
+def _why_seen(calls: list[DrawCall], noun: str) -> str:
+    count = sum(call.instance_count for call in calls)
+    if not count:
+        return f"no {noun} is seen"
+    plural = noun if count == 1 else noun.replace("thing", "things", 1)
+    return f"{count} {plural} seen, in {len(calls)} draw call{'s' if len(calls) != 1 else ''}"
+
+
+def _why_shadow(plan: PicturePlan) -> str:
+    if plan.sun is None:
+        return "no sun"
+    if not plan.sun.light.cast_shadows:
+        return "the sun casts no shadows"
+    if plan.shadow is None:
+        return "nothing that throws a shadow is in view"
+    if plan.shadow_is_fresh:
+        return "the map drawn for the last picture still holds"
+    return f"{sum(call.instance_count for call in plan.casters)} things throw shadows"
