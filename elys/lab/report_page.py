@@ -8,6 +8,7 @@ from __future__ import annotations
 import base64
 import datetime
 import html
+import importlib.util
 import json
 import math
 import platform
@@ -56,7 +57,7 @@ def write_page(
     """Writes the page; `motions` and `pictures` have a row for each study, the motions with the reference first.
 
     Raises:
-        ElysError: the file cannot be written, or the package that draws is not installed.
+        ElysError: the file cannot be written. ImportError: the package that draws is missing (`require_page` says so).
     """
     parts = [
         _section(number, study, own_motions, own_pictures)
@@ -81,6 +82,14 @@ def write_page(
         raise ElysError(f"{path} cannot be written: {error.strerror}") from error
 
 
+def require_page(path: Path) -> None:
+    """Raises ElysError where no page can be written, before anything is run for it."""
+    if not path.absolute().parent.is_dir():
+        raise ElysError(f"{path} cannot be written: there is no folder {path.parent}")
+    if importlib.util.find_spec("vl_convert") is None:
+        raise ElysError("pages need vl-convert-python: pip install 'elys[lab]'")
+
+
 def machine() -> str:
     """This machine's processor."""
     try:
@@ -96,10 +105,8 @@ def _embedded(specs: dict[str, Spec]) -> str:
 
 
 def _scripts(calls: str) -> str:
-    try:
-        import vl_convert
-    except ImportError as error:
-        raise ElysError("pages need vl-convert-python: pip install 'elys[lab]'") from error
+    import vl_convert
+
     # The end of a script inside a text would end this one.
     return str(vl_convert.javascript_bundle(calls)).replace("</script", "<\\/script")
 

@@ -16,7 +16,7 @@ from elys.lab.motion import Motion
 from elys.lab.observables import require_observables
 from elys.lab.pareto import Outcome, PeerOutcome, Progress, Study, study
 from elys.lab.peers.running import PACKAGES, require_peers
-from elys.lab.report_page import Picture, write_page
+from elys.lab.report_page import Picture, require_page, write_page
 from elys.lab.setting import Setting
 from elys.samples.hard_cases import HARD_CASES
 from elys.verbs.kernels import compile_with_progress
@@ -44,6 +44,8 @@ def pareto(
         require_observables(only, more=answers_of(name))
     if peers:
         require_peers()
+    if page is not None:
+        require_page(page)
     studies, motions, pictures = [], [], []
     with contextlib.ExitStack() as stack:
         opened = [(name, open_scene_or_sample(name, assets := AssetStore()), assets) for name in scenes]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from elys.common.errors import ElysError
-from elys.lab.report_page import Picture, energy_spec, front_spec, parts_spec, write_page
+from elys.lab.report_page import Picture, energy_spec, front_spec, parts_spec, require_page, write_page
 from elys.lab.setting import Setting
 from tests.unit.lab.test_observables import motion_of, standing
 from tests.unit.lab.test_pareto import made_study
@@ -69,6 +69,15 @@ def test_a_name_that_ends_a_script_ends_none(tmp_path, motions):
 def test_a_page_that_cannot_be_written_is_told(tmp_path, motions):
     with pytest.raises(ElysError, match="cannot be written"):
         write_page(tmp_path / "nowhere" / "page.html", [made_study()], motions=[motions], pictures=[[]])
+
+
+def test_a_page_that_nothing_can_be_written_to_is_refused_before_anything_runs(tmp_path, monkeypatch):
+    require_page(tmp_path / "page.html")
+    with pytest.raises(ElysError, match="no folder"):
+        require_page(tmp_path / "nowhere" / "page.html")
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(ElysError, match=r"elys\[lab\]"):
+        require_page(tmp_path / "page.html")
 
 
 def test_a_motion_that_left_the_numbers_has_no_curve(motions):
