@@ -10,9 +10,8 @@ import msgspec
 import elys
 from elys.common.errors import ElysError
 from elys.common.scene_document import Calibration, SceneSettings
-from elys.lab.pareto import Outcome, Study
+from elys.lab.pareto import Study
 from elys.lab.report_page import machine
-from elys.lab.setting import Setting
 
 
 class CalibrationError(ElysError):
@@ -29,7 +28,8 @@ def calibrated(settings: SceneSettings, found: Study) -> SceneSettings:
     chosen = found.outcome_of(found.chosen) if found.chosen is not None else None
     if chosen is None:
         raise CalibrationError(_impossible(found))
-    before = _own(found)
+    before = found.outcome_of(found.own)
+    assert before is not None  # the ladder holds the scene's own setting
     evidence = Calibration(
         budget=found.budget,
         error=_rounded(chosen.error),
@@ -66,18 +66,6 @@ def require_sure(found: Study) -> None:
         + " ".join(f"--only '{name}'" for name in sure if name in ("overlap", "energy gain", "drift at rest"))
         + f", or allow an error above {max(unsure.values()):.0e}"
     )
-
-
-def _own(found: Study) -> Outcome:
-    own = found.outcome_of(found.own)
-    if own is None:  # a stronger solver moved everything the same
-        same = Setting(found.own.tick_rate, found.own.substeps, 0)
-        own = next(
-            outcome
-            for outcome in found.outcomes
-            if (outcome.setting.tick_rate, outcome.setting.substeps) == (same.tick_rate, same.substeps)
-        )
-    return own
 
 
 def _impossible(found: Study) -> str:

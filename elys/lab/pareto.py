@@ -73,8 +73,14 @@ class Study(msgspec.Struct, frozen=True):
     peers: tuple[PeerOutcome, ...] = ()
 
     def outcome_of(self, setting: Setting) -> Outcome | None:
-        """How a setting did; None where it was not tried, or moved everything as a stronger one did."""
-        return next((outcome for outcome in self.outcomes if outcome.setting == setting), None)
+        """How a setting did, or the stronger one that moved everything as it does; None where neither was tried."""
+        same = [
+            outcome
+            for outcome in self.outcomes
+            if (outcome.setting.tick_rate, outcome.setting.substeps) == (setting.tick_rate, setting.substeps)
+            and outcome.setting.strengths >= setting.strengths
+        ]
+        return min(same, key=lambda outcome: outcome.setting.strengths, default=None)
 
 
 class Judge(msgspec.Struct, frozen=True):

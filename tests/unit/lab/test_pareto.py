@@ -115,6 +115,13 @@ def made_study(**changes) -> Study:
     return Study(**{**values, **changes})
 
 
+def test_a_setting_that_a_stronger_one_moves_alike_did_as_that_one():
+    found = made_study()
+    assert found.outcome_of(Setting(60, 8, 3)) == found.outcomes[1]
+    assert found.outcome_of(Setting(60, 8, 6)) is None
+    assert found.outcome_of(Setting(60, 4, 5)) is None
+
+
 def test_calibrated_settings_carry_their_evidence():
     settings = calibrated(SceneSettings(gravity=(0.0, -1.0, 0.0)), made_study())
     assert (settings.tick_rate, settings.substeps, settings.gravity) == (30, 8, (0.0, -1.0, 0.0))
