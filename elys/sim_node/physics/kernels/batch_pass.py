@@ -42,6 +42,7 @@ from elys.sim_node.physics.kernels.batch import (
     turned,
 )
 from elys.sim_node.physics.kernels.simd import (
+    bits_of,
     gather_rows,
     larger,
     load,
@@ -57,6 +58,8 @@ from elys.sim_node.physics.kernels.simd import (
 TOUCHING = 1e-6
 # Nor must an impulse that is nothing but rounding count as a contact that pushes [m/s].
 FELT = 1e-6
+# A manifold whose points together change speeds by more than this in one pass [m/s] takes a blow, or lets go of one.
+BLOW = 0.1
 
 
 @inlined
@@ -161,11 +164,12 @@ def opening(arm_a, arm_b, turn_a, turn_b):
 
 
 @inlined
-def solve_batch(batches, body_a, body_b, batch, count, solver, strength, constants, biased, last):
+def solve_batch(batches, body_a, body_b, batch, count, solver, strength, constants, biased, last, again):
     """One pass over a batch: normal impulses, then friction within the cone of their sum.
 
     With `biased` overlap is pushed out softly, else only approach is stopped. `last` when no other pass follows in this
-    substep: its impulses are what acted.
+    substep: its impulses are what acted. `again` when the pass before was over the same batch. Returns whether anything in it
+    took a blow.
     """
     zero = splat(0.0)
     one = splat(1.0)
@@ -192,6 +196,7 @@ def solve_batch(batches, body_a, body_b, batch, count, solver, strength, constan
         least = splat(FELT)
     slowest = splat(-strength.push_speed)
     inverse_h = splat(1.0 / strength.substep)
+    counted = one if again else zero
     lead = load(batches, o + 8 * LEAD)
     arm_a = load3(batches, o + 8 * ARM)
     arm_b = load3(batches, o + 8 * (ARM + 3))
@@ -232,7 +237,7 @@ def solve_batch(batches, body_a, body_b, batch, count, solver, strength, constan
             c2 = change
         if last:
             place = at + 8 * STEP_IMPULSE
-            store(batches, place, load(batches, place) + new)
+            store(batches, place, load(batches, place) + (new - counted * old))
         total = total + change
         load_sum = load_sum + new
         turning = turning + new * load(batches, at + 8 * LEVER)
@@ -282,7 +287,10 @@ def solve_batch(batches, body_a, body_b, batch, count, solver, strength, constan
     x, y, z = turned(batches, o + 8 * INERTIA_B, tb[0], tb[1], tb[2])
     turn_b = (turn_b[0] + x, turn_b[1] + y, turn_b[2] + z)
     lock = constants.can_lock != 0
+    blow = splat(BLOW) * load(batches, o + 8 * (POINT + MASS))
+    struck = where(total > blow, one, struck)
     push(batches, body_a, body_b, batch, solver, lock, frame, a, b, px, py, pz, turn_a, turn_b, struck)
+    return bits_of(larger(total, -total) > blow) != 0
 
 
 @inlined

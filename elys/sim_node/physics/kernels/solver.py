@@ -21,6 +21,7 @@ from elys.sim_node.physics.kernels.joints import has_joints, solve_joints, warm_
 from elys.sim_node.physics.kernels.tables import FORCED, POINTS
 from elys.sim_node.physics.kernels.team import meet, share
 
+SWEEPS = 8  # over a batch that takes a blow: its points are coupled, and what one pass leaves comes back as a rebound
 ENOUGH = 24  # batches of a group for each thread: fewer are done by one, while the others wait
 
 
@@ -169,18 +170,22 @@ def solve_group(work, joints, g, group, fixed_first, held_end, strength, team, t
             for s in range(group.first_span, group.last_span):
                 begin, end = span_share(work.spans[s], thread, threads)
                 for batch in range(begin, end):
-                    solve_batch(
-                        work.batches,
-                        work.body_a,
-                        work.body_b,
-                        batch,
-                        work.counts[batch],
-                        work.solver,
-                        strength,
-                        constants,
-                        number == 0,
-                        number == passes - 1,
-                    )
+                    for sweep in range(SWEEPS):
+                        has_blow = solve_batch(
+                            work.batches,
+                            work.body_a,
+                            work.body_b,
+                            batch,
+                            work.counts[batch],
+                            work.solver,
+                            strength,
+                            constants,
+                            number == 0,
+                            number == passes - 1,
+                            sweep > 0,
+                        )
+                        if number > 0 or not has_blow:
+                            break
                 meet(team, threads)
             if number == 0:
                 move_bodies(work, joints, g, group, first, last, fixed_first, held_end, h, team, thread, threads)
