@@ -206,6 +206,18 @@ def write_places(batches, o, count, live, slots, lanes, manifolds, cax, cay, caz
 
 
 @inner
+def carry_arms(batches, o, frame, shift, mass_a, mass_b):
+    """Moves the arm on what nothing can push, such as a turning platform, along with the other body since the points were made."""
+    zero = splat(0.0)
+    along = along_tangents(frame, shift[4], shift[5], shift[6])
+    for side in range(2):
+        carried = where((mass_a if side == 0 else mass_b) > zero, zero, splat(1.0 if side == 0 else -1.0))
+        at = o + 8 * (ARM + 3 * side)
+        store(batches, at, load(batches, at) + carried * along[0])
+        store(batches, at + 8, load(batches, at + 8) + carried * along[1])
+
+
+@inner
 def write_inertia(batches, o, frame, xx, yy, zz, xy, xz, yz):
     """Stores a symmetric matrix given in world axes as it is in a frame."""
     ax, ay, az = frame[0], frame[1], frame[2]
@@ -389,6 +401,8 @@ def write_batch(batches, batch, count, body_a, body_b, slots, solver, drive, man
     store(batches, o + 8 * LEAD, lead)
     cax, cay, caz, cbx, cby, cbz = write_gaps(batches, o, count, live, slots, lanes, manifolds, constants.margin)
     write_places(batches, o, count, live, slots, lanes, manifolds, cax, cay, caz, cbx, cby, cbz)
+    shift = gather_rows(manifolds, slots, lanes, MANIFOLD_FLOATS, MADE_AT)
+    carry_arms(batches, o, frame, shift, va[6], vb[6])
     along1 = along2 = mass
     across = zero
     if constants.can_lock != 0:

@@ -163,13 +163,34 @@ def opening(arm_a, arm_b, turn_a, turn_b):
     return arm_b[1] * turn_b[0] - arm_b[0] * turn_b[1] - (arm_a[1] * turn_a[0] - arm_a[0] * turn_a[1])
 
 
+@inner
+def carried_speed(frame, a, b, da, db, wa, wb, ahead):
+    """What a platform's speed along the tangents, where the other body is after a time, differs from that where the step began.
+
+    A rider would leave along the tangent else. A whole substep ahead when its velocities are sought: half of it because what
+    counts is the chord, half for what `take_back` does to the change.
+    """
+    zero = splat(0.0)
+    h = splat(ahead)
+    t, s, n = into_frame(
+        frame,
+        (db[0] - da[0]) + h * (b[0] - a[0]),
+        (db[1] - da[1]) + h * (b[1] - a[1]),
+        (db[2] - da[2]) + h * (b[2] - a[2]),
+    )
+    x = where(a[6] > zero, zero, wa[0]) + where(b[6] > zero, zero, wb[0])
+    y = where(a[6] > zero, zero, wa[1]) + where(b[6] > zero, zero, wb[1])
+    z = where(a[6] > zero, zero, wa[2]) + where(b[6] > zero, zero, wb[2])
+    return y * n - z * s, z * t - x * n
+
+
 @inlined
-def solve_batch(batches, body_a, body_b, batch, count, solver, strength, constants, biased, last, again):
+def solve_batch(batches, body_a, body_b, batch, count, solver, strength, constants, biased, last, again, carries):
     """One pass over a batch: normal impulses, then friction within the cone of their sum.
 
     With `biased` overlap is pushed out softly, else only approach is stopped. `last` when no other pass follows in this
-    substep: its impulses are what acted. `again` when the pass before was over the same batch. Returns whether anything in it
-    took a blow.
+    substep: its impulses are what acted. `again` when the pass before was over the same batch. `carries` when anything that
+    nothing can push turns. Returns whether anything in the batch took a blow.
     """
     zero = splat(0.0)
     one = splat(1.0)
@@ -263,6 +284,10 @@ def solve_batch(batches, body_a, body_b, batch, count, solver, strength, constan
     wa = (wa[0] - turn_a[0], wa[1] - turn_a[1], wa[2] - turn_a[2])
     wb = (wb[0] + turn_b[0], wb[1] + turn_b[1], wb[2] + turn_b[2])
     slip1, slip2 = along_tangents(frame, rx, ry, rz)
+    if carries:
+        q1, q2 = carried_speed(frame, a, b, da, db, wa, wb, strength.substep if biased else 0.0)
+        slip1 = slip1 - q1
+        slip2 = slip2 - q2
     slip1 = slip1 + (arm_b[2] * wb[1] - arm_b[1] * wb[2]) - (arm_a[2] * wa[1] - arm_a[1] * wa[2])
     slip2 = slip2 + (arm_b[0] * wb[2] - arm_b[2] * wb[0]) - (arm_a[0] * wa[2] - arm_a[2] * wa[0])
     old1, old2, old3 = load3(batches, o + 8 * FRICTION_IMPULSE)

@@ -131,7 +131,7 @@ def move_bodies(work, joints, g, group, first, last, fixed_first, held_end, h, t
 
 
 @inner
-def solve_group(work, joints, g, group, fixed_first, held_end, strength, team, thread, threads, constants):
+def solve_group(work, joints, g, group, fixed_first, held_end, carries, strength, team, thread, threads, constants):
     """All substeps of a group. The passes stand in a loop because a call with True and one with False would be compiled twice."""
     h = strength.substep
     first, last = share(group.first_body, group.last_body, thread, threads)
@@ -183,6 +183,7 @@ def solve_group(work, joints, g, group, fixed_first, held_end, strength, team, t
                             number == 0,
                             number == passes - 1,
                             sweep > 0,
+                            carries,
                         )
                         if number > 0 or not has_blow:
                             break
@@ -199,6 +200,16 @@ def solve_group(work, joints, g, group, fixed_first, held_end, strength, team, t
     finish_contacts(work, first_batch, last_batch, h, constants)
     if thread == 0:
         finish_impacts(work, group.first_row, group.last_row)
+
+
+@inner
+def has_turning(work, fixed_first, held_end):
+    """Whether anything turns that moves by itself."""
+    for index in range(fixed_first, held_end):
+        v = work.solver_bodies[work.held[index]].velocity
+        if v[3] != 0.0 or v[4] != 0.0 or v[5] != 0.0:
+            return True
+    return False
 
 
 @inner
@@ -224,6 +235,7 @@ def solve_all(work, held_end, joints, strengths, all_constants, team, thread, th
     groups = work.groups
     fixed_first = groups[groups.shape[0] - 1].last_body
     has_fixed = held_end > fixed_first
+    carries = has_turning(work, fixed_first, held_end)
     all_batches = 0
     for g in range(groups.shape[0]):
         all_batches += batch_count(work, groups[g])
@@ -235,11 +247,11 @@ def solve_all(work, held_end, joints, strengths, all_constants, team, thread, th
         strength = strengths[group.strength]
         if team is not None and is_shared(work, group, all_batches, has_fixed, threads):
             meet(team, threads)
-            solve_group(work, joints, g, group, fixed_first, held_end, strength, team, thread, threads, constants)
+            solve_group(work, joints, g, group, fixed_first, held_end, carries, strength, team, thread, threads, constants)
             meet(team, threads)
             continue
         if owner == thread:
-            solve_group(work, joints, g, group, fixed_first, held_end, strength, None, 0, 1, constants)
+            solve_group(work, joints, g, group, fixed_first, held_end, carries, strength, None, 0, 1, constants)
         if not has_fixed:
             owner = (owner + 1) % threads
     meet(team, threads)
