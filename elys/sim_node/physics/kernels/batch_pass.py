@@ -217,7 +217,6 @@ def solve_batch(batches, body_a, body_b, batch, count, solver, strength, constan
         least = splat(FELT)
     slowest = splat(-strength.push_speed)
     inverse_h = splat(1.0 / strength.substep)
-    counted = one if again else zero
     lead = load(batches, o + 8 * LEAD)
     arm_a = load3(batches, o + 8 * ARM)
     arm_b = load3(batches, o + 8 * (ARM + 3))
@@ -230,6 +229,10 @@ def solve_batch(batches, body_a, body_b, batch, count, solver, strength, constan
     apart = dotted(db[0] - da[0], db[1] - da[1], db[2] - da[2], nx, ny, nz) + opening(arm_a, arm_b, leant_a, leant_b)
     tilt1, tilt2 = wb[0] - wa[0], wb[1] - wa[1]
     leant1, leant2 = leant_b[0] - leant_a[0], leant_b[1] - leant_a[1]
+    carried1 = carried2 = zero
+    if carries:
+        ahead = strength.substep if biased else 0.0
+        carried1, carried2 = carried_speed(frame, a, b, da, db, wa, wb, ahead)
     total = load_sum = turning = struck = along1 = along2 = zero
     c0 = c1 = c2 = zero
     for k in range(count):
@@ -258,7 +261,7 @@ def solve_batch(batches, body_a, body_b, batch, count, solver, strength, constan
             c2 = change
         if last:
             place = at + 8 * STEP_IMPULSE
-            store(batches, place, load(batches, place) + (new - counted * old))
+            store(batches, place, load(batches, place) + (change if again else new))
         total = total + change
         load_sum = load_sum + new
         turning = turning + new * load(batches, at + 8 * LEVER)
@@ -284,10 +287,7 @@ def solve_batch(batches, body_a, body_b, batch, count, solver, strength, constan
     wa = (wa[0] - turn_a[0], wa[1] - turn_a[1], wa[2] - turn_a[2])
     wb = (wb[0] + turn_b[0], wb[1] + turn_b[1], wb[2] + turn_b[2])
     slip1, slip2 = along_tangents(frame, rx, ry, rz)
-    if carries:
-        q1, q2 = carried_speed(frame, a, b, da, db, wa, wb, strength.substep if biased else 0.0)
-        slip1 = slip1 - q1
-        slip2 = slip2 - q2
+    slip1, slip2 = slip1 - carried1, slip2 - carried2
     slip1 = slip1 + (arm_b[2] * wb[1] - arm_b[1] * wb[2]) - (arm_a[2] * wa[1] - arm_a[1] * wa[2])
     slip2 = slip2 + (arm_b[0] * wb[2] - arm_b[2] * wb[0]) - (arm_a[0] * wa[2] - arm_a[2] * wa[0])
     old1, old2, old3 = load3(batches, o + 8 * FRICTION_IMPULSE)
