@@ -29,11 +29,6 @@ Array = np.ndarray[Any, Any]
 # ---------------------------------------------------------------- columns of unequal masses
 
 
-_UNKNOWN_LOAD: Final = (
-    "how hard it presses is known only from steps: it sinks by 4 cm in the first ten and is pushed out again"
-)
-
-
 def ratio_tower(*, heavy_on_top: bool) -> SceneDocument:
     """Four cubes of 1, 10, 100 and 1000 kg."""
     masses = [1.0, 10.0, 100.0, 1000.0]
@@ -178,7 +173,7 @@ STANDING_CASES: Final = (
         answer="every cube stays",
         build=always(partial(ratio_tower, heavy_on_top=True)),
         duration=10.0,
-        measures=(none_fallen("Cube "), drift_under(3.0, "Cube ", known_miss=_UNKNOWN_LOAD), overlap_under(2.0)),
+        measures=(none_fallen("Cube "), drift_under(3.0, "Cube "), overlap_under(2.0)),
         picture_time=3.0,
         sleeping=False,
     ),

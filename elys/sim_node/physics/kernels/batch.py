@@ -207,7 +207,7 @@ def write_places(batches, o, count, live, slots, lanes, manifolds, cax, cay, caz
 
 @inner
 def carry_arms(batches, o, frame, shift, mass_a, mass_b):
-    """Moves the arm on what nothing can push, such as a turning platform, along with the other body since the points were made."""
+    """Moves the arm on what nothing can push, such as a turning platform, as the other body moved since the points were made."""
     zero = splat(0.0)
     along = along_tangents(frame, shift[4], shift[5], shift[6])
     for side in range(2):

@@ -247,7 +247,9 @@ def solve_all(work, held_end, joints, strengths, all_constants, team, thread, th
         strength = strengths[group.strength]
         if team is not None and is_shared(work, group, all_batches, has_fixed, threads):
             meet(team, threads)
-            solve_group(work, joints, g, group, fixed_first, held_end, carries, strength, team, thread, threads, constants)
+            solve_group(
+                work, joints, g, group, fixed_first, held_end, carries, strength, team, thread, threads, constants
+            )
             meet(team, threads)
             continue
         if owner == thread:
