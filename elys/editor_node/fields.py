@@ -12,6 +12,7 @@ from imgui_bundle import imgui
 
 from elys.common.assets import PRIMITIVES
 from elys.common.assets.store import PREFIX, is_reference
+from elys.common.assets.texture import split_texture
 from elys.common.components import Collider, Component, FieldDeclaration, Joint, Kind, Light
 from elys.common.components.decimals import shortest_decimal
 from elys.common.math import quaternion
@@ -105,10 +106,11 @@ def has_effect(component: Component, field: str) -> bool:
 
 def asset_label(field: FieldDeclaration, value: str) -> str:
     """What an asset field says: a content reference by what it is and its first digits, else the value itself."""
-    if not is_reference(value):
+    reference, options = split_texture(value)
+    if not is_reference(reference):
         return value
     what = field.name if field.name in ("mesh", "heights") else "image"
-    return f"{what} {value.removeprefix(PREFIX)[:8]}"
+    return f"{what} {reference.removeprefix(PREFIX)[:8]}{options}"
 
 
 def element_width(count: int) -> float:
