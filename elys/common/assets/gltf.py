@@ -9,6 +9,7 @@ docs/gltf.md says what is read, how it maps to components, and what is left out 
 from __future__ import annotations
 
 import logging
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -60,6 +61,7 @@ _HARMLESS_EXTENSIONS: Final = _UNDERSTOOD_EXTENSIONS | {
     "KHR_xmp_json_ld",
 }
 _REMEDIES: Final = {"KHR_texture_basisu": "export its textures as PNG, JPEG or WebP"}
+THREAD_COUNT: Final = 2  # that read and hash images
 MAX_MESH_BYTES: Final = 1 << 31  # of all meshes of a model: accessors are named again and again by a few bytes
 
 
@@ -114,24 +116,33 @@ def _check_extensions(document: Document, path: Path) -> None:
 
 def _import_images(job: ModelImport) -> None:
     """Puts the images that textures name into the store; one that cannot be had is told of, and seen as a checker."""
-    used = {_image_of(job.document, index) for index in range(len(job.document.textures))} - {None}
-    kept: dict[int, str] = {}  # by buffer view: many images may name one
+    used = {_image_of(job.document, index) for index in range(len(job.document.textures))}
+    first_of: dict[int, int] = {}  # by buffer view: many images may name one
+    own: list[int] = []
     for index, image in enumerate(job.document.images):
         if index not in used:
             continue
-        try:
-            if image.uri is None and image.buffer_view in kept:
-                job.images[index] = kept[image.buffer_view]
-                continue
-            job.images[index] = _import_image(job, image, index)
-        except AssetError as error:
-            logger.error("%s: %s; a checker takes its place", job.path, error)
-            job.images[index] = job.assets.put(placeholder_image(), kind="image")
-        if image.uri is None and image.buffer_view is not None:
-            kept[image.buffer_view] = job.images[index]
+        if image.uri is not None or image.buffer_view is None or first_of.setdefault(image.buffer_view, index) == index:
+            own.append(index)
+    # Reading waits for the disk, and hashing lets other threads run.
+    with ThreadPoolExecutor(THREAD_COUNT, thread_name_prefix="elys-images") as pool:
+        job.images.update(zip(own, pool.map(lambda index: _import_image(job, index), own), strict=True))
+    for index, image in enumerate(job.document.images):
+        if index in used and index not in job.images and image.buffer_view is not None:
+            job.images[index] = job.images[first_of[image.buffer_view]]
 
 
-def _import_image(job: ModelImport, image: Image, index: int) -> str:
+def _import_image(job: ModelImport, index: int) -> str:
+    try:
+        data, source = _read_image(job, job.document.images[index], index)
+    except AssetError as error:
+        logger.error("%s: %s; a checker takes its place", job.path, error)
+        return job.assets.put(placeholder_image(), kind="image")
+    return job.assets.put(data, kind="image", source=source)
+
+
+def _read_image(job: ModelImport, image: Image, index: int) -> tuple[bytes, str]:
+    """The bytes of an image, and where they came from."""
     place = f"images[{index}]"
     source = f"{job.path}#image/{index}"
     if image.uri is not None:
@@ -144,7 +155,7 @@ def _import_image(job: ModelImport, image: Image, index: int) -> str:
         raise AssetError(f"{place} has no data: neither a uri nor a buffer view")
     if not image_format(data):
         raise AssetError(f"{place} is not an image that ELYS knows (PNG, JPEG, WebP)")
-    return job.assets.put(data, kind="image", source=source)
+    return data, source
 
 
 def _image_of(document: Document, texture_index: int) -> int | None:
