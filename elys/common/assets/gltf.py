@@ -61,7 +61,6 @@ _HARMLESS_EXTENSIONS: Final = _UNDERSTOOD_EXTENSIONS | {
     "KHR_xmp_json_ld",
 }
 _REMEDIES: Final = {"KHR_texture_basisu": "export its textures as PNG, JPEG or WebP"}
-THREAD_COUNT: Final = 2  # that read and hash images
 MAX_MESH_BYTES: Final = 1 << 31  # of all meshes of a model: accessors are named again and again by a few bytes
 
 
@@ -92,8 +91,11 @@ def import_model(path: str | Path, assets: AssetStore) -> ImportedModel:
         _check_extensions(document, path)
         buffers = Buffers(document, directory=path.parent, binary=binary)
         job = ModelImport(document=document, buffers=buffers, path=path, assets=assets)
-        _import_images(job)
-        _import_meshes(job)
+        # Reading waits for the disk and hashing lets other threads run: meshes are made meanwhile.
+        with ThreadPoolExecutor(1, thread_name_prefix="elys-images") as pool:
+            images = pool.submit(_import_images, job)
+            _import_meshes(job)
+            images.result()
         import_nodes(job)
     except AssetError as error:
         raise AssetError(f"{path}: {error}") from error
@@ -118,18 +120,13 @@ def _import_images(job: ModelImport) -> None:
     """Puts the images that textures name into the store; one that cannot be had is told of, and seen as a checker."""
     used = {_image_of(job.document, index) for index in range(len(job.document.textures))}
     first_of: dict[int, int] = {}  # by buffer view: many images may name one
-    own: list[int] = []
     for index, image in enumerate(job.document.images):
         if index not in used:
             continue
-        if image.uri is not None or image.buffer_view is None or first_of.setdefault(image.buffer_view, index) == index:
-            own.append(index)
-    # Reading waits for the disk, and hashing lets other threads run.
-    with ThreadPoolExecutor(THREAD_COUNT, thread_name_prefix="elys-images") as pool:
-        job.images.update(zip(own, pool.map(lambda index: _import_image(job, index), own), strict=True))
-    for index, image in enumerate(job.document.images):
-        if index in used and index not in job.images and image.buffer_view is not None:
-            job.images[index] = job.images[first_of[image.buffer_view]]
+        first = index
+        if image.uri is None and image.buffer_view is not None:
+            first = first_of.setdefault(image.buffer_view, index)
+        job.images[index] = _import_image(job, index) if first == index else job.images[first]
 
 
 def _import_image(job: ModelImport, index: int) -> str:
