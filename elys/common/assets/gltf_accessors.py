@@ -27,8 +27,9 @@ SHAPES: Final = {
     "MAT3": (3, 3),
     "MAT4": (4, 4),
 }
-# Accessors need no data behind them (they are zeros then), so a few bytes could ask for any amount of memory. Of a whole model.
-MAX_ZEROS: Final = 1 << 24
+# Accessors need no data behind them (they are zeros then), so a few bytes could ask for any amount of memory.
+MAX_ZEROS: Final = 1 << 20  # elements of one
+MAX_ZERO_NUMBERS: Final = 1 << 25  # numbers of all of a model
 
 
 class Buffers:
@@ -70,7 +71,7 @@ class Buffers:
         dtype = _dtype(accessor.component_type, place)
         if accessor.buffer_view is None:
             self._zero_count += accessor.count * shape[0] * shape[1]
-            if self._zero_count > 4 * MAX_ZEROS or accessor.count > MAX_ZEROS:
+            if self._zero_count > MAX_ZERO_NUMBERS or accessor.count > MAX_ZEROS:
                 raise AssetError(f"{place} has {accessor.count} elements and no data")
             array = np.zeros((accessor.count, shape[0] * shape[1]), dtype=dtype)
         else:

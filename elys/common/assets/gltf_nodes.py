@@ -37,6 +37,7 @@ class ModelImport:
     meshes: dict[tuple[int, int], str] = field(default_factory=dict)
     images: dict[int, str] = field(default_factory=dict)
     materials: dict[int | None, dict[str, Any]] = field(default_factory=dict)
+    drawings: dict[tuple[int, int], ComponentValues] = field(default_factory=dict)
     records: list[EntityRecord] = field(default_factory=list)
 
 
@@ -95,20 +96,19 @@ def _append_node(job: ModelImport, node: Node, name: str, parent: int, place: st
         logger.warning("%s of %s has a skin, which stays in its rest pose", place, job.path.name)
     row = len(job.records)
     drawings = _drawings(job, node, place)
+    values = _checked(components, place)
     if len(drawings) == 1 and more.instancing is None:
-        components |= drawings[0]
+        values |= drawings[0]
     enabled = more.visibility is None or more.visibility.visible
-    _append(job, EntityRecord(name=name, parent=parent, enabled=enabled, components=_checked(components, place)))
+    _append(job, EntityRecord(name=name, parent=parent, enabled=enabled, components=values))
     if more.instancing is not None and drawings:
         for transform in _instances(job, more.instancing, f"{place}.extensions.EXT_mesh_gpu_instancing"):
-            parts = {"Transform": transform, **(drawings[0] if len(drawings) == 1 else {})}
-            record = EntityRecord(
-                name=_unique(f"{name} instance", child_names), parent=row, components=_checked(parts, place)
-            )
+            parts = _checked({"Transform": transform}, place) | (drawings[0] if len(drawings) == 1 else {})
+            record = EntityRecord(name=_unique(f"{name} instance", child_names), parent=row, components=parts)
             _append(job, record)
-            _append_drawings(job, drawings, name, len(job.records) - 1, place, {})
+            _append_drawings(job, drawings, name, len(job.records) - 1, {})
     else:
-        _append_drawings(job, drawings, name, row, place, child_names)
+        _append_drawings(job, drawings, name, row, child_names)
 
 
 def _append(job: ModelImport, record: EntityRecord) -> None:
@@ -119,27 +119,26 @@ def _append(job: ModelImport, record: EntityRecord) -> None:
 
 def _append_drawings(
     job: ModelImport,
-    drawings: list[dict[str, dict[str, Any]]],
+    drawings: list[ComponentValues],
     name: str,
     parent: int,
-    place: str,
     taken: dict[str, int],
 ) -> None:
     """A child for each of several primitives: an entity draws one mesh."""
     if len(drawings) < 2:
         return
     for index, drawing in enumerate(drawings):
-        components = _checked({"Transform": {}, **drawing}, place)
+        components = {"Transform": {}, **drawing}
         _append(job, EntityRecord(name=_unique(f"{name}.{index}", taken), parent=parent, components=components))
 
 
-def _drawings(job: ModelImport, node: Node, place: str) -> list[dict[str, dict[str, Any]]]:
+def _drawings(job: ModelImport, node: Node, place: str) -> list[ComponentValues]:
     """What draws each primitive of a node's mesh."""
     if node.mesh is None:
         return []
     pick(job.document.meshes, node.mesh, place, "mesh")
     count = len(job.document.meshes[node.mesh].primitives)
-    return [_drawing(job, node.mesh, index) for index in range(count) if (node.mesh, index) in job.meshes]
+    return [_drawing(job, node.mesh, index, place) for index in range(count) if (node.mesh, index) in job.meshes]
 
 
 def _instances(job: ModelImport, instancing: Instancing, place: str) -> list[dict[str, Any]]:
@@ -160,7 +159,10 @@ def _instances(job: ModelImport, instancing: Instancing, place: str) -> list[dic
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
-def _drawing(job: ModelImport, mesh_index: int, primitive_index: int) -> dict[str, dict[str, Any]]:
+def _drawing(job: ModelImport, mesh_index: int, primitive_index: int, place: str) -> ComponentValues:
+    key = (mesh_index, primitive_index)
+    if key in job.drawings:
+        return job.drawings[key]
     material = job.document.meshes[mesh_index].primitives[primitive_index].material
 
     def image_of_texture(texture: int) -> str | None:
@@ -171,7 +173,9 @@ def _drawing(job: ModelImport, mesh_index: int, primitive_index: int) -> dict[st
 
     if material not in job.materials:
         job.materials[material] = material_values(job.document, material, image_of_texture)
-    return {"MeshRenderer": {"mesh": job.meshes[mesh_index, primitive_index]}, "Material": job.materials[material]}
+    parts = {"MeshRenderer": {"mesh": job.meshes[key]}, "Material": job.materials[material]}
+    job.drawings[key] = _checked(parts, place)
+    return job.drawings[key]
 
 
 def _checked(components: dict[str, dict[str, Any]], place: str) -> ComponentValues:
