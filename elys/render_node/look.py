@@ -91,11 +91,13 @@ def _finish(material: Material, textures: tuple[str, ...]) -> Finish:
 
 
 def texture_of(text: str) -> Texture | None:
-    """The texture that a field of a Material says; None for none, and for what is no texture."""
+    """The texture that a field of a Material says; None for none. What is wrong is kept as a name that nobody has: it is told of
+    and seen like any image that cannot be had.
+    """
     try:
         return parse_texture(text) if text else None
     except AssetError:
-        return None
+        return Texture(text)
 
 
 @lru_cache(maxsize=4096)

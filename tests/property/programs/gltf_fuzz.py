@@ -25,6 +25,7 @@ from elys.common.assets import AssetStore
 from elys.common.components import component_from
 from elys.common.errors import ElysError
 from elys.common.scene import open_scene
+from elys.render_node.camera import framing_camera
 from elys.render_node.drawable_assets import DrawableAssets
 from elys.render_node.gpu import offscreen_context
 from elys.render_node.quality import FAST
@@ -259,7 +260,7 @@ def show(path: Path, renderer: Renderer) -> None:
         world.set_scene(tables_of(range(1, len(records) + 1), [r.parent + 1 for r in records], components))
         renderer.settle(world)
         world.place()
-        light = renderer.draw(world, world.camera(), 32, 32)
+        light = renderer.draw(world, framing_camera(*world.bounds(), aspect=1.0), 32, 32)
         assert renderer.read_pixels(light).shape == (32, 32, 4)
     finally:
         world.assets.close()

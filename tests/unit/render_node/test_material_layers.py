@@ -257,6 +257,29 @@ def test_a_parallel_view_shows_sizes_as_they_are_and_picks_them(stage, renderer)
     assert renderer.pick(world, camera, 64, 64, 48, 32) == (far, pytest.approx((2.0, -8.5, 0.0), abs=0.07))
 
 
+def test_a_parallel_view_has_shadows_where_the_sun_throws_them(stage, renderer) -> None:
+    stage.add(Transform(scale=(40.0, 1.0, 40.0)), MeshRenderer(mesh="plane"), Material(roughness=1.0))
+    stage.add(Transform(position=(0.0, 2.0, 0.0), scale=(1.0, 0.1, 1.0)), MeshRenderer(mesh="box"))
+    stage.add(Transform(rotation=tuple(look_rotation((1.0, -1.0, 0.0)).tolist())), Light(intensity=3.0))
+    camera = ViewCamera(position=(0.0, 9.0, 0.0), rotation=ABOVE.rotation, ortho_height=8.0)
+    renderer.draw(stage.world(), camera, 80, 80)
+    light = renderer.read_light(80, 80)[..., 0]  # ten pixels a metre, the box in the middle
+    assert light[40, 60] < 0.02 * light[40, 10]  # 2 m to the right of it, as it is 2 m high
+    assert light[40, 70] > 0.9 * light[40, 10]
+    dark = np.argwhere(light < 0.02 * light[40, 10])
+    np.testing.assert_allclose(dark.mean(axis=0), (39.5, 59.5), atol=1.0)
+
+
+def test_a_texture_with_a_wrong_option_is_a_checker(stage, renderer) -> None:
+    material = Material(base_color=(1.0, 1.0, 1.0), unlit=True, base_color_texture="blake2b:" + "0" * 32 + "?tiles=4")
+    stage.add(Transform(scale=(2.0, 1.0, 2.0)), MeshRenderer(mesh="plane"), material)
+    world = stage.world()
+    renderer.settle(world)
+    renderer.draw(world, ABOVE, 64, 64)
+    light = renderer.read_light(64, 64)[..., :3]
+    assert 0.3 < ((light[..., 0] > 0.9) & (light[..., 1] < 0.05)).mean() < 0.6
+
+
 def test_a_colour_that_cannot_be_had_is_a_checker(stage, renderer) -> None:
     store = AssetStore()
     damaged = store.put(png(chessboard())[:40], kind="image")
