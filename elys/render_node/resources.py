@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from typing import Final
 
 import numpy as np
@@ -14,6 +15,7 @@ from elys.render_node.images import decode_image
 from elys.render_node.look import TEXTURE_FIELDS, Look, texture_of, variant_of
 from elys.render_node.render_world import RenderWorld
 
+_log = logging.getLogger(__name__)
 TANGENTS: Final = "VERTEX_TANGENTS"  # compiled in where a mesh has them and a normal map is laid along them
 
 _SELDOM_READ: Final = {"tangent": "tangents", "second_uv": "second_uvs"}  # by the name that shaders have for them
@@ -135,6 +137,7 @@ class Resources:
             largest = self.context.max_size
             if max(width, height) > largest:
                 step = -(-max(width, height) // largest)
+                _log.warning("an image of %d x %d pixels is drawn coarser: this card takes %d", width, height, largest)
                 pixels = np.ascontiguousarray(pixels[::step, ::step])
                 height, width = pixels.shape[:2]
             form: Format = "srgba8" if is_color else "rgba8"
