@@ -64,6 +64,11 @@ class Look(NamedTuple):
         return bool(self.textures[2] or self.textures[9])
 
     @property
+    def is_plain(self) -> bool:
+        """Whether it needs nothing compiled in and nothing bound."""
+        return self.finish is PLAIN_FINISH and not self.is_unlit and not any(self.textures)
+
+    @property
     def is_textured(self) -> bool:
         """Whether it names an image at all."""
         return any(self.textures)
@@ -87,7 +92,9 @@ def _finish(material: Material, textures: tuple[str, ...]) -> Finish:
         finish = finish._replace(clearcoat_roughness=0.0)
     if not textures[2]:
         finish = finish._replace(normal_scale=1.0)
-    return finish if textures[3] else finish._replace(occlusion_strength=1.0)
+    if not textures[3]:
+        finish = finish._replace(occlusion_strength=1.0)
+    return PLAIN_FINISH if finish == PLAIN_FINISH else finish
 
 
 def texture_of(text: str) -> Texture | None:

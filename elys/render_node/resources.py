@@ -94,6 +94,8 @@ class Resources:
 
     def bind_textures(self, world: RenderWorld, look: Look) -> tuple[str, ...]:
         """Shows the images of a look to the shaders; returns the definitions for those that are here, and for the rest of it."""
+        if look.is_plain:
+            return ()
         return variant_of(look, self._present(world, look) if look.is_textured else ())[0]
 
     def set_look(self, program: Program, look: Look, defines: tuple[str, ...]) -> None:
