@@ -91,6 +91,50 @@ def test_layers_follow_their_specifications(stage, renderer, material: Material)
     np.testing.assert_allclose(light, expected_light(material, to_view, to_sun), rtol=5e-3, atol=2e-4)
 
 
+def head_on(stage, renderer, store: AssetStore, material: Material) -> np.ndarray:
+    """The light (3,) of a floor under a sun, seen from straight above."""
+    stage.add(Transform(scale=(9.0, 1.0, 9.0)), MeshRenderer(mesh="plane", cast_shadows=False), material)
+    stage.add(Transform(rotation=tuple(look_rotation((0.1, -1.0, 0.0)).tolist())), Light(intensity=3.0))
+    world = stage.world(DrawableAssets(store.get))
+    renderer.settle(world)
+    renderer.draw(world, ABOVE, 8, 8)
+    world.assets.close()
+    return renderer.read_light(8, 8)[4, 4, :3]
+
+
+@pytest.mark.parametrize(
+    "pixel, field, values, plain",
+    [
+        # The channel that counts, per the extension, and what the same factor gives without an image.
+        ((9, 9, 9, 102), "specular_texture", {"specular": 0.5}, {"specular": 0.2}),
+        (
+            (255, 0, 188, 255),
+            "specular_color_texture",
+            {"ior": 2.0},
+            {"ior": 2.0, "specular_color": (1.0, 0.0, 0.50289)},
+        ),
+        ((102, 9, 9, 255), "clearcoat_texture", {"clearcoat": 0.5}, {"clearcoat": 0.2}),
+        (
+            (9, 102, 9, 255),
+            "clearcoat_roughness_texture",
+            {"clearcoat": 1.0, "clearcoat_roughness": 0.5},
+            {"clearcoat": 1.0, "clearcoat_roughness": 0.2},
+        ),
+    ],
+)
+def test_images_of_layers_multiply_their_factors(stage, renderer, pixel, field: str, values, plain) -> None:
+    store = AssetStore()
+    image = store.put(png(np.full((2, 2, 4), pixel, np.uint8)), kind="image")
+    surface = {"base_color": (0.2, 0.1, 0.05), "roughness": 0.3}
+    if "clearcoat" in values:
+        values, plain = {"clearcoat_roughness": 0.4} | values, {"clearcoat_roughness": 0.4} | plain
+    with_image = head_on(stage, renderer, store, Material(**surface, **values, **{field: image}))
+    same = head_on(type(stage)(), renderer, store, Material(**surface, **plain))
+    other = head_on(type(stage)(), renderer, store, Material(**surface, **values))
+    np.testing.assert_allclose(with_image, same, rtol=3e-3)
+    assert np.abs(other - same).max() > 0.02 * same.max()
+
+
 def chessboard(size: int = 4) -> np.ndarray:
     """Pixels (size, size, 3), no two alike in their row or column."""
     rows, columns = np.indices((size, size))
