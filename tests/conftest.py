@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -20,10 +21,10 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.fixture(scope="session")
 def shared_assets() -> Path:
-    """The folder of real glTF models, which is no part of the project and stands beside its checkout."""
-    folder = Path(__file__).parents[2] / "shared" / "assets"
+    """The folder of real glTF models, which is no part of the project: ELYS_REAL_MODELS, or beside its checkout."""
+    folder = Path(os.environ.get("ELYS_REAL_MODELS") or Path(__file__).parents[2] / "shared" / "assets")
     if not folder.is_dir():
-        pytest.skip("the folder of real models (../shared/assets) is not beside this checkout")
+        pytest.skip(f"there is no folder of real models at {folder} (ELYS_REAL_MODELS)")
     return folder
 
 

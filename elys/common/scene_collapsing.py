@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from elys.common.assets.store import AssetStore, is_reference
+from elys.common.assets.texture import split_texture
 from elys.common.components import FieldDeclaration, Kind, component_from, declaration_of, declarations
 from elys.common.components.decimals import FLOAT32_MAX, shortest_decimal
 from elys.common.errors import AssetError, SceneError
@@ -233,7 +234,7 @@ def _in_files(job: _Collapse, record: EntityRecord, changes: ComponentChanges) -
         if values is None
         else {
             field: _source(job, record, f"{component}.{field}", value)
-            if isinstance(value, str) and is_reference(value)
+            if isinstance(value, str) and is_reference(split_texture(value)[0])
             else value
             for field, value in values.items()
         }
@@ -241,7 +242,8 @@ def _in_files(job: _Collapse, record: EntityRecord, changes: ComponentChanges) -
     }
 
 
-def _source(job: _Collapse, record: EntityRecord, place: str, reference: str) -> str:
+def _source(job: _Collapse, record: EntityRecord, place: str, text: str) -> str:
+    reference, options = split_texture(text)
     if not job.assets.source(reference):
         # It may stand in a prefab that no entity before this one was an instance of.
         for other in job.records:
@@ -252,4 +254,4 @@ def _source(job: _Collapse, record: EntityRecord, place: str, reference: str) ->
         raise SceneError(
             f"'{record.name}' cannot be saved: no file is known here that holds its {place}, {reference}; name one instead"
         )
-    return relative_name(Path(path), job.directory) + hash_sign + fragment
+    return relative_name(Path(path), job.directory) + hash_sign + fragment + options

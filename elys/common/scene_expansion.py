@@ -14,6 +14,7 @@ from elys.common.assets.heights import HEIGHT_SUFFIXES, read_height_mesh, read_h
 from elys.common.assets.images import IMAGE_SUFFIXES, read_image
 from elys.common.assets.primitives import PRIMITIVES, is_primitive
 from elys.common.assets.store import AssetKind, AssetStore, is_reference
+from elys.common.assets.texture import parse_texture, split_texture
 from elys.common.components import Kind, declaration_of
 from elys.common.errors import AssetError, SceneError
 from elys.common.scene_document import ComponentChanges, ComponentValues, EntityNode, EntityRecord, SceneDocument
@@ -243,7 +244,14 @@ def _resolved(job: _Expansion, changes: ComponentChanges, place: _Place) -> Comp
 
 
 def _asset(job: _Expansion, value: str, field_name: str, place: _Place) -> str:
-    """The content reference for what an ASSET field says."""
+    """The content reference for what an ASSET field says; a texture keeps how it is laid over the mesh."""
+    options = ""
+    if _expected_kind(field_name) == "image":
+        value, options = split_texture(value)
+        try:
+            parse_texture(value + options)
+        except AssetError as error:
+            _fail(place, str(error), error)
     if field_name != "heights" and (is_primitive(value) or value.partition(":")[0].endswith(".py")):
         return value
     reference = value if is_reference(value) else _file_asset(job, value, field_name, place)
@@ -253,7 +261,7 @@ def _asset(job: _Expansion, value: str, field_name: str, place: _Place) -> str:
     kind = job.assets.kind(reference)
     if expected and kind and kind != expected:
         _fail(place, f"{value} is a {kind}, expected a {expected}")
-    return reference
+    return reference + options
 
 
 def _expected_kind(field_name: str) -> AssetKind | None:

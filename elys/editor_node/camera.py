@@ -115,6 +115,8 @@ def view_from_world(camera: ViewCamera) -> Vector:
 
 def clip_from_view(camera: ViewCamera, aspect: float) -> Vector:
     """(4, 4), row by row."""
+    if camera.ortho_height > 0.0:
+        return matrix.orthographic(camera.ortho_height, aspect, camera.near, camera.far)
     return matrix.perspective(camera.field_of_view, aspect, camera.near, camera.far)
 
 

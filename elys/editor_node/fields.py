@@ -12,7 +12,8 @@ from imgui_bundle import imgui
 
 from elys.common.assets import PRIMITIVES
 from elys.common.assets.store import PREFIX, is_reference
-from elys.common.components import Collider, Component, FieldDeclaration, Joint, Kind, Light
+from elys.common.assets.texture import split_texture
+from elys.common.components import Camera, Collider, Component, FieldDeclaration, Joint, Kind, Light
 from elys.common.components.decimals import shortest_decimal
 from elys.common.math import quaternion
 from elys.editor_node.scene_mirror import EditorScene
@@ -37,6 +38,9 @@ _JOINTS_WITH: Final = {
     **dict.fromkeys(("drive_velocity", "drive_spin", "drive_force", "drive_torque"), ("motor",)),
     **dict.fromkeys(("joint_a", "joint_b", "ratio"), ("gear",)),
 }
+
+
+_CAMERAS_WITH: Final = {"field_of_view": "perspective", "ortho_height": "orthographic"}
 
 
 @dataclass(slots=True)
@@ -95,6 +99,8 @@ def has_effect(component: Component, field: str) -> bool:
             return shape in _SHAPES_WITH[field]
         case Joint(kind=kind) if field in _JOINTS_WITH:
             return kind in _JOINTS_WITH[field]
+        case Camera(projection=projection) if field in _CAMERAS_WITH:
+            return projection == _CAMERAS_WITH[field]
         case Light(kind=kind) if field in ("inner_cone_angle", "outer_cone_angle"):
             return kind == "spot"
         case Light(kind=kind) if field == "range":
@@ -105,10 +111,11 @@ def has_effect(component: Component, field: str) -> bool:
 
 def asset_label(field: FieldDeclaration, value: str) -> str:
     """What an asset field says: a content reference by what it is and its first digits, else the value itself."""
-    if not is_reference(value):
+    reference, options = split_texture(value)
+    if not is_reference(reference):
         return value
     what = field.name if field.name in ("mesh", "heights") else "image"
-    return f"{what} {value.removeprefix(PREFIX)[:8]}"
+    return f"{what} {reference.removeprefix(PREFIX)[:8]}{options}"
 
 
 def element_width(count: int) -> float:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from elys.bus.messages.views import ViewCamera
 from elys.common.math import quaternion
-from elys.common.math.matrix import look_rotation, perspective
+from elys.common.math.matrix import look_rotation, orthographic, perspective
 
 Vector = NDArray[np.float64]
 # Where an automatic camera looks: down onto the scene, from the front right.
@@ -36,7 +36,11 @@ class View:
         view_from_relative = np.eye(4)
         view_from_relative[:3, :3] = world_from_view.T
         near = max(camera.near, 1e-5)
-        clip_from_view = perspective(camera.field_of_view, width / height, near, max(camera.far, near * 1.001))
+        far = max(camera.far, near * 1.001)
+        if camera.ortho_height > 0.0:
+            clip_from_view = orthographic(camera.ortho_height, width / height, near, far)
+        else:
+            clip_from_view = perspective(camera.field_of_view, width / height, near, far)
         return cls(
             camera=camera,
             width=width,

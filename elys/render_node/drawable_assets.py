@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -83,6 +83,12 @@ class DrawableAssets:
         with self._lock:
             pending = list(self._pending.values())
         wait(pending, timeout=timeout)
+
+    def wait_for_one(self, timeout: float) -> bool:
+        """Waits until something that is on its way has come, at most `timeout` seconds; False if nothing is, or time is up."""
+        with self._lock:
+            pending = list(self._pending.values())
+        return bool(pending) and bool(wait(pending, timeout=max(timeout, 0.0), return_when=FIRST_COMPLETED).done)
 
     def retry_failed(self) -> None:
         """Forgets what could not be had, as when another host may have it."""

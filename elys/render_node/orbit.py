@@ -28,6 +28,7 @@ class Orbit:
         self.pitch = -0.4
         self.field_of_view = 0.9
         self.far = 500.0
+        self.is_parallel = False  # as an orthographic camera sees
 
     def take(self, camera: ViewCamera, target_distance: float) -> None:
         """Stands where a camera stands, to circle around what is `target_distance` [m] before it."""
@@ -37,6 +38,9 @@ class Orbit:
         self.yaw = math.atan2(-forward[0], -forward[2])
         self.pitch = min(max(math.asin(float(np.clip(forward[1], -1.0, 1.0))), -STEEPEST), STEEPEST)
         self.field_of_view, self.far = camera.field_of_view, camera.far
+        self.is_parallel = camera.ortho_height > 0.0
+        if self.is_parallel:  # stands where the same would be seen in perspective: zooming and panning need a distance
+            self.distance = camera.ortho_height / (2.0 * math.tan(self.field_of_view / 2.0))
 
     def frame(self, lower: ArrayLike, upper: ArrayLike, *, aspect: float) -> None:
         """Shows all of a box, from the side it is looked at already."""
@@ -45,7 +49,9 @@ class Orbit:
         )
         low, high = np.asarray(lower, np.float64), np.asarray(upper, np.float64)
         middle = (low + high) / 2 if np.isfinite(low).all() and np.isfinite(high).all() else np.zeros(3)
+        is_parallel = self.is_parallel
         self.take(camera, float(np.linalg.norm(np.asarray(camera.position) - middle)))
+        self.is_parallel = is_parallel
 
     def turn(self, x: float, y: float) -> None:
         """Circles by a drag of `x`, `y` window heights, right and down."""
@@ -70,6 +76,7 @@ class Orbit:
             position=tuple(position.tolist()),
             rotation=tuple(look_rotation(direction).tolist()),
             field_of_view=self.field_of_view,
+            ortho_height=2.0 * self.distance * math.tan(self.field_of_view / 2.0) if self.is_parallel else 0.0,
             near=max(self.distance * 2e-3, 1e-4),
             far=max(self.far, self.distance * 20.0),
         )

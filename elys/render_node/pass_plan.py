@@ -10,7 +10,7 @@ from elys.render_node.camera import View
 from elys.render_node.drawable_assets import DrawableAssets
 from elys.render_node.passes.backdrop import GridPass, SkyPass
 from elys.render_node.passes.finishing import OutlinePass
-from elys.render_node.passes.shading import OpaquePass, TransparentPass, has_normal_map
+from elys.render_node.passes.shading import OpaquePass, TransparentPass
 from elys.render_node.passes.shadow import ShadowPass
 from elys.render_node.picture_plan import DrawCall, PicturePlan, plan_picture
 from elys.render_node.quality import FULL
@@ -51,7 +51,7 @@ def scene_passes(
 def told_passes(plan: PicturePlan) -> tuple[PlannedPass, ...]:
     """Every pass of a picture in the order in which they run."""
     shown = [*plan.opaque, *plan.transparent]
-    mapped = [call for call in shown if has_normal_map(call.batch.look)]
+    mapped = [call for call in shown if call.batch.look.has_normal_map]
     return (
         PlannedPass("shadow", ShadowPass.is_needed(plan), _why_shadow(plan)),
         PlannedPass("opaque", OpaquePass.is_needed(plan), _why_seen(plan.opaque, "solid thing")),

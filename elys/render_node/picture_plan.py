@@ -74,7 +74,7 @@ def plan_picture(
     seen_rows = np.flatnonzero(seen)
     first_blended = next((batch.first for batch in world.batches if batch.is_blended), world.instance_count)
     opaque = rows.add_grouped(seen_rows[seen_rows < first_blended])
-    transparent = rows.add_sorted(seen_rows[seen_rows >= first_blended], relative_centre)
+    transparent = rows.add_sorted(seen_rows[seen_rows >= first_blended], _distance(view, relative_centre))
     casters = rows.add_grouped(_caster_rows(world, first_blended)) if shadow is not None and not is_fresh else []
     selected = rows.add_grouped(np.intersect1d(world.instances_of(selection), seen_rows, assume_unique=True))
     return PicturePlan(
@@ -116,12 +116,11 @@ class _RowCollector:
         self._keep(rows)
         return calls
 
-    def add_sorted(self, rows: Rows, relative_centre: NDArray[np.float32]) -> list[DrawCall]:
-        """Farthest first, a call for each run of one batch."""
+    def add_sorted(self, rows: Rows, distance: NDArray[np.float32]) -> list[DrawCall]:
+        """Farthest first by the distances of all instances, a call for each run of one batch."""
         if not len(rows):
             return []
-        distance = np.einsum("ij,ij->i", relative_centre[rows], relative_centre[rows])
-        rows = rows[np.argsort(-distance, kind="stable")]
+        rows = rows[np.argsort(-distance[rows], kind="stable")]
         batch = self._world.batch_of[rows]
         starts = np.flatnonzero(np.append(True, batch[1:] != batch[:-1]))
         ends = np.append(starts[1:], len(rows))
@@ -139,6 +138,13 @@ class _RowCollector:
     def _keep(self, rows: Rows) -> None:
         self._parts.append(rows)
         self._count += len(rows)
+
+
+def _distance(view: View, relative_centre: NDArray[np.float32]) -> NDArray[np.float32]:
+    """What (N,) see-through things are sorted by: the distance to the eye, squared, or the depth in a parallel view."""
+    if view.camera.ortho_height > 0.0:
+        return relative_centre @ -view.world_from_view[:, 2].astype(np.float32)
+    return np.asarray(np.einsum("ij,ij->i", relative_centre, relative_centre))
 
 
 def _within(planes: NDArray[np.float64], centre: NDArray[np.float32], radius: NDArray[np.float32]) -> NDArray[np.bool_]:

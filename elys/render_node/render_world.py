@@ -9,8 +9,7 @@ Instances stand in the order of their batches, opaque ones first, so that what i
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Final, Literal, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +22,7 @@ from elys.common.math.aabb import transform_bounds
 from elys.common.scene import SceneSettings
 from elys.render_node.camera import framing_camera
 from elys.render_node.drawable_assets import UNKNOWN_EXTENT, DrawableAssets
+from elys.render_node.look import Look, look_of
 from elys.render_node.placement import Placement
 from elys.render_node.scene_tables import Rows, SceneReader, SceneTables, tables_of
 from elys.render_node.timeline import Timeline
@@ -30,24 +30,8 @@ from elys.render_node.timeline import Timeline
 PLAIN: Final = Material()
 GIANT: Final = 1.6  # times larger than all smaller things together: neither cameras nor shadow maps are fitted to it
 _CORNER_SIGNS: Final = np.array([(1, 1, 1), (-1, 1, 1), (1, -1, 1), (1, 1, -1)], np.float64)
-TEXTURE_FIELDS: Final = (
-    "base_color_texture",
-    "metallic_roughness_texture",
-    "normal_texture",
-    "occlusion_texture",
-    "emissive_texture",
-)
 # What is drawn where a mesh cannot be had.
 MISSING: Final = Material(base_color=(0.0, 0.0, 0.0), emissive=(0.8, 0.0, 0.6))
-
-
-class Look(NamedTuple):
-    """What instances must have in common to be drawn together: all of a material but its numbers, and the handedness."""
-
-    alpha_mode: Literal["opaque", "mask", "blend"]
-    textures: tuple[str, ...]  # in the order of TEXTURE_FIELDS, "" for none
-    is_double_sided: bool
-    is_mirrored: bool  # an odd number of negative scales turns the triangles over
 
 
 class Batch(NamedTuple):
@@ -206,6 +190,7 @@ class RenderWorld:
             position=tuple(self._placement.position[item].tolist()),
             rotation=tuple(rotation.tolist()),
             field_of_view=self._camera.field_of_view,
+            ortho_height=self._camera.ortho_height if self._camera.projection == "orthographic" else 0.0,
             near=self._camera.near,
             far=self._camera.far,
         )
@@ -265,7 +250,7 @@ class RenderWorld:
             mesh, material = renderer.mesh, tables.materials.get(row, PLAIN)
             if mesh in self.assets.failed:
                 mesh, material = "box", MISSING
-            grouped.setdefault((mesh, _look(material, bool(mirrored[row]))), []).append((row, material))
+            grouped.setdefault((mesh, look_of(material, bool(mirrored[row]))), []).append((row, material))
         batches: list[Batch] = []
         members: list[tuple[int, Material]] = []
         for mesh, look in sorted(grouped, key=lambda key: key[1].alpha_mode == "blend"):
@@ -322,12 +307,6 @@ def without_giants(centre: NDArray[np.float64], radius: NDArray[np.float64]) -> 
     kept = np.zeros(len(order), np.bool_)
     kept[order[:first_giant]] = True
     return kept
-
-
-@lru_cache(maxsize=4096)
-def _look(material: Material, mirrored: bool) -> Look:
-    textures = tuple(getattr(material, field) for field in TEXTURE_FIELDS)
-    return Look(material.alpha_mode, textures, material.double_sided, mirrored)
 
 
 def _surfaces(materials: list[Material]) -> NDArray[np.float32]:

@@ -151,13 +151,17 @@ class Renderer:
 
     def settle(self, world: RenderWorld, *, timeout: float = 60.0) -> None:
         """Waits for the meshes and images that the world's batches name, so that the next picture shows all of them."""
+        looks = dict.fromkeys(batch.look for batch in world.batches if batch.look.is_textured)
+        for look in looks:
+            self.resources.bind_textures(world, look)  # images take longest: they are asked for first
         for batch in world.batches:
             self.resources.geometry(world, batch.mesh)
-        world.assets.settle(timeout)
+        end = time.monotonic() + timeout
+        # What has been decoded goes to the card while others are decoded still.
+        while world.assets.wait_for_one(end - time.monotonic()):
+            for look in looks:
+                self.resources.bind_textures(world, look)
         world.place_if_assets_came()
-        for batch in world.batches:
-            self.resources.bind_textures(world, batch.look)
-        world.assets.settle(timeout)
 
     def _show(self, targets: Targets, picture: Framebuffer) -> None:
         """Turns light into what the screen shows, unless the passes did so already."""

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
+import logging
 from typing import Final
 
 import numpy as np
 
 from elys.common.assets import Mesh
+from elys.common.assets.images import placeholder_image
+from elys.common.assets.texture import Sampling, split_texture
 from elys.render_node.gpu import TEXTURE_UNITS, Buffer, Context, Format, Program, Texture, VertexArray
-from elys.render_node.render_world import TEXTURE_FIELDS, Look, RenderWorld
+from elys.render_node.images import decode_image
+from elys.render_node.look import TEXTURE_FIELDS, Look, texture_of, variant_of
+from elys.render_node.render_world import RenderWorld
 
-# Fields of Material that name an image: the definition that compiles its use in, and whether it holds colours as eyes see them.
-TEXTURE_USES: Final = {
-    "base_color_texture": ("BASE_COLOR_TEXTURE", True),
-    "metallic_roughness_texture": ("METALLIC_ROUGHNESS_TEXTURE", False),
-    "normal_texture": ("NORMAL_TEXTURE", False),
-    "occlusion_texture": ("OCCLUSION_TEXTURE", False),
-    "emissive_texture": ("EMISSIVE_TEXTURE", True),
-}
+_log = logging.getLogger(__name__)
 TANGENTS: Final = "VERTEX_TANGENTS"  # compiled in where a mesh has them and a normal map is laid along them
+
+_SELDOM_READ: Final = {"tangent": "tangents", "second_uv": "second_uvs"}  # by the name that shaders have for them
 
 
 class Geometry:
@@ -31,13 +31,17 @@ class Geometry:
             for name in ("positions", "normals", "uvs", "colors")
             if (array := getattr(mesh, name)) is not None and len(array)
         }
-        # A quarter of a vertex: they come to the card with the first program that reads them.
-        self._tangents = mesh.tangents if mesh.tangents is not None and len(mesh.tangents) else None
+        # Much of a vertex, and seldom read: they come to the card with the first program that reads them.
+        self._waiting = {
+            attribute: (name, array)
+            for attribute, name in _SELDOM_READ.items()
+            if (array := getattr(mesh, name)) is not None and len(array)
+        }
         self._indices = Buffer(context, np.ascontiguousarray(mesh.indices, np.uint32)) if len(mesh.indices) else None
         self._count = len(mesh.indices)
         self._arrays: dict[Program, VertexArray] = {}
         self.defines = (
-            *((TANGENTS,) if self._tangents is not None else ()),
+            *((TANGENTS,) if "tangent" in self._waiting else ()),
             *(("VERTEX_COLORS",) if "colors" in self._attributes else ()),
         )
 
@@ -50,9 +54,9 @@ class Geometry:
         """How `program` reads it."""
         array = self._arrays.get(program)
         if array is None:
-            if self._tangents is not None and program.reads("tangent"):
-                self._attributes["tangents"] = Buffer(self._context, np.ascontiguousarray(self._tangents, np.float32))
-                self._tangents = None
+            for attribute in [waiting for waiting in self._waiting if program.reads(waiting)]:
+                name, values = self._waiting.pop(attribute)
+                self._attributes[name] = Buffer(self._context, np.ascontiguousarray(values, np.float32))
             array = VertexArray(self._context, program, self._attributes, self._indices, self._count)
             self._arrays[program] = array
         return array
@@ -67,7 +71,8 @@ class Resources:
         self.frame = Buffer(context, size=1 << 10)
         self._used_by: tuple[RenderWorld, int] | None = None  # a world and its scene, whose names are in use
         self._geometries: dict[str, Geometry] = {}
-        self._textures: dict[tuple[str, bool], Texture] = {}
+        self._textures: dict[tuple[str, bool, Sampling], Texture] = {}
+        self._checker: Texture | None = None
         self._programs: dict[tuple[str, str, tuple[str, ...]], Program] = {}
 
     def program(self, vertex: str, fragment: str, defines: tuple[str, ...] = ()) -> Program:
@@ -88,40 +93,64 @@ class Resources:
         return None if geometry.is_empty else geometry
 
     def bind_textures(self, world: RenderWorld, look: Look) -> tuple[str, ...]:
-        """Shows the images of a look to the shaders; returns the definitions for those that are here."""
-        defines = []
-        for field, reference in zip(TEXTURE_FIELDS, look.textures, strict=True):
-            if not reference:
+        """Shows the images of a look to the shaders; returns the definitions for those that are here, and for the rest of it."""
+        if look.is_plain:
+            return ()
+        return variant_of(look, self._present(world, look) if look.is_textured else ())[0]
+
+    def set_look(self, program: Program, look: Look, defines: tuple[str, ...]) -> None:
+        """Gives a program the numbers of a look that was bound, with the definitions that came of it."""
+        if not defines:
+            return
+        present = tuple(field for field in TEXTURE_FIELDS if field.upper() in defines)
+        for name, value in variant_of(look, present)[1]:
+            program.set(name, value)
+
+    def _present(self, world: RenderWorld, look: Look) -> tuple[str, ...]:
+        present = []
+        for (field, is_color), text in zip(TEXTURE_FIELDS.items(), look.textures, strict=True):
+            named = texture_of(text)
+            if named is None:
                 continue
-            define, is_color = TEXTURE_USES[field]
-            texture = self._texture(world, reference, is_color)
+            texture = self._texture(world, named.image, is_color, named.sampling)
             if texture is not None:
                 texture.use(TEXTURE_UNITS[field])
-                defines.append(define)
-        return tuple(defines)
+                present.append(field)
+        return tuple(present)
 
     def forget_unused(self, world: RenderWorld) -> None:
         """Frees what the world does not name any more; does nothing while its scene is the same as last time."""
         if self._used_by == (world, world.scene_version):
             return
         self._used_by = (world, world.scene_version)
-        named = {reference for batch in world.batches for reference in batch.look.textures}
+        named = {split_texture(text)[0] for batch in world.batches for text in batch.look.textures}
         self._textures = {key: texture for key, texture in self._textures.items() if key[0] in named}
         meshes = {batch.mesh for batch in world.batches}
         self._geometries = {name: geometry for name, geometry in self._geometries.items() if name in meshes}
 
-    def _texture(self, world: RenderWorld, reference: str, is_color: bool) -> Texture | None:
-        key = (reference, is_color)
+    def _texture(self, world: RenderWorld, reference: str, is_color: bool, sampling: Sampling) -> Texture | None:
+        """An image on the card; a checker for a colour that cannot be had, None for what is on its way or holds no colour."""
+        key = (reference, is_color, sampling)
         if key not in self._textures:
             pixels = world.assets.take_image(reference)
             if pixels is None:
-                return None
+                return self._placeholder() if is_color and reference in world.assets.failed else None
             height, width = pixels.shape[:2]
             largest = self.context.max_size
             if max(width, height) > largest:
                 step = -(-max(width, height) // largest)
+                _log.warning("an image of %d x %d pixels is drawn coarser: this card takes %d", width, height, largest)
                 pixels = np.ascontiguousarray(pixels[::step, ::step])
                 height, width = pixels.shape[:2]
             form: Format = "srgba8" if is_color else "rgba8"
-            self._textures[key] = Texture(self.context, (width, height), form, data=pixels, mipmaps=True, repeat=True)
+            texture = Texture(self.context, (width, height), form, data=pixels)
+            repeat = (sampling.wrap[0] == "repeat", sampling.wrap[1] == "repeat")
+            texture.sample(repeat=repeat, magnify=sampling.magnify, minify=sampling.minify)
+            self._textures[key] = texture
         return self._textures[key]
+
+    def _placeholder(self) -> Texture:
+        if self._checker is None:
+            pixels = decode_image(placeholder_image())
+            self._checker = Texture(self.context, pixels.shape[1::-1], "srgba8", data=pixels, mipmaps=True, repeat=True)
+        return self._checker

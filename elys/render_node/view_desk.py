@@ -157,12 +157,17 @@ def sane_size(width: int, height: int) -> tuple[int, int, str]:
 
 def sane_camera(camera: ViewCamera) -> ViewCamera:
     """A camera that can be drawn with: finite, with an opening angle and a depth; else the nearest that is."""
-    numbers = (*camera.position, *camera.rotation, camera.field_of_view, camera.near, camera.far)
+    numbers = (*camera.position, *camera.rotation, camera.field_of_view, camera.near, camera.far, camera.ortho_height)
     if not all(math.isfinite(number) and abs(number) < 1e12 for number in numbers):
         return ViewCamera(position=(0.0, 2.0, 8.0), rotation=(0.0, 0.0, 0.0, 1.0))
     near = min(max(camera.near, 1e-4), 1e6)
     field_of_view = min(max(camera.field_of_view, 0.02), 3.0)
     rotation = camera.rotation if any(camera.rotation) else (0.0, 0.0, 0.0, 1.0)
     return msgspec.structs.replace(
-        camera, rotation=rotation, field_of_view=field_of_view, near=near, far=max(camera.far, near * 1.01)
+        camera,
+        rotation=rotation,
+        field_of_view=field_of_view,
+        near=near,
+        far=max(camera.far, near * 1.01),
+        ortho_height=max(camera.ortho_height, 0.0),
     )

@@ -13,6 +13,7 @@ class ViewCamera(msgspec.Struct, frozen=True, kw_only=True):
     position: Vec3
     rotation: Quat
     field_of_view: float = 0.9  # [rad] vertical
+    ortho_height: float = 0.0  # [m] seen from below to above in a parallel view; 0 for one in perspective
     near: float = 0.05  # [m]
     far: float = 500.0  # [m]
 

@@ -11,12 +11,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elys.common.assets.gltf_accessors import pick
-from elys.common.assets.gltf_schema import Document, Material, MetallicRoughness, SpecularGlossiness, TextureInfo
+from elys.common.assets.gltf_schema import (
+    Clearcoat,
+    Document,
+    Material,
+    MetallicRoughness,
+    Sampler,
+    Specular,
+    SpecularGlossiness,
+    TextureInfo,
+    TextureTransform,
+)
+from elys.common.assets.texture import UV_SETS, Sampling, Texture, texture_text
 from elys.common.errors import AssetError
 
 logger = logging.getLogger(__name__)
 
 _DIELECTRIC: Final = 0.04  # what every dielectric reflects head-on in the metallic-roughness model
+# GL's numbers. Where a sampler does not say, smooth with mipmaps.
+_WRAPS: Final = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
+_MAGNIFIERS: Final = {None: "linear", 9728: "nearest", 9729: "linear"}
+_MINIFIERS: Final = {
+    None: "linear-mipmap-linear",
+    9728: "nearest",
+    9729: "linear",
+    9984: "nearest-mipmap-nearest",
+    9985: "linear-mipmap-nearest",
+    9986: "nearest-mipmap-linear",
+    9987: "linear-mipmap-linear",
+}
 
 
 def material_values(
@@ -29,10 +52,11 @@ def material_values(
     material = Material() if index is None else document.materials[index]
     where = f"materials[{index}]"
     surface = material.pbr_metallic_roughness
-    if material.extensions.specular_glossiness is not None:
-        surface = _converted(material.extensions.specular_glossiness, where)
-    strength = material.extensions.emissive_strength
-    glow = 1.0 if strength is None else strength.emissive_strength
+    more = material.extensions
+    if more.specular_glossiness is not None:
+        surface = _converted(more.specular_glossiness, where)
+    glow = 1.0 if more.emissive_strength is None else more.emissive_strength.emissive_strength
+    specular, coat = more.specular or Specular(), more.clearcoat or Clearcoat()
     values: dict[str, Any] = {
         "base_color": surface.base_color_factor[:3],
         "opacity": surface.base_color_factor[3],
@@ -42,6 +66,12 @@ def material_values(
         "alpha_mode": material.alpha_mode.lower(),
         "alpha_cutoff": min(material.alpha_cutoff, 1.0),
         "double_sided": material.double_sided,
+        "unlit": more.unlit is not None,
+        "ior": 1.5 if more.refraction is None else more.refraction.ior,
+        "specular": specular.specular_factor,
+        "specular_color": specular.specular_color_factor,
+        "clearcoat": coat.clearcoat_factor,
+        "clearcoat_roughness": coat.clearcoat_roughness_factor,
     }
     textures = {
         "base_color_texture": surface.base_color_texture,
@@ -49,10 +79,19 @@ def material_values(
         "normal_texture": material.normal_texture,
         "occlusion_texture": material.occlusion_texture,
         "emissive_texture": material.emissive_texture,
+        "specular_texture": specular.specular_texture,
+        "specular_color_texture": specular.specular_color_texture,
+        "clearcoat_texture": coat.clearcoat_texture,
+        "clearcoat_roughness_texture": coat.clearcoat_roughness_texture,
+        "clearcoat_normal_texture": coat.clearcoat_normal_texture,
     }
     for name, info in textures.items():
         if info is not None:
-            values[name] = _image(document, info, f"{where}.{name}", image_of_texture)
+            values[name] = _texture(document, info, f"{where}.{name}", image_of_texture)
+    if material.normal_texture is not None:
+        values["normal_scale"] = material.normal_texture.scale
+    if material.occlusion_texture is not None:
+        values["occlusion_strength"] = material.occlusion_texture.strength
     return values
 
 
@@ -90,13 +129,31 @@ def _brightness(color: NDArray[np.float64]) -> float:
     return math.sqrt(float(color**2 @ (0.299, 0.587, 0.114)))
 
 
-def _image(document: Document, info: TextureInfo, where: str, image_of_texture: Callable[[int], str | None]) -> str:
-    pick(document.textures, info.index, where, "texture")
-    if info.tex_coord != 0:
-        logger.warning("%s uses texture coordinates %d; the first ones are taken", where, info.tex_coord)
-    if info.scale != 1.0 or info.strength != 1.0:
-        logger.warning("%s has a scale or strength, which is left out", where)
+def _texture(document: Document, info: TextureInfo, where: str, image_of_texture: Callable[[int], str | None]) -> str:
+    """What a Material's field says of a texture."""
+    texture = pick(document.textures, info.index, where, "texture")
     image = image_of_texture(info.index)
     if image is None:
         raise AssetError(f"{where}: texture {info.index} has no image")
-    return image
+    sampler = Sampler()
+    if texture.sampler is not None:
+        sampler = pick(document.samplers, texture.sampler, f"textures[{info.index}]", "sampler")
+    transform = info.extensions.transform or TextureTransform()
+    uv = info.tex_coord if transform.tex_coord is None else transform.tex_coord
+    if uv >= UV_SETS:
+        logger.warning("%s lies on TEXCOORD_%d; ELYS has two sets of uv coordinates, the first is taken", where, uv)
+        uv = 0
+    return texture_text(
+        Texture(
+            image,
+            uv=uv,
+            offset=transform.offset,
+            rotation=transform.rotation,
+            scale=transform.scale,
+            sampling=Sampling(
+                wrap=(_WRAPS[sampler.wrap_s], _WRAPS[sampler.wrap_t]),
+                magnify=_MAGNIFIERS[sampler.mag_filter],
+                minify=_MINIFIERS[sampler.min_filter],
+            ),
+        )
+    )

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import logging
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from elys.common.assets.gltf_accessors import Buffers
-from elys.common.assets.gltf_schema import Primitive
+from elys.common.assets.gltf_compression import unpack_draco
+from elys.common.assets.gltf_schema import DracoMesh, Primitive
 from elys.common.assets.mesh import FloatArray, IndexArray, Mesh
 from elys.common.errors import AssetError
 
@@ -17,7 +18,16 @@ logger = logging.getLogger(__name__)
 
 TRIANGLES: Final = 4
 TRIANGLE_STRIP: Final = 5
-_WIDTHS: Final = {"POSITION": (3,), "NORMAL": (3,), "TEXCOORD_0": (2,), "TANGENT": (4,), "COLOR_0": (3, 4)}
+_WIDTHS: Final = {
+    "POSITION": (3,),
+    "NORMAL": (3,),
+    "TEXCOORD_0": (2,),
+    "TEXCOORD_1": (2,),
+    "TANGENT": (4,),
+    "COLOR_0": (3, 4),
+}
+# A byte of indices can name a vertex of a hundred: where each triangle gets its own, the sum is bounded.
+MAX_CORNERS: Final = 1 << 24
 
 
 def read_primitive(buffers: Buffers, primitive: Primitive, where: str) -> Mesh | None:
@@ -27,12 +37,20 @@ def read_primitive(buffers: Buffers, primitive: Primitive, where: str) -> Mesh |
         return None
     if "POSITION" not in primitive.attributes:
         raise AssetError(f"{where} has no POSITION")
-    attributes = _read_attributes(buffers, primitive, where)
-    vertex_count = len(attributes["POSITION"])
-    indices = _triangles(_read_indices(buffers, primitive, vertex_count, where), primitive.mode)
+    draco = primitive.extensions.draco
+    if draco is not None and buffers.unpacks("KHR_draco_mesh_compression", "DracoPy"):
+        attributes, indices = _read_draco(buffers, primitive, draco, where)
+    else:
+        attributes = _read_attributes(buffers, primitive, where)
+        indices = _read_indices(buffers, primitive, len(attributes["POSITION"]), where)
+    if len(indices) > 3 * MAX_CORNERS:
+        raise AssetError(f"{where} has {len(indices)} indices; there may be {3 * MAX_CORNERS}, so split it")
+    indices = _triangles(indices, primitive.mode)
     if primitive.targets:
         logger.warning("%s has morph targets, which stay at rest", where)
     if "NORMAL" not in attributes:
+        if len(indices) > MAX_CORNERS:
+            raise AssetError(f"{where} has no normals and {len(indices)} corners; export it with normals")
         attributes, indices = _with_flat_normals(attributes, indices)
     colors = attributes.get("COLOR_0")
     if colors is not None and colors.shape[1] == 3:
@@ -44,23 +62,47 @@ def read_primitive(buffers: Buffers, primitive: Primitive, where: str) -> Mesh |
         indices=indices,
         tangents=attributes.get("TANGENT"),
         colors=colors,
+        second_uvs=attributes.get("TEXCOORD_1"),
     )
 
 
 def _read_attributes(buffers: Buffers, primitive: Primitive, where: str) -> dict[str, FloatArray]:
     attributes: dict[str, FloatArray] = {}
-    for name, widths in _WIDTHS.items():
+    for name in _WIDTHS:
         index = primitive.attributes.get(name)
-        if index is None:
-            continue
-        place = f"{where}.attributes.{name}"
-        values = buffers.floats(index, place)
-        if values.ndim != 2 or values.shape[1] not in widths:
-            raise AssetError(f"{place} must be vectors of {' or '.join(map(str, widths))} numbers")
-        if attributes and len(values) != len(attributes["POSITION"]):
-            raise AssetError(f"{place} has {len(values)} elements for {len(attributes['POSITION'])} vertices")
-        attributes[name] = values
+        if index is not None:
+            place = f"{where}.attributes.{name}"
+            attributes[name] = _checked(attributes, name, buffers.floats(index, place), place)
     return attributes
+
+
+def _read_draco(
+    buffers: Buffers, primitive: Primitive, draco: DracoMesh, where: str
+) -> tuple[dict[str, FloatArray], IndexArray]:
+    place = f"{where}.extensions.KHR_draco_mesh_compression"
+    if primitive.mode not in (TRIANGLES, TRIANGLE_STRIP):
+        raise AssetError(f"{place} holds a fan; Draco knows triangles")
+    unpacked, indices = unpack_draco(bytes(buffers.view(draco.buffer_view, place)), place)
+    attributes: dict[str, FloatArray] = {}
+    for name in _WIDTHS:
+        number, accessor = draco.attributes.get(name), primitive.attributes.get(name)
+        if number is None or accessor is None:
+            continue
+        if number not in unpacked:
+            raise AssetError(f"{place} has no attribute {number}, which is to be {name}")
+        values = buffers.as_floats(unpacked[number], accessor, f"{where}.attributes.{name}")
+        attributes[name] = _checked(attributes, name, values, place)
+    if "POSITION" not in attributes:
+        raise AssetError(f"{place} has no POSITION")
+    return attributes, _named(indices, len(attributes["POSITION"]), place)
+
+
+def _checked(others: dict[str, FloatArray], name: str, values: FloatArray, place: str) -> FloatArray:
+    if values.ndim != 2 or values.shape[1] not in _WIDTHS[name]:
+        raise AssetError(f"{place} must be vectors of {' or '.join(map(str, _WIDTHS[name]))} numbers")
+    if others and len(values) != len(others["POSITION"]):
+        raise AssetError(f"{place} has {len(values)} elements for {len(others['POSITION'])} vertices")
+    return values
 
 
 def _read_indices(buffers: Buffers, primitive: Primitive, vertex_count: int, where: str) -> IndexArray:
@@ -70,7 +112,11 @@ def _read_indices(buffers: Buffers, primitive: Primitive, vertex_count: int, whe
     indices = buffers.array(primitive.indices, place)
     if indices.ndim != 1 or indices.dtype.kind != "u":
         raise AssetError(f"{place} must be unsigned whole numbers")
-    if int(indices.max()) >= vertex_count:
+    return _named(indices, vertex_count, place)
+
+
+def _named(indices: NDArray[Any], vertex_count: int, place: str) -> IndexArray:
+    if len(indices) and int(indices.max()) >= vertex_count:
         raise AssetError(f"{place} names vertex {int(indices.max())}, there are {vertex_count}")
     return indices.astype(np.uint32)
 
@@ -101,7 +147,11 @@ def _with_flat_normals(
 
 
 def _unit(vectors: NDArray[np.floating]) -> FloatArray:
-    """At length 1; what has no length points up."""
+    """At length 1; what has no length points up. What already has it to rounding stays as it is."""
+    with np.errstate(over="ignore"):
+        squared = np.einsum("ij,ij->i", vectors, vectors)
+    if vectors.dtype == np.float32 and np.all(np.abs(squared - 1.0) < 1e-6):
+        return vectors.astype(np.float32, copy=False)
     wide = vectors.astype(np.float64)
     length = np.linalg.norm(wide, axis=-1, keepdims=True)
     up = np.array((0.0, 1.0, 0.0))

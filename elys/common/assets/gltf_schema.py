@@ -17,6 +17,7 @@ Index = Annotated[int, Meta(ge=0, le=2**31)]
 Size = Annotated[int, Meta(ge=0, le=2**40)]
 Unit = Annotated[float, Meta(ge=0.0, le=1.0)]
 Float = Annotated[float, Meta(ge=-1e30, le=1e30)]
+Coordinate = Annotated[float, Meta(ge=-1e6, le=1e6)]
 Positive = Annotated[float, Meta(ge=0.0, le=1e30)]
 Vec3 = tuple[Float, Float, Float]
 Vec4 = tuple[Float, Float, Float, Float]
@@ -36,11 +37,34 @@ class Buffer(_Part, frozen=True):
     uri: str | None = None
 
 
+class PackedView(_Part, frozen=True):
+    """EXT_meshopt_compression: where the packed bytes are, and as what."""
+
+    buffer: Index
+    byte_length: Size
+    byte_stride: Annotated[int, Meta(ge=1, le=256)]
+    count: Annotated[int, Meta(ge=0, le=2**31)]
+    mode: Literal["ATTRIBUTES", "TRIANGLES", "INDICES"]
+    byte_offset: Size = 0
+    filter: Literal["NONE", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL", "COLOR"] = "NONE"
+
+
+class ViewExtensions(msgspec.Struct, frozen=True, kw_only=True):
+    meshopt: PackedView | None = msgspec.field(name="EXT_meshopt_compression", default=None)
+    ratified_meshopt: PackedView | None = msgspec.field(name="KHR_meshopt_compression", default=None)
+
+    @property
+    def packed(self) -> PackedView | None:
+        """The one that is there."""
+        return self.meshopt or self.ratified_meshopt
+
+
 class BufferView(_Part, frozen=True):
     buffer: Index
     byte_length: Size
     byte_offset: Size = 0
     byte_stride: Annotated[int, Meta(ge=4, le=252)] | None = None
+    extensions: ViewExtensions = ViewExtensions()
 
 
 class SparseIndices(_Part, frozen=True):
@@ -70,13 +94,22 @@ class Accessor(_Part, frozen=True):
     sparse: Sparse | None = None
 
 
+class DracoMesh(_Part, frozen=True):
+    buffer_view: Index
+    attributes: dict[str, Index]
+
+
+class PrimitiveExtensions(msgspec.Struct, frozen=True, kw_only=True):
+    draco: DracoMesh | None = msgspec.field(name="KHR_draco_mesh_compression", default=None)
+
+
 class Primitive(_Part, frozen=True):
     attributes: dict[str, Index]
     indices: Index | None = None
     material: Index | None = None
     mode: Annotated[int, Meta(ge=0, le=6)] = 4
     targets: list[dict[str, Index]] = []
-    extensions: dict[str, Any] = {}
+    extensions: PrimitiveExtensions = PrimitiveExtensions()
 
 
 class Mesh(_Part, frozen=True):
@@ -84,12 +117,23 @@ class Mesh(_Part, frozen=True):
     name: str = ""
 
 
+class TextureTransform(_Part, frozen=True):
+    offset: tuple[Coordinate, Coordinate] = (0.0, 0.0)
+    rotation: Coordinate = 0.0
+    scale: tuple[Coordinate, Coordinate] = (1.0, 1.0)
+    tex_coord: Index | None = None
+
+
+class TextureInfoExtensions(msgspec.Struct, frozen=True, kw_only=True):
+    transform: TextureTransform | None = msgspec.field(name="KHR_texture_transform", default=None)
+
+
 class TextureInfo(_Part, frozen=True):
     index: Index
     tex_coord: Index = 0
-    scale: Float = 1.0  # of a normal map
+    scale: Coordinate = 1.0  # of a normal map
     strength: Unit = 1.0  # of occlusion
-    extensions: dict[str, Any] = {}
+    extensions: TextureInfoExtensions = TextureInfoExtensions()
 
 
 class MetallicRoughness(_Part, frozen=True):
@@ -112,11 +156,38 @@ class SpecularGlossiness(_Part, frozen=True):
     specular_glossiness_texture: TextureInfo | None = None
 
 
+class Unlit(_Part, frozen=True):
+    pass
+
+
+class Refraction(_Part, frozen=True):
+    ior: Annotated[float, Meta(ge=0.0, le=1e6)] = 1.5
+
+
+class Specular(_Part, frozen=True):
+    specular_factor: Unit = 1.0
+    specular_texture: TextureInfo | None = None
+    specular_color_factor: tuple[Positive, Positive, Positive] = (1.0, 1.0, 1.0)
+    specular_color_texture: TextureInfo | None = None
+
+
+class Clearcoat(_Part, frozen=True):
+    clearcoat_factor: Unit = 0.0
+    clearcoat_texture: TextureInfo | None = None
+    clearcoat_roughness_factor: Unit = 0.0
+    clearcoat_roughness_texture: TextureInfo | None = None
+    clearcoat_normal_texture: TextureInfo | None = None
+
+
 class MaterialExtensions(msgspec.Struct, frozen=True, kw_only=True):
     specular_glossiness: SpecularGlossiness | None = msgspec.field(
         name="KHR_materials_pbrSpecularGlossiness", default=None
     )
     emissive_strength: EmissiveStrength | None = msgspec.field(name="KHR_materials_emissive_strength", default=None)
+    unlit: Unlit | None = msgspec.field(name="KHR_materials_unlit", default=None)
+    refraction: Refraction | None = msgspec.field(name="KHR_materials_ior", default=None)
+    specular: Specular | None = msgspec.field(name="KHR_materials_specular", default=None)
+    clearcoat: Clearcoat | None = msgspec.field(name="KHR_materials_clearcoat", default=None)
 
 
 class Material(_Part, frozen=True):
@@ -132,15 +203,24 @@ class Material(_Part, frozen=True):
     extensions: MaterialExtensions = MaterialExtensions()
 
 
-class WebpTexture(_Part, frozen=True):
+class TextureSource(_Part, frozen=True):
     source: Index
 
 
 class TextureExtensions(msgspec.Struct, frozen=True, kw_only=True):
-    webp: WebpTexture | None = msgspec.field(name="EXT_texture_webp", default=None)
+    webp: TextureSource | None = msgspec.field(name="EXT_texture_webp", default=None)
+    basisu: TextureSource | None = msgspec.field(name="KHR_texture_basisu", default=None)
+
+
+class Sampler(_Part, frozen=True):
+    mag_filter: Literal[9728, 9729] | None = None
+    min_filter: Literal[9728, 9729, 9984, 9985, 9986, 9987] | None = None
+    wrap_s: Literal[10497, 33071, 33648] = 10497
+    wrap_t: Literal[10497, 33071, 33648] = 10497
 
 
 class Texture(_Part, frozen=True):
+    sampler: Index | None = None
     source: Index | None = None
     extensions: TextureExtensions = TextureExtensions()
 
@@ -195,8 +275,18 @@ class NodeLight(_Part, frozen=True):
     light: Index
 
 
+class Instancing(_Part, frozen=True):
+    attributes: dict[str, Index] = {}
+
+
+class Visibility(_Part, frozen=True):
+    visible: bool = True
+
+
 class NodeExtensions(msgspec.Struct, frozen=True, kw_only=True):
     lights_punctual: NodeLight | None = msgspec.field(name="KHR_lights_punctual", default=None)
+    instancing: Instancing | None = msgspec.field(name="EXT_mesh_gpu_instancing", default=None)
+    visibility: Visibility | None = msgspec.field(name="KHR_node_visibility", default=None)
 
 
 class Node(_Part, frozen=True):
@@ -232,6 +322,7 @@ class Document(_Part, frozen=True):
     buffers: list[Buffer] = []
     materials: list[Material] = []
     textures: list[Texture] = []
+    samplers: list[Sampler] = []
     images: list[Image] = []
     cameras: list[Camera] = []
     animations: list[Any] = []

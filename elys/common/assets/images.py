@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import struct
+import zlib
+from functools import lru_cache
 from pathlib import Path
 from typing import Final
+
+import numpy as np
 
 from elys.common.assets.store import AssetStore
 from elys.common.errors import AssetError
@@ -25,6 +30,21 @@ def image_format(data: bytes) -> str:
     if data[:10] == b"#?RADIANCE" or data[:6] == b"#?RGBE":
         return "hdr"
     return ""
+
+
+@lru_cache(maxsize=1)
+def placeholder_image() -> bytes:
+    """A PNG of 64 x 64 pixels in a magenta checker: what is seen where an image cannot be had."""
+    size, cell = 64, 8
+    odd = np.add.outer(np.arange(size) // cell, np.arange(size) // cell) % 2
+    pixels = np.where(odd[..., None] == 0, (255, 0, 200), (20, 0, 16)).astype(np.uint8)
+    rows = np.concatenate((np.zeros((size, 1), np.uint8), pixels.reshape(size, -1)), axis=1)
+    header = struct.pack(">IIBBBBB", size, size, 8, 2, 0, 0, 0)
+    parts = ((b"IHDR", header), (b"IDAT", zlib.compress(rows.tobytes())), (b"IEND", b""))
+    chunks = (
+        struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body)) for kind, body in parts
+    )
+    return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)
 
 
 def read_image(path: Path, assets: AssetStore) -> str:

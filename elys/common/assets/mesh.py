@@ -29,7 +29,7 @@ _MAGIC: Final = b"ELYM"
 _VERSION: Final = 1
 _MAX_HEADER: Final = 4096
 # Name and floats a vertex; the first two are always there.
-_ATTRIBUTES: Final = {"positions": 3, "normals": 3, "uvs": 2, "tangents": 4, "colors": 4}
+_ATTRIBUTES: Final = {"positions": 3, "normals": 3, "uvs": 2, "tangents": 4, "colors": 4, "second_uvs": 2}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -46,6 +46,7 @@ class Mesh:
     indices: IndexArray  # (I,)
     tangents: FloatArray | None = None  # (V, 4)
     colors: FloatArray | None = None  # (V, 4)
+    second_uvs: FloatArray | None = None  # (V, 2)
 
     @property
     def vertex_count(self) -> int:

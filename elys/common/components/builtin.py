@@ -211,16 +211,41 @@ class Material(Component, frozen=True):
         0.0,
         0.0,
     )
-    base_color_texture: Annotated[str, about("Image times base_color, sRGB.", kind=Kind.ASSET)] = ""
+    base_color_texture: Annotated[
+        str,
+        about(
+            "Image times base_color, sRGB; image.png?scale=2,2&uv=1&wrap=clamp lays it differently.", kind=Kind.ASSET
+        ),
+    ] = ""
     metallic_roughness_texture: Annotated[
         str, about("Image: green times roughness, blue times metallic.", kind=Kind.ASSET)
     ] = ""
     normal_texture: Annotated[str, about("Tangent-space normal map.", kind=Kind.ASSET)] = ""
+    normal_scale: Annotated[float, about("How steep the normal map's bumps are.", minimum=-100.0, maximum=100.0)] = 1.0
     occlusion_texture: Annotated[str, about("Image whose red channel darkens ambient light.", kind=Kind.ASSET)] = ""
+    occlusion_strength: Annotated[
+        float, about("How much the occlusion texture darkens.", minimum=0.0, maximum=1.0, step=0.01)
+    ] = 1.0
     emissive_texture: Annotated[str, about("Image times emissive, sRGB.", kind=Kind.ASSET)] = ""
     alpha_mode: Annotated[Literal["opaque", "mask", "blend"], about("What opacity means.")] = "opaque"
     alpha_cutoff: Annotated[float, about("Opacity below which mask drops a pixel.", minimum=0.0, maximum=1.0)] = 0.5
     double_sided: Annotated[bool, about("Drawn from behind as well.")] = False
+    unlit: Annotated[bool, about("Shows base_color as it is, whatever light there is.")] = False
+    ior: Annotated[float, about("Index of refraction: how much a dielectric mirrors.", minimum=0.0, step=0.01)] = 1.5
+    specular: Annotated[
+        float,
+        about("How much of that is there: 0 takes a dielectric's highlights.", minimum=0.0, maximum=1.0, step=0.01),
+    ] = 1.0
+    specular_color: Annotated[
+        Vec3, about("Tint of a dielectric's highlights seen head-on, linear.", minimum=0.0, kind=Kind.COLOR)
+    ] = (1.0, 1.0, 1.0)
+    specular_texture: Annotated[str, about("Image: alpha times specular.", kind=Kind.ASSET)] = ""
+    specular_color_texture: Annotated[str, about("Image times specular_color, sRGB.", kind=Kind.ASSET)] = ""
+    clearcoat: Annotated[float, about("Share covered by a clear varnish.", minimum=0.0, maximum=1.0, step=0.01)] = 0.0
+    clearcoat_roughness: Annotated[float, about("Of the varnish.", minimum=0.0, maximum=1.0, step=0.01)] = 0.0
+    clearcoat_texture: Annotated[str, about("Image: red times clearcoat.", kind=Kind.ASSET)] = ""
+    clearcoat_roughness_texture: Annotated[str, about("Image: green times clearcoat_roughness.", kind=Kind.ASSET)] = ""
+    clearcoat_normal_texture: Annotated[str, about("Normal map of the varnish.", kind=Kind.ASSET)] = ""
 
 
 @component
@@ -250,9 +275,15 @@ class Light(Component, frozen=True):
 class Camera(Component, frozen=True):
     """A point of view."""
 
+    projection: Annotated[
+        Literal["perspective", "orthographic"], about("Whether what is farther away looks smaller.")
+    ] = "perspective"
     field_of_view: Annotated[
         float, about("Vertical opening angle.", unit="rad", minimum=0.02, maximum=3.0, step=0.01)
     ] = 0.9
+    ortho_height: Annotated[
+        float, about("Of what an orthographic camera sees, from below to above.", unit="m", minimum=1e-3, step=0.1)
+    ] = 10.0
     near: Annotated[float, about("Nearest distance seen.", unit="m", minimum=1e-4, step=0.01)] = 0.05
     far: Annotated[float, about("Farthest distance seen.", unit="m", minimum=1e-3, step=1.0)] = 500.0
     priority: Annotated[int, about("The enabled camera with the highest one is the scene's view.")] = 0

@@ -120,6 +120,16 @@ def perspective(field_of_view: float, aspect: float, near: float, far: float) ->
     return matrix
 
 
+def orthographic(height: float, aspect: float, near: float, far: float) -> NDArray[np.float64]:
+    """clip_from_view (4, 4) of a parallel view `height` [m] high, as `perspective` has it otherwise."""
+    matrix = np.eye(4)
+    matrix[0, 0] = 2.0 / (height * aspect)
+    matrix[1, 1] = 2.0 / height
+    matrix[2, 2] = 2.0 / (near - far)
+    matrix[2, 3] = (far + near) / (near - far)
+    return matrix
+
+
 def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 1.0, 0.0)) -> NDArray[np.float64]:
     """view_from_world (3, 4) of a camera at `eye` (3,) that looks at `target`, upright along `up`."""
     rotation = look_rotation(np.subtract(target, eye), up)

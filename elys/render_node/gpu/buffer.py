@@ -18,6 +18,7 @@ VERTEX_ATTRIBUTES: Final[Mapping[str, tuple[int, int]]] = {
     "uvs": (2, 2),
     "tangents": (3, 4),
     "colors": (4, 4),
+    "second_uvs": (12, 2),
 }
 # One row an instance: three rows of relative_from_local, three of its material's numbers (see `instance.glsl`), and the entity,
 # whose bits travel as they are.

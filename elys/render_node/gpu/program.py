@@ -24,6 +24,11 @@ TEXTURE_UNITS: Final[Mapping[str, int]] = {
     "occlusion_texture": 3,
     "emissive_texture": 4,
     "shadow_map": 5,
+    "specular_texture": 11,
+    "specular_color_texture": 12,
+    "clearcoat_texture": 13,
+    "clearcoat_roughness_texture": 14,
+    "clearcoat_normal_texture": 15,
     "picture": 0,
     "mask": 0,
 }

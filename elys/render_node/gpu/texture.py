@@ -23,6 +23,14 @@ FORMATS: Final[dict[str, tuple[int, str, int]]] = {
     "rgba32f": (4, "f4", 0),
     "r32ui": (1, "u4", 0),
 }
+_FILTERS: Final = {
+    "nearest": moderngl.NEAREST,
+    "linear": moderngl.LINEAR,
+    "nearest-mipmap-nearest": moderngl.NEAREST_MIPMAP_NEAREST,
+    "linear-mipmap-nearest": moderngl.LINEAR_MIPMAP_NEAREST,
+    "nearest-mipmap-linear": moderngl.NEAREST_MIPMAP_LINEAR,
+    "linear-mipmap-linear": moderngl.LINEAR_MIPMAP_LINEAR,
+}
 ANISOTROPY: Final = 4.0  # enough for floors; too dear where the processor draws
 
 
@@ -52,6 +60,8 @@ class Texture:
             components, dtype, internal = FORMATS[form]
             self.raw = context.gl.texture(size, components, payload, dtype=dtype, internal_format=internal or None)
         self._finalizer = context.adopt(self, "texture", self.raw)
+        self._context = context
+        self._has_mipmaps = mipmaps
         if mipmaps:
             self.raw.build_mipmaps()
             self.raw.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
@@ -60,6 +70,16 @@ class Texture:
             nearest = not smooth or form == "r32ui"
             self.raw.filter = (moderngl.NEAREST, moderngl.NEAREST) if nearest else (moderngl.LINEAR, moderngl.LINEAR)
         self.raw.repeat_x = self.raw.repeat_y = repeat
+
+    def sample(self, *, repeat: tuple[bool, bool], magnify: str, minify: str) -> None:
+        """Sets what happens outside of 0..1 along u and v, and how texels are looked up, by the words of Material textures."""
+        self.raw.repeat_x, self.raw.repeat_y = repeat
+        if "mipmap" in minify and not self._has_mipmaps:
+            self.raw.build_mipmaps()
+            self._has_mipmaps = True
+        self.raw.filter = (_FILTERS[minify], _FILTERS[magnify])
+        smooth = minify == "linear-mipmap-linear" and magnify == "linear" and not self._context.is_software
+        self.raw.anisotropy = ANISOTROPY if smooth else 1.0
 
     def use(self, unit: int) -> None:
         """Shows it to the sampler of that unit."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from elys.render_node.gpu import Program
+from elys.render_node.look import SECOND_UVS, Look
 from elys.render_node.picture_plan import DrawCall, PicturePlan
-from elys.render_node.render_world import Look
 from elys.render_node.resources import Geometry, Resources
 
 ChooseProgram = Callable[[Geometry, Look], Program]
@@ -32,5 +32,8 @@ def depth_program(resources: Resources, plan: PicturePlan, look: Look, *defines:
     if look.alpha_mode == "mask":
         textures = resources.bind_textures(plan.world, look)
         if "BASE_COLOR_TEXTURE" in textures:
-            defines = (*defines, "MASKED", "BASE_COLOR_TEXTURE")
+            holes = tuple(define for define in textures if define.startswith(("BASE_COLOR_", SECOND_UVS)))
+            program = resources.program("depth.vert", "depth.frag", (*defines, "MASKED", *holes))
+            resources.set_look(program, look, holes)
+            return program
     return resources.program("depth.vert", "depth.frag", defines)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from elys.render_node.gpu import TEXTURE_UNITS, Framebuffer, Program
+from elys.render_node.look import Look
 from elys.render_node.passes.backdrop import full_screen
 from elys.render_node.passes.drawing import depth_program, draw_calls
 from elys.render_node.picture_plan import PicturePlan
-from elys.render_node.render_world import Look
 from elys.render_node.resources import Geometry, Resources
 
 OUTLINE_COLOR = (1.0, 0.55, 0.1, 1.0)  # sRGB and opacity

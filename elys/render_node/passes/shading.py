@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from elys.render_node.gpu import Framebuffer, Program
+from elys.render_node.look import Look
 from elys.render_node.passes.drawing import ChooseProgram, draw_calls
 from elys.render_node.picture_plan import PicturePlan
 from elys.render_node.quality import Quality
-from elys.render_node.render_world import TEXTURE_FIELDS, Look
-from elys.render_node.resources import TANGENTS, TEXTURE_USES, Geometry, Resources
+from elys.render_node.resources import TANGENTS, Geometry, Resources
 
-NORMAL_MAP = TEXTURE_USES["normal_texture"][0]
+NORMAL_MAPS = frozenset({"NORMAL_TEXTURE", "CLEARCOAT_NORMAL_TEXTURE"})
 
 
 class OpaquePass:
@@ -55,13 +55,10 @@ def _shaded(resources: Resources, plan: PicturePlan, quality: Quality) -> Choose
 
     def choose(geometry: Geometry, look: Look) -> Program:
         textures = resources.bind_textures(plan.world, look)
-        mapped = NORMAL_MAP in textures
+        mapped = not NORMAL_MAPS.isdisjoint(textures)
         vertices = tuple(define for define in geometry.defines if define != TANGENTS or mapped)
-        return resources.program("shaded.vert", "shaded.frag", (*vertices, *textures, *shared))
+        program = resources.program("shaded.vert", "shaded.frag", (*vertices, *textures, *shared))
+        resources.set_look(program, look, textures)
+        return program
 
     return choose
-
-
-def has_normal_map(look: Look) -> bool:
-    """Whether tangents are needed: only a normal map is laid along them."""
-    return bool(look.textures[TEXTURE_FIELDS.index("normal_texture")])

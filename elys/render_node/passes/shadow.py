@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from elys.render_node.gpu import TEXTURE_UNITS, Framebuffer, Program
+from elys.render_node.look import Look
 from elys.render_node.passes.drawing import depth_program, draw_calls
 from elys.render_node.picture_plan import PicturePlan, ShadowState
-from elys.render_node.render_world import Look
 from elys.render_node.resources import Geometry, Resources
 
 SLOPE_OFFSET = (1.5, 3.0)  # pushes casters away from the sun by their slope and by a few steps of the depth's precision

@@ -1,7 +1,6 @@
 #version 330 core
 #ifdef MASKED
 #include "surface.glsl"
-in vec2 vertex_uv;
 #endif
 #ifdef PICKED
 flat in uint picked;
@@ -15,7 +14,7 @@ layout(location = 0) out vec4 coverage;
 
 void main() {
 #ifdef MASKED
-    if (surface_color(vertex_uv).a < surface_emissive.w) discard;
+    if (surface_color().a < surface_emissive.w) discard;
 #endif
 #ifdef PICKED
     hit_entity = picked;

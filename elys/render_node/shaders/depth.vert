@@ -5,6 +5,10 @@ layout(location = 0) in vec3 position;
 #ifdef MASKED
 layout(location = 2) in vec2 uv;
 out vec2 vertex_uv;
+#ifdef SECOND_UVS
+layout(location = 12) in vec2 second_uv;
+out vec2 vertex_second_uv;
+#endif
 flat out vec4 surface_base;
 flat out vec4 surface_emissive;
 flat out vec4 surface_reflection;
@@ -20,6 +24,9 @@ void main() {
     vec3 place = relative_from_local(position);
 #ifdef MASKED
     vertex_uv = uv;
+#ifdef SECOND_UVS
+    vertex_second_uv = second_uv;
+#endif
     surface_base = base_color;
     surface_emissive = emissive;
     surface_reflection = reflection;

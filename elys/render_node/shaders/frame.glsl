@@ -19,3 +19,9 @@ layout(std140) uniform Frame {
     vec4 viewport;              // width, height [pixels]; z: number of lamps; w: far [m]
     Lamp lamps[8];
 };
+
+// From a point to the eye, or, where the view has none, against the way it looks: the eye is what goes to (0, 0, 1, 0).
+vec3 direction_to_eye(vec3 point) {
+    vec4 eye = relative_from_clip[2];
+    return normalize(eye.w * point - eye.xyz);
+}

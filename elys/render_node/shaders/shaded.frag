@@ -2,6 +2,10 @@
 #include "frame.glsl"
 #include "surface.glsl"
 #include "brdf.glsl"
+#if defined(SPECULAR_LAYER) || defined(CLEARCOAT_LAYER)
+#define LAYERED
+#include "layers.glsl"
+#endif
 #include "environment.glsl"
 #ifdef SHADOWS
 #include "shadow.glsl"
@@ -12,38 +16,24 @@
 
 in vec3 relative;
 in vec3 vertex_normal;
-in vec2 vertex_uv;
 #ifdef VERTEX_TANGENTS
 in vec4 vertex_tangent;
 #endif
 #ifdef VERTEX_COLORS
 in vec4 vertex_color;
 #endif
-#ifdef METALLIC_ROUGHNESS_TEXTURE
-uniform sampler2D metallic_roughness_texture;
-#endif
-#ifdef NORMAL_TEXTURE
-uniform sampler2D normal_texture;
-#endif
-#ifdef OCCLUSION_TEXTURE
-uniform sampler2D occlusion_texture;
-#endif
-#ifdef EMISSIVE_TEXTURE
-uniform sampler2D emissive_texture;
-#endif
-
 layout(location = 0) out vec4 radiance;
 
-#ifdef NORMAL_TEXTURE
+#if defined(NORMAL_TEXTURE) || defined(CLEARCOAT_NORMAL_TEXTURE)
 // The normal map's axes: x to growing u, y to falling v. From the vertices where they bring them, else from how uv changes
 // from pixel to pixel (Mikkelsen 2010), which leaves the mesh as it is.
-mat3 relative_from_tangent(vec3 normal, float side) {
+mat3 relative_from_tangent(vec3 normal, vec2 uv, float side) {
 #ifdef VERTEX_TANGENTS
     vec3 tangent = normalize(vertex_tangent.xyz - normal * dot(normal, vertex_tangent.xyz));
     return mat3(tangent, vertex_tangent.w * side * cross(normal, tangent), normal);
 #else
     vec3 px = dFdx(relative), py = dFdy(relative);
-    vec2 ux = dFdx(vertex_uv), uy = dFdy(vertex_uv);
+    vec2 ux = dFdx(uv), uy = dFdy(uv);
     float area = ux.x * uy.y - uy.x * ux.y;
     vec3 along_u = (px * uy.y - py * ux.y) * sign(area);
     vec3 along_v = (py * ux.x - px * uy.x) * sign(area);
@@ -69,10 +59,39 @@ vec3 smooth_normal() {
 vec3 shading_normal() {
     vec3 normal = smooth_normal();
 #ifdef NORMAL_TEXTURE
-    vec3 bump = texture(normal_texture, vertex_uv).xyz * 2.0 - 1.0;
-    return normalize(relative_from_tangent(normal, seen_side()) * bump);
+    return normalize(relative_from_tangent(normal, NORMAL_UV, seen_side()) * surface_bump());
 #else
     return normal;
+#endif
+}
+
+#ifdef LAYERED
+Layers layers;  // of the pixel
+
+void read_layers() {
+    layers = Layers(vec3(DIELECTRIC_F0), 1.0, 0.0, 0.0, smooth_normal());
+#ifdef SPECULAR_LAYER
+    vec4 specular = surface_specular();
+    layers.dielectric_f0 = specular.rgb;
+    layers.dielectric_f90 = specular.a;
+#endif
+#ifdef CLEARCOAT_LAYER
+    vec2 coat = surface_coat();
+    layers.coat = coat.x;
+    layers.coat_roughness = coat.y;
+#ifdef CLEARCOAT_NORMAL_TEXTURE
+    vec3 bump = texture(clearcoat_normal_texture, CLEARCOAT_NORMAL_UV).xyz * 2.0 - 1.0;
+    layers.coat_normal = normalize(relative_from_tangent(layers.coat_normal, CLEARCOAT_NORMAL_UV, seen_side()) * bump);
+#endif
+#endif
+}
+#endif
+
+vec3 lit(vec3 normal, vec3 to_view, vec3 to_light, vec3 color, float metallic, float roughness) {
+#ifdef LAYERED
+    return reflected_by_layers(normal, to_view, to_light, color, metallic, roughness, layers);
+#else
+    return reflected(normal, to_view, to_light, color, metallic, roughness);
 #endif
 }
 
@@ -87,7 +106,7 @@ vec3 lamplight(vec3 normal, vec3 to_view, vec3 color, float metallic, float roug
         float ratio = range > 0.0 ? distance_squared / (range * range) : 0.0;
         float attenuation = clamp(1.0 - ratio * ratio, 0.0, 1.0) / distance_squared;  // KHR_lights_punctual
         float cone = clamp(dot(-to_lamp, lamps[i].direction_offset.xyz) * lamps[i].color_scale.w + lamps[i].direction_offset.w, 0.0, 1.0);
-        sum += reflected(normal, to_view, to_lamp, color, metallic, roughness) * lamps[i].color_scale.rgb * (attenuation * cone * cone);
+        sum += lit(normal, to_view, to_lamp, color, metallic, roughness) * lamps[i].color_scale.rgb * (attenuation * cone * cone);
     }
     return sum;
 }
@@ -95,42 +114,53 @@ vec3 lamplight(vec3 normal, vec3 to_view, vec3 color, float metallic, float roug
 vec3 surrounding_light(vec3 normal, vec3 to_view, vec3 color, float metallic, float roughness) {
     float normal_view = clamp(dot(normal, to_view), 0.0, 1.0);
     vec2 albedo = directional_albedo(normal_view, roughness);
-    vec3 f0 = mix(vec3(DIELECTRIC_F0), color, metallic);
-    vec3 specular = f0 * albedo.x + albedo.y;
-    vec3 diffuse = color * (1.0 - metallic) * (1.0 - (DIELECTRIC_F0 * albedo.x + albedo.y));
-    return diffuse * ambient_from(normal.y) + specular * mirrored_surroundings(reflect(-to_view, normal), roughness);
+    vec3 dielectric_f0 = vec3(DIELECTRIC_F0);
+    float dielectric_f90 = 1.0;
+#ifdef SPECULAR_LAYER
+    dielectric_f0 = layers.dielectric_f0;
+    dielectric_f90 = layers.dielectric_f90;
+#endif
+    vec3 dielectric = dielectric_f0 * albedo.x + dielectric_f90 * albedo.y;
+    vec3 specular = mix(dielectric, color * albedo.x + albedo.y, metallic);
+    vec3 diffuse = color * (1.0 - metallic) * (1.0 - max(dielectric.r, max(dielectric.g, dielectric.b)));
+    vec3 sum = diffuse * ambient_from(normal.y) + specular * mirrored_surroundings(reflect(-to_view, normal), roughness);
+#ifdef CLEARCOAT_LAYER
+    vec3 coat = mirrored_surroundings(reflect(-to_view, layers.coat_normal), layers.coat_roughness);
+    sum = mix(coat, sum, below_coat(to_view, layers));
+#endif
+    return sum;
 }
 
 void main() {
-    vec4 color = surface_color(vertex_uv);
+    vec4 color = surface_color();
 #ifdef VERTEX_COLORS
     color *= vertex_color;
 #endif
     if (surface_reflection.z > 0.0 && color.a < surface_emissive.w) discard;
-    float metallic = surface_reflection.x, roughness = surface_reflection.y, occlusion = 1.0;
-#ifdef METALLIC_ROUGHNESS_TEXTURE
-    vec4 texel = texture(metallic_roughness_texture, vertex_uv);
-    metallic *= texel.b;
-    roughness *= texel.g;
-#endif
-#ifdef OCCLUSION_TEXTURE
-    occlusion = texture(occlusion_texture, vertex_uv).r;
-#endif
-    vec3 glow = surface_emissive.rgb;
-#ifdef EMISSIVE_TEXTURE
-    glow *= texture(emissive_texture, vertex_uv).rgb;
-#endif
+#ifdef UNLIT
+    vec3 light = color.rgb;
+#else
+    vec2 metal = surface_metal();
+    float metallic = metal.x, roughness = metal.y, occlusion = surface_occlusion();
+    vec3 glow = surface_glow();
     vec3 normal = shading_normal();
-    vec3 to_view = normalize(-relative);
+    vec3 to_view = direction_to_eye(relative);
+#ifdef LAYERED
+    read_layers();
+#endif
+#ifdef CLEARCOAT_LAYER
+    glow *= below_coat(to_view, layers);
+#endif
     vec3 light = surrounding_light(normal, to_view, color.rgb, metallic, roughness) * occlusion + glow;
     if (sun_direction.w > 0.0) {
-        vec3 sun = reflected(normal, to_view, sun_direction.xyz, color.rgb, metallic, roughness) * sun_illuminance.rgb;
+        vec3 sun = lit(normal, to_view, sun_direction.xyz, color.rgb, metallic, roughness) * sun_illuminance.rgb;
 #ifdef SHADOWS
         if (sun != vec3(0.0)) sun *= sunlight(relative, smooth_normal());
 #endif
         light += sun;
     }
     light += lamplight(normal, to_view, color.rgb, metallic, roughness);
+#endif
 #ifdef TO_SCREEN
     light = display_from_light(light);
 #endif

@@ -5,6 +5,10 @@
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;
 layout(location = 2) in vec2 uv;
+#ifdef SECOND_UVS
+layout(location = 12) in vec2 second_uv;
+out vec2 vertex_second_uv;
+#endif
 #ifdef VERTEX_TANGENTS
 layout(location = 3) in vec4 tangent;
 out vec4 vertex_tangent;
@@ -28,6 +32,9 @@ void main() {
     relative = relative_from_local(position);
     vertex_normal = turned_normal(normal);
     vertex_uv = uv;
+#ifdef SECOND_UVS
+    vertex_second_uv = second_uv;
+#endif
 #ifdef VERTEX_TANGENTS
     vertex_tangent = vec4(turned(tangent.xyz), tangent.w);
 #endif

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import struct
 import threading
+import zlib
 
 import numpy as np
 import pytest
@@ -87,6 +89,33 @@ def test_images_are_decoded_upright(kind: str) -> None:
     assert decoded.shape == (32, 48, 4)
     assert decoded[4, 4, 0] > 200
     assert decoded[28, 4, 2] > 200
+
+
+def encoded(pixels: np.ndarray, mode: str, form: str = "PNG", **options: object) -> bytes:
+    data = io.BytesIO()
+    Image.fromarray(pixels).convert(mode).save(data, format=form, **options)
+    return data.getvalue()
+
+
+def test_unusual_pixels_become_the_same_colours() -> None:
+    grey = np.repeat(np.arange(0, 256, 5, dtype=np.uint8)[None], 8, axis=0)
+    wanted = np.stack((grey, grey, grey, np.full_like(grey, 255)), axis=-1)
+    deep = io.BytesIO()
+    Image.fromarray(grey.astype(np.uint16) * 257).save(deep, format="PNG")
+    for data in (encoded(grey, "L"), encoded(grey, "P"), encoded(grey, "LA"), deep.getvalue()):
+        np.testing.assert_array_equal(decode_image(data), wanted)
+    color = np.ascontiguousarray(np.broadcast_to(np.array((200, 60, 30), np.uint8), (16, 16, 3)))
+    inks = decode_image(encoded(color, "CMYK", "JPEG", quality=95))
+    assert np.abs(inks[..., :3].astype(int) - color).max() < 8
+    bits = decode_image(encoded(grey, "1"))
+    assert set(np.unique(bits[..., 0])) == {0, 255}
+
+
+def test_an_image_of_absurd_size_is_refused_before_it_is_decoded() -> None:
+    header = b"\x89PNG\r\n\x1a\n" + struct.pack(">I4sIIBBBBB", 13, b"IHDR", 60_000, 60_000, 8, 2, 0, 0, 0)
+    header += struct.pack(">I", zlib.crc32(header[12:29]))
+    with pytest.raises(AssetError, match=r"larger than|exceeds limit"):
+        decode_image(header + struct.pack(">I4s", 0, b"IDAT") + bytes(4))
 
 
 @given(st.binary(max_size=300), st.integers(0, 400))

@@ -87,13 +87,13 @@ def test_a_refused_shader_names_file_line_and_source(context: Context, monkeypat
 
     def broken(name: str, defines: Any = ()) -> Any:
         source, places = expand(name, defines)
-        return source.replace("sky(normalize(", "sky(normalise("), places
+        return source.replace("sky(-direction_to_eye(", "sky(-direction_to_eyes("), places
 
     monkeypatch.setattr(module, "expand", broken)
     with pytest.raises(DisplayError) as caught:
         Program(context, "screen.vert", "sky.frag")
     assert "sky.frag, line" in str(caught.value)
-    assert "normalise(" in str(caught.value)
+    assert "direction_to_eyes(" in str(caught.value)
 
 
 def test_includes_are_expanded_with_their_places() -> None:

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from elys.bus.messages.views import ViewCamera
 from elys.common.math import quaternion
 from elys.render_node.camera import View, framing_camera, frustum_corners, frustum_planes
 from elys.render_node.orbit import Orbit
@@ -91,3 +92,26 @@ def test_planes_enclose_exactly_what_is_seen() -> None:
     middle = frustum_corners(view.clip_from_relative).mean(axis=0)
     forward = quaternion.rotate(np.array(view.camera.rotation), np.array((0.0, 0.0, -1.0)))
     assert middle @ forward > 0
+
+
+def test_an_orbit_takes_a_parallel_view_and_zooms_it() -> None:
+    orbit = Orbit()
+    orbit.take(ViewCamera(position=(0.0, 0.0, 9.0), rotation=(0.0, 0.0, 0.0, 1.0), ortho_height=4.0), 9.0)
+    assert orbit.camera().ortho_height == pytest.approx(4.0)
+    assert orbit.target == pytest.approx((0.0, 0.0, 0.0))
+    orbit.zoom(1.0)
+    assert 0.0 < orbit.camera().ortho_height < 4.0
+    orbit.frame((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0), aspect=1.0)
+    assert orbit.camera().ortho_height >= 2.0
+
+
+def test_a_parallel_view_keeps_what_is_inside_and_culls_what_is_not() -> None:
+    camera = ViewCamera(position=(5.0, 0.0, 0.0), rotation=(0.0, 0.0, 0.0, 1.0), ortho_height=2.0, near=1.0, far=10.0)
+    view = View.of(camera, 200, 100)
+    corners = frustum_corners(view.clip_from_relative)
+    assert corners.min(axis=0) == pytest.approx((-2.0, -1.0, -10.0))
+    assert corners.max(axis=0) == pytest.approx((2.0, 1.0, -1.0))
+    planes = frustum_planes(view.clip_from_relative)
+    inside = planes @ (1.9, -0.9, -9.9, 1.0)
+    assert (inside > 0).all()
+    assert (planes @ (1.9, -1.1, -9.9, 1.0)).min() == pytest.approx(-0.1)

@@ -15,6 +15,8 @@ import pytest
 
 from elys.common.assets import AssetStore, Mesh, decode_mesh
 from elys.common.assets.gltf import import_gltf
+from elys.common.assets.gltf_accessors import Buffers
+from elys.common.assets.gltf_schema import parse_gltf
 from elys.common.errors import AssetError
 
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(16)
@@ -343,7 +345,7 @@ def test_specular_glossiness_becomes_metallic_roughness(
     assert material["roughness"] == 0.25
 
 
-def test_cameras_and_lights(load: Any, caplog: pytest.LogCaptureFixture) -> None:
+def test_cameras_and_lights(load: Any) -> None:
     model = quad()
     model.document |= {
         "cameras": [
@@ -370,11 +372,109 @@ def test_cameras_and_lights(load: Any, caplog: pytest.LogCaptureFixture) -> None
     cameras = [r.components["Camera"] for r in records if "Camera" in r.components]
     assert cameras[0] == {"field_of_view": 0.5, "near": 0.25, "far": 80.0}
     assert cameras[1]["far"] == 1000.0
-    assert cameras[2]["field_of_view"] == pytest.approx(2 * math.atan(0.5))
-    assert "orthographic" in caplog.text
+    assert cameras[2] == {"projection": "orthographic", "ortho_height": 2.0, "near": 1.0, "far": 3.0}
     sun, spot = (r.components["Light"] for r in records if "Light" in r.components)
     assert sun == {"color": (1.0, 0.5, 0.25), "intensity": 7.0}
     assert spot == {"kind": "spot", "intensity": 1.0, "range": 9.0, "inner_cone_angle": 0.1, "outer_cone_angle": 0.2}
+
+
+def test_matrices_are_padded_by_columns(tmp_path: Path) -> None:
+    model = quad()
+    columns = np.zeros((2, 3, 4), dtype="i1")
+    columns[..., :3] = np.arange(18).reshape(2, 3, 3)
+    view = model.view(columns.tobytes())
+    model.document["accessors"].append({"bufferView": view, "componentType": 5120, "count": 2, "type": "MAT3"})
+    document, _ = parse_gltf(model.embedded())
+    array = Buffers(document, directory=tmp_path, binary=None).array(len(document.accessors) - 1, "here")
+    assert array.tolist() == np.arange(18).reshape(2, 9).tolist()
+
+
+def test_a_second_uv_set(load: Any) -> None:
+    model = quad()
+    uvs = np.arange(8, dtype=np.float32).reshape(4, 2)
+    model.attribute("TEXCOORD_1", uvs)
+    mesh = mesh_of(load(model))
+    assert np.array_equal(mesh.second_uvs, uvs)
+    assert not mesh.uvs.any()
+
+
+def with_texture(info: dict[str, Any], **more: Any) -> Model:
+    model = quad()
+    view = model.view(PNG)
+    model.document |= {"images": [{"bufferView": view}], "textures": [{"source": 0}]} | more
+    model.document["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, **info}}}]
+    model.primitive["material"] = 0
+    return model
+
+
+def test_a_texture_carries_its_set_transform_and_sampler(load: Any) -> None:
+    moved = {"offset": [0.5, 0.25], "rotation": 0.1, "scale": [2, -1], "texCoord": 1}
+    sampler = {"magFilter": 9728, "minFilter": 9984, "wrapS": 33071, "wrapT": 33648}
+    model = with_texture(
+        {"extensions": {"KHR_texture_transform": moved}}, textures=[{"source": 0, "sampler": 0}], samplers=[sampler]
+    )
+    text = load(model)[0][1].components["Material"]["base_color_texture"]
+    assert text.partition("?")[2] == (
+        "uv=1&offset=0.5,0.25&rotation=0.1&scale=2,-1&wrap=clamp,mirror&magnify=nearest&minify=nearest-mipmap-nearest"
+    )
+    plain = load(with_texture({}))[0][1].components["Material"]["base_color_texture"]
+    assert plain == text.partition("?")[0]
+
+
+def test_a_third_uv_set_is_not_there(load: Any, caplog: pytest.LogCaptureFixture) -> None:
+    text = load(with_texture({"texCoord": 2}))[0][1].components["Material"]["base_color_texture"]
+    assert "?" not in text
+    assert "TEXCOORD_2" in caplog.text
+
+
+def test_extensions_of_materials(load: Any) -> None:
+    model = with_texture({})
+    model.document["materials"] = [
+        {
+            "normalTexture": {"index": 0, "scale": 0.5},
+            "occlusionTexture": {"index": 0, "strength": 0.25},
+            "extensions": {
+                "KHR_materials_unlit": {},
+                "KHR_materials_ior": {"ior": 1.33},
+                "KHR_materials_specular": {"specularFactor": 0.5, "specularColorFactor": [1, 2, 3]},
+                "KHR_materials_clearcoat": {
+                    "clearcoatFactor": 0.75,
+                    "clearcoatRoughnessFactor": 0.25,
+                    "clearcoatNormalTexture": {"index": 0},
+                },
+            },
+        }
+    ]
+    material = load(model)[0][1].components["Material"]
+    expected = {"normal_scale": 0.5, "occlusion_strength": 0.25, "unlit": True, "ior": 1.33, "specular": 0.5}
+    expected |= {"specular_color": (1.0, 2.0, 3.0), "clearcoat": 0.75, "clearcoat_roughness": 0.25}
+    assert {key: material[key] for key in expected} == expected
+    assert material["clearcoat_normal_texture"] == material["normal_texture"]
+
+
+def test_instances_become_children_and_hidden_nodes_are_switched_off(load: Any) -> None:
+    model = quad()
+    places = np.float32(((0, 0, 0), (5, 0, 0), (0, 7, 0)))
+    turns = np.array(((0, 0, 0, 127), (127, 0, 0, 0), (0, 127, 0, 0)), "i1")
+    model.document["nodes"][0]["extensions"] = {
+        "EXT_mesh_gpu_instancing": {
+            "attributes": {
+                "TRANSLATION": model.accessor(places),
+                "ROTATION": model.accessor(turns, normalized=True),
+            }
+        },
+        "KHR_node_visibility": {"visible": False},
+    }
+    records, _ = load(model)
+    assert [(r.name, r.parent, r.enabled) for r in records[1:]] == [
+        ("Root", 0, False),
+        ("Root instance", 1, True),
+        ("Root instance 2", 1, True),
+        ("Root instance 3", 1, True),
+    ]
+    assert "MeshRenderer" not in records[1].components
+    assert records[3].components["Transform"] == {"position": (5.0, 0.0, 0.0), "rotation": (1.0, 0.0, 0.0, 0.0)}
+    assert len({r.components["MeshRenderer"]["mesh"] for r in records[2:]}) == 1
 
 
 def test_positions_that_are_not_finite(load: Any) -> None:

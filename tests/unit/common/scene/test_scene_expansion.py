@@ -248,6 +248,20 @@ def test_what_is_no_instance_any_more_is_written_out_and_means_the_same(
     assert again[0].prefab == ""
 
 
+def test_a_texture_keeps_how_it_is_laid(tmp_path: Path, robot: Path) -> None:
+    def tile(text: str) -> EntityNode:
+        return EntityNode(name="Tile", components={"Material": {"base_color_texture": text}})
+
+    assets, named = AssetStore(), tile("parts/skin.png?scale=4,2&wrap=clamp")
+    records = expanded(tmp_path, named, assets=assets)
+    reference, _, options = records[0].components["Material"]["base_color_texture"].partition("?")
+    assert is_reference(reference)
+    assert options == "scale=4,2&wrap=clamp"
+    assert collapsed(records, tmp_path, assets).entities[0].components == named.components
+    with pytest.raises(SceneError, match=r"base_color_texture: the texture .* has no option 'tiles'"):
+        expanded(tmp_path, tile("parts/skin.png?tiles=4"))
+
+
 def test_what_no_file_gives_is_refused_and_named(tmp_path: Path, robot: Path) -> None:
     prefab, skin = EntityNode(prefab="parts/robot.prefab.json"), {"base_color_texture": "parts/skin.png"}
     records = expanded(tmp_path, EntityNode(name="Painted", components={"Material": skin}), prefab)
