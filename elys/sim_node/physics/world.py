@@ -510,8 +510,8 @@ class PhysicsWorld(WorldJoints):
     def watch(self) -> StepDiagnostics:
         """The same for under a fiftieth of what a step costs, where it is asked for after each step.
 
-        Bodies and joints are measured all, of contacts a part in turn: the worst is told of the last steps in which all of
-        them had their turn, at most 64. Up to 16 contacts are all looked at each time.
+        Bodies and joints are measured all, of contacts a part in turn: the worst is told of this round and the one before,
+        a round being the steps, at most 64, in which all have their turn. Up to 16 contacts are all looked at each time.
         """
         return self._measuring.part(*self._measured_state())
 
