@@ -37,7 +37,7 @@ class Terminal:
             stderr=slave,
             env={**environment, "TERM": "xterm-256color", "COLUMNS": "160", "LINES": "50"},
             cwd=directory,
-            preexec_fn=lambda: _own_terminal(slave),
+            preexec_fn=lambda: _own_terminal(slave),  # noqa: PLW1509  two system calls and nothing that threads share
         )
         self._slave = slave
 
