@@ -146,12 +146,13 @@ def plan(
         bool, typer.Option("--measure/--no-measure", help="measure what stages take, and what is saved")
     ] = True,
     seconds: Annotated[float, typer.Option(min=0.05, max=600.0, help="simulated seconds that are measured")] = 1.0,
+    threads: Threads = 1,
     json: Json = False,
 ) -> None:
     """What a scene makes the engine do, why the rest is switched off, and what that saves."""
     from elys.verbs import plan as verb
 
-    verb.plan(scene, at=at, seconds=seconds if measure else 0.0, json=json)
+    verb.plan(scene, at=at, seconds=seconds if measure else 0.0, threads=threads, json=json)
 
 
 @app.command()
