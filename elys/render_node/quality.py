@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from elys.render_node.gpu import Context
+from elys.render_node.gpu import Context, Format
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -20,6 +20,7 @@ class Quality:
     single_shadow_tap: bool
     shadow_size: int  # [texels] of an edge of the shadow map
     to_screen: bool
+    light_form: Format = "rgba16f"  # of linear light
 
     @property
     def defines(self) -> tuple[str, ...]:
@@ -34,6 +35,9 @@ class Quality:
 
 FULL: Final = Quality(samples=4, single_shadow_tap=False, shadow_size=2048, to_screen=False)
 FAST: Final = Quality(samples=0, single_shadow_tap=True, shadow_size=1024, to_screen=True)
+
+# For measurements: each pixel is the light along the ray through its middle, in 32 bits, and not an average around it.
+EXACT: Final = Quality(samples=0, single_shadow_tap=False, shadow_size=4096, to_screen=False, light_form="rgba32f")
 
 
 def interactive_quality(context: Context) -> Quality:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final, Literal, NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,6 +29,7 @@ from elys.render_node.scene_tables import Rows, SceneReader, SceneTables, tables
 from elys.render_node.timeline import Timeline
 
 PLAIN: Final = Material()
+BLACK: Final = (0.0, 0.0, 0.0)
 GIANT: Final = 1.6  # times larger than all smaller things together: neither cameras nor shadow maps are fitted to it
 _CORNER_SIGNS: Final = np.array([(1, 1, 1), (-1, 1, 1), (1, -1, 1), (1, 1, -1)], np.float64)
 TEXTURE_FIELDS: Final = (
@@ -83,7 +85,9 @@ class RenderWorld:
         scene_version: rises when batches change; pose_version when anything stands elsewhere.
     """
 
-    def __init__(self, assets: DrawableAssets | None = None) -> None:
+    def __init__(self, assets: DrawableAssets | None = None, *, environment: bool = True) -> None:
+        """Without `environment` nothing but the scene's lamps and what glows gives light, whatever its settings say."""
+        self._has_environment = environment
         self.assets = assets if assets is not None else DrawableAssets()
         self.timeline = Timeline()
         self.scene_version = 0
@@ -158,7 +162,7 @@ class RenderWorld:
     @property
     def settings(self) -> SceneSettings:
         """What holds for the whole scene."""
-        return self._tables.settings
+        return self._settings
 
     @property
     def tick(self) -> int:
@@ -234,6 +238,7 @@ class RenderWorld:
 
     def _rebuild(self) -> None:
         tables = self._tables
+        self._settings = tables.settings if self._has_environment else _without_environment(tables.settings)
         self._assets_version = self.assets.version
         self._gather_instances(tables)
         lights = [row for row in tables.lights if tables.enabled[row]]
@@ -322,6 +327,10 @@ def without_giants(centre: NDArray[np.float64], radius: NDArray[np.float64]) -> 
     kept = np.zeros(len(order), np.bool_)
     kept[order[:first_giant]] = True
     return kept
+
+
+def _without_environment(settings: SceneSettings) -> SceneSettings:
+    return msgspec.structs.replace(settings, background=BLACK, ambient=BLACK)
 
 
 @lru_cache(maxsize=4096)

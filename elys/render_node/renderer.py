@@ -35,7 +35,7 @@ class Targets:
 
     def __init__(self, context: Context, width: int, height: int, quality: Quality) -> None:
         samples = min(quality.samples, context.max_samples)
-        form: Format = "rgba8" if quality.to_screen else "rgba16f"
+        form: Format = "rgba8" if quality.to_screen else quality.light_form
         self.light = Framebuffer(context, width, height, (form,), depth=not samples, smooth=False)
         self.drawn = (
             Framebuffer(context, width, height, (form,), depth=True, samples=samples) if samples else self.light

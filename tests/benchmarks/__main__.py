@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from tests.benchmarks import latency, queries, rigid_bodies, scene_tree, starts, ticks
+from tests.benchmarks import latency, pictures, queries, rigid_bodies, scene_tree, starts, ticks
 from tests.benchmarks.machine import machine
 
 ROOT = Path(__file__).parents[2]
@@ -25,6 +25,7 @@ SUITES: dict[str, Callable[[], list[tuple[str, str]]]] = {
     "tree": scene_tree.measure,
     "rigid": rigid_bodies.measure,
     "queries": queries.measure,
+    "pictures": pictures.measure,
 }
 
 
