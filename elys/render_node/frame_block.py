@@ -28,8 +28,8 @@ FRAME_DTYPE: Final = np.dtype(
         ("sun_direction", "<f4", 4),
         ("sun_illuminance", "<f4", 4),
         ("shadow_scale", "<f4", 4),
-        ("background", "<f4", 4),
-        ("ambient", "<f4", 4),
+        ("irradiance", "<f4", (9, 4)),
+        ("mirror_tiles", "<f4", (6, 4)),
         ("grid_origin", "<f4", 4),
         ("viewport", "<f4", 4),
         ("lamps", _LAMP, MAX_LAMPS),
@@ -39,11 +39,13 @@ FRAME_DTYPE: Final = np.dtype(
 _MAP_FROM_CLIP: Final = np.array([(0.5, 0, 0, 0.5), (0, 0.5, 0, 0.5), (0, 0, 0.5, 0.5), (0, 0, 0, 1.0)])
 
 
-def frame_block(plan: PicturePlan) -> NDArray[np.void]:
-    """The block's content (1,) for a picture. Matrices are transposed: GL keeps columns together."""
+def frame_block(plan: PicturePlan, harmonics: NDArray[np.float64], tiles: NDArray[np.float32]) -> NDArray[np.void]:
+    """The block's content (1,) for a picture, with the light around as harmonics (9, 3) and its tiles (6, 4). Matrices are
+    transposed: GL keeps columns together.
+    """
     block = np.zeros(1, FRAME_DTYPE)
     frame = block[0]
-    view, settings = plan.view, plan.world.settings
+    view = plan.view
     frame["clip_from_relative"] = view.clip_from_relative.T
     frame["relative_from_clip"] = np.linalg.inv(view.clip_from_relative).T
     if plan.sun is not None:
@@ -55,8 +57,8 @@ def frame_block(plan: PicturePlan) -> NDArray[np.void]:
         frame["shadow_from_relative"] = (_MAP_FROM_CLIP @ plan.shadow.map_from_relative).T
         frame["sun_illuminance"][3] = 1.0
         frame["shadow_scale"][:2] = (plan.shadow.texel * NORMAL_OFFSET, 1.0 / plan.shadow.map_size)
-    frame["background"][:3] = settings.background
-    frame["ambient"][:3] = settings.ambient
+    frame["irradiance"][:, :3] = harmonics
+    frame["mirror_tiles"] = tiles
     wrapped = view.eye % GRID_PERIOD
     frame["grid_origin"] = (wrapped[0], view.eye[1], wrapped[2], EXPOSURE)
     frame["viewport"] = (view.width, view.height, len(plan.lamps), view.camera.far)

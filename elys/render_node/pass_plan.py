@@ -63,7 +63,7 @@ def told_passes(plan: PicturePlan) -> tuple[PlannedPass, ...]:
         PlannedPass(
             "sky",
             SkyPass.is_needed(plan),
-            "the background has a colour" if SkyPass.is_needed(plan) else "the background is black",
+            "something is behind everything" if SkyPass.is_needed(plan) else "nothing is behind everything",
         ),
         PlannedPass("grid", GridPass.is_needed(plan), "for who edits" if plan.grid else "nobody edits"),
         PlannedPass("transparent", TransparentPass.is_needed(plan), _why_seen(plan.transparent, "see-through thing")),

@@ -13,6 +13,7 @@ from elys.render_node.gpu import INSTANCE_DTYPE
 from elys.render_node.render_world import Batch, PlacedLight, RenderWorld
 from elys.render_node.scene_tables import Rows
 from elys.render_node.shadow_fit import ShadowFit, fit_shadow
+from elys.render_node.surroundings import Surroundings
 
 MAX_LAMPS: Final = 8  # point and spot lights in one picture: those that matter most
 EXPOSURE: Final = 1.0  # a sun of pi lx makes white white, see `frame_block`
@@ -42,6 +43,7 @@ class PicturePlan:
     shadow: ShadowFit | None
     shadow_is_fresh: bool  # the map drawn for the last picture still holds
     grid: bool
+    surroundings: Surroundings
 
 
 class ShadowState(NamedTuple):
@@ -90,6 +92,7 @@ def plan_picture(
         shadow=shadow,
         shadow_is_fresh=is_fresh,
         grid=grid,
+        surroundings=world.surroundings(None if sun is None else -sun.direction),
     )
 
 

@@ -25,7 +25,7 @@ class Quality:
     @property
     def defines(self) -> tuple[str, ...]:
         """What shaders that put light into the picture are compiled with."""
-        return ("TO_SCREEN",) if self.to_screen else ()
+        return ("TO_SCREEN", "LEAN") if self.to_screen else ()
 
     @property
     def shadow_defines(self) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.messages.views import ViewCamera
-from elys.common.components import Camera, Light, Material
+from elys.common.components import Camera, Environment, Light, Material
 from elys.common.math import quaternion
 from elys.common.math.aabb import transform_bounds
 from elys.common.scene import SceneSettings
@@ -26,6 +26,7 @@ from elys.render_node.camera import framing_camera
 from elys.render_node.drawable_assets import UNKNOWN_EXTENT, DrawableAssets
 from elys.render_node.placement import Placement
 from elys.render_node.scene_tables import Rows, SceneReader, SceneTables, tables_of
+from elys.render_node.surroundings import Surroundings, surroundings_of
 from elys.render_node.timeline import Timeline
 
 PLAIN: Final = Material()
@@ -200,6 +201,12 @@ class RenderWorld:
         first = self.instance_count
         return [self._placed_light(light, first + i) for i, light in enumerate(self._lights)]
 
+    def surroundings(self, to_sun: NDArray[np.float64] | None) -> Surroundings:
+        """What is all around, under a sun in that direction."""
+        turned = _axes(self._placement.linear[-1].astype(np.float64)) if self._environment is not None else np.eye(3)
+        rotation = np.asarray(quaternion.from_matrix(turned), np.float64)
+        return surroundings_of(self._settings, self._environment, rotation, to_sun, self.assets)
+
     def camera(self, aspect: float = 16 / 9) -> ViewCamera:
         """The view of the scene's enabled camera of highest priority, or one that shows everything."""
         if self._camera is None:
@@ -245,9 +252,11 @@ class RenderWorld:
         cameras = [row for row in tables.cameras if tables.enabled[row]]
         # max keeps the first of equals: the one that stands first in the scene.
         chosen = [max(cameras, key=lambda row: tables.cameras[row].priority)] if cameras else []
+        around = [row for row in tables.environments if tables.enabled[row] and self._has_environment][:1]
+        self._environment: Environment | None = tables.environments[around[0]] if around else None
         self._lights = [tables.lights[row] for row in lights]
         self._camera: Camera | None = tables.cameras[chosen[0]] if chosen else None
-        self._items = np.concatenate([self._rows, np.array(lights + chosen, np.intp)])
+        self._items = np.concatenate([self._rows, np.array(lights + chosen + around, np.intp)])
         self.scene_version += 1
         self._place_anew()
 

@@ -18,6 +18,7 @@ from elys.render_node.camera import View
 from elys.render_node.frame_block import frame_block
 from elys.render_node.gpu import BLOCK_BINDINGS, Context, Format, Framebuffer
 from elys.render_node.passes.backdrop import GridPass, SkyPass
+from elys.render_node.passes.environment import EnvironmentPass, mirror_tiles
 from elys.render_node.passes.finishing import OutlinePass, TonemapPass
 from elys.render_node.passes.picking import PickingPass
 from elys.render_node.passes.shading import OpaquePass, TransparentPass
@@ -65,6 +66,7 @@ class Renderer:
         self._targets: dict[tuple[int, int], Targets] = {}
         self._shadow_world: RenderWorld | None = None
         self._shadow = ShadowPass(self.resources)
+        self._environment = EnvironmentPass(self.resources)
         self._opaque = OpaquePass(self.resources, quality)
         self._sky = SkyPass(self.resources, quality)
         self._grid = GridPass(self.resources, quality)
@@ -92,12 +94,16 @@ class Renderer:
         picture = target if target is not None else targets.picture
         with self._timed("plan"):
             plan = self._plan(world, View.of(camera, width, height), selection, grid)
+        with self._timed("environment"):
+            if self._environment.is_needed(plan):
+                self._environment.draw(plan)
         with self._timed("upload"):
             self._upload(plan)
         with self._timed("shadow"):
             if self._shadow.is_needed(plan):
                 self._shadow.draw(plan)
         self._shadow.use()
+        self._environment.use()
         targets.drawn.use()
         targets.drawn.clear()
         with self._timed("opaque"):
@@ -153,6 +159,7 @@ class Renderer:
         """Waits for the meshes and images that the world's batches name, so that the next picture shows all of them."""
         for batch in world.batches:
             self.resources.geometry(world, batch.mesh)
+        world.surroundings(None)
         world.assets.settle(timeout)
         world.place_if_assets_came()
         for batch in world.batches:
@@ -176,7 +183,7 @@ class Renderer:
     def _upload(self, plan: PicturePlan) -> None:
         self.resources.instances.write(plan.instances)
         self.resources.forget_unused(plan.world)
-        self.resources.frame.write(frame_block(plan))
+        self.resources.frame.write(frame_block(plan, self._environment.harmonics, mirror_tiles()))
         self.resources.frame.bind_block(BLOCK_BINDINGS["Frame"])
 
     def _targets_of(self, width: int, height: int) -> Targets:

@@ -60,10 +60,10 @@ class Framebuffer:
         framebuffer.raw = context.gl.screen
         return framebuffer
 
-    def use(self, *, depth_write: bool = True) -> None:
-        """Draws go here from now on."""
+    def use(self, *, depth_write: bool = True, region: tuple[int, int, int, int] | None = None) -> None:
+        """Draws go here from now on, or into `region` of it: x, y, width, height from the lower left."""
         self.raw.use()
-        self.raw.viewport = (0, 0, self.width, self.height)
+        self.raw.viewport = region or (0, 0, self.width, self.height)
         self.raw.scissor = None
         self.raw.depth_mask = depth_write
 

@@ -24,6 +24,9 @@ TEXTURE_UNITS: Final[Mapping[str, int]] = {
     "occlusion_texture": 3,
     "emissive_texture": 4,
     "shadow_map": 5,
+    "surroundings": 6,
+    "albedo_table": 7,
+    "sky_map": 8,
     "picture": 0,
     "mask": 0,
 }

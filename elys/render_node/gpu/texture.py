@@ -61,6 +61,10 @@ class Texture:
             self.raw.filter = (moderngl.NEAREST, moderngl.NEAREST) if nearest else (moderngl.LINEAR, moderngl.LINEAR)
         self.raw.repeat_x = self.raw.repeat_y = repeat
 
+    def wrap_around(self) -> None:
+        """Lets its left and right edges meet, as a map of all directions does."""
+        self.raw.repeat_x = True
+
     def use(self, unit: int) -> None:
         """Shows it to the sampler of that unit."""
         self.raw.use(unit)

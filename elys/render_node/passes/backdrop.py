@@ -11,7 +11,7 @@ GRID_REACH = 120.0  # [m] as far as lines are told apart
 
 
 class SkyPass:
-    """A gradient around the scene's background colour, wherever nothing was drawn."""
+    """What surrounds the scene, wherever nothing was drawn."""
 
     def __init__(self, resources: Resources, quality: Quality) -> None:
         self._context = resources.context
@@ -21,13 +21,15 @@ class SkyPass:
 
     @staticmethod
     def is_needed(plan: PicturePlan) -> bool:
-        """Whether the background is anything but black."""
-        return any(plan.world.settings.background)
+        """Whether what is behind everything is anything but black."""
+        return plan.surroundings.is_seen
 
     def draw(self, plan: PicturePlan, target: Framebuffer) -> None:
         """Fills what is still as far away as can be."""
         target.use(depth_write=False)
         self._context.set_state(depth_test="less_equal")
+        self._program.set("map_from_world", plan.surroundings.map_from_world)
+        self._program.set("shown", plan.surroundings.shown)
         self._triangle.draw()
 
 

@@ -52,6 +52,7 @@ class TransparentPass:
 
 def _shaded(resources: Resources, plan: PicturePlan, quality: Quality) -> ChooseProgram:
     shared = quality.defines + (quality.shadow_defines if plan.shadow is not None else ())
+    shared += ("SURROUNDINGS",) if plan.surroundings.gives_light else ()
 
     def choose(geometry: Geometry, look: Look) -> Program:
         textures = resources.bind_textures(plan.world, look)

@@ -32,12 +32,3 @@ vec3 reflected(vec3 normal, vec3 to_view, vec3 to_light, vec3 color, float metal
     vec3 dielectric = (1.0 - dielectric_fresnel) * color / PI + dielectric_fresnel * specular;
     return mix(dielectric, metal_fresnel * specular, metallic) * normal_light;
 }
-
-// The specular share of light from everywhere, as scale and bias of F0. Karis, "Physically Based Shading on Mobile" (2014).
-vec2 directional_albedo(float normal_view, float roughness) {
-    const vec4 c0 = vec4(-1.0, -0.0275, -0.572, 0.022);
-    const vec4 c1 = vec4(1.0, 0.0425, 1.04, -0.04);
-    vec4 r = roughness * c0 + c1;
-    float a = min(r.x * r.x, exp2(-9.28 * normal_view)) * r.x + r.y;
-    return vec2(-1.04, 1.04) * a + r.zw;
-}

@@ -1,23 +1,35 @@
-// Light from everywhere, made of the scene's two colours: the background seen above the horizon, the ambient light around.
+// Light from all around: its irradiance, what is mirrored of it from a square of directions a roughness, and how much of it a
+// surface reflects from a table (directional_albedo.py).
+#include "octahedron.glsl"
+#include "irradiance.glsl"
+uniform sampler2D surroundings;
+uniform sampler2D albedo_table;
 
-vec3 ambient_from(float up) {
-    return ambient.rgb * (1.0 + 0.4 * up);
+vec3 mirrored_level(vec2 square, int level) {
+    vec4 tile = mirror_tiles[level];
+    return textureLod(surroundings, tile.xy + square * tile.zw, 0.0).rgb;
 }
 
-vec3 sky(vec3 direction) {
-    float up = direction.y;
-    float grey = dot(background.rgb, vec3(0.2126, 0.7152, 0.0722));
-    vec3 zenith = background.rgb * vec3(0.66, 0.75, 0.9);
-    vec3 horizon = mix(background.rgb, vec3(grey), 0.4) * 1.4;
-    vec3 nadir = mix(background.rgb, vec3(grey), 0.55) * 0.5;
-    return up > 0.0 ? mix(horizon, zenith, sqrt(up)) : mix(horizon, nadir, smoothstep(0.0, 0.5, -up));
-}
-
-// What a surface of that roughness mirrors. Its two ends are known; between them it goes by the width of the lobe.
 vec3 mirrored_surroundings(vec3 direction, float roughness) {
-    vec3 rough = ambient_from(direction.y);
-    vec3 clear = max(ambient.rgb, vec3(1e-6)) / max(background.rgb, vec3(1e-6));
-    vec3 sharp = sky(direction) * min(clear, vec3(1.6));  // as bright as the ambient light says, with the sky's pattern
-    sharp *= ambient.r + ambient.g + ambient.b > 0.0 ? 1.0 : 0.0;
-    return mix(sharp * 1.3, rough, smoothstep(0.05, 0.75, roughness));
+    vec2 square = square_from_direction(direction) * 0.5 + 0.5;
+    float level = clamp(roughness, 0.0, 1.0) * 5.0;
+#ifdef LEAN
+    return mirrored_level(square, int(level + 0.5));
+#else
+    int below = int(min(level, 4.0));
+    return mix(mirrored_level(square, below), mirrored_level(square, below + 1), level - float(below));
+#endif
+}
+
+// x: scale, y: bias of f0; z: what Fresnel takes from the layer below.
+vec3 directional_albedo(float normal_view, float roughness) {
+#ifdef LEAN
+    // Karis, "Physically Based Shading on Mobile" (2014): within 0.03 of the table, without looking it up.
+    vec4 r = roughness * vec4(-1.0, -0.0275, -0.572, 0.022) + vec4(1.0, 0.0425, 1.04, -0.04);
+    float a = min(r.x * r.x, exp2(-9.28 * normal_view)) * r.x + r.y;
+    return vec3(vec2(-1.04, 1.04) * a + r.zw, 0.04);
+#else
+    vec2 place = vec2(sqrt(normal_view), clamp(roughness, 0.0, 1.0));
+    return textureLod(albedo_table, (place * 31.0 + 0.5) / 32.0, 0.0).xyz;
+#endif
 }

@@ -13,8 +13,8 @@ layout(std140) uniform Frame {
     vec4 sun_direction;         // towards the sun; w: 1 where it shines
     vec4 sun_illuminance;       // [lx]; w: 1 where it throws shadows
     vec4 shadow_scale;          // x: normal offset [m], y: texel of the map in its 0..1
-    vec4 background;            // radiance
-    vec4 ambient;               // radiance
+    vec4 irradiance[9];         // per pi, see irradiance_from
+    vec4 mirror_tiles[6];       // where the squares of each roughness are: lower left corner and edges
     vec4 grid_origin;           // xyz of the eye, x and z wrapped to the grid's period; w: exposure
     vec4 viewport;              // width, height [pixels]; z: number of lamps; w: far [m]
     Lamp lamps[8];

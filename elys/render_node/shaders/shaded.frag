@@ -2,7 +2,13 @@
 #include "frame.glsl"
 #include "surface.glsl"
 #include "brdf.glsl"
+#ifdef SURROUNDINGS
 #include "environment.glsl"
+#endif
+#if defined(SURROUNDINGS) && defined(LEAN) && !defined(NORMAL_TEXTURE)
+#define IRRADIANCE_OF_VERTICES
+in vec3 vertex_irradiance;
+#endif
 #ifdef SHADOWS
 #include "shadow.glsl"
 #endif
@@ -92,14 +98,24 @@ vec3 lamplight(vec3 normal, vec3 to_view, vec3 color, float metallic, float roug
     return sum;
 }
 
+#ifdef SURROUNDINGS
 vec3 surrounding_light(vec3 normal, vec3 to_view, vec3 color, float metallic, float roughness) {
     float normal_view = clamp(dot(normal, to_view), 0.0, 1.0);
-    vec2 albedo = directional_albedo(normal_view, roughness);
+    vec3 albedo = directional_albedo(normal_view, roughness);
     vec3 f0 = mix(vec3(DIELECTRIC_F0), color, metallic);
     vec3 specular = f0 * albedo.x + albedo.y;
-    vec3 diffuse = color * (1.0 - metallic) * (1.0 - (DIELECTRIC_F0 * albedo.x + albedo.y));
-    return diffuse * ambient_from(normal.y) + specular * mirrored_surroundings(reflect(-to_view, normal), roughness);
+    vec3 diffuse = color * (1.0 - metallic) * (1.0 - DIELECTRIC_F0) * (1.0 - albedo.z);
+    // What is rough mirrors more of what is above it. Lagarde and de Rousiers, "Moving Frostbite to PBR" (2014).
+    float smoothness = 1.0 - roughness * roughness;
+    vec3 mirrored = mix(normal, reflect(-to_view, normal), smoothness * (sqrt(smoothness) + roughness * roughness));
+#ifdef IRRADIANCE_OF_VERTICES
+    vec3 around = vertex_irradiance;
+#else
+    vec3 around = irradiance_from(normal);
+#endif
+    return diffuse * around + specular * mirrored_surroundings(mirrored, roughness);
 }
+#endif
 
 void main() {
     vec4 color = surface_color(vertex_uv);
@@ -122,7 +138,10 @@ void main() {
 #endif
     vec3 normal = shading_normal();
     vec3 to_view = normalize(-relative);
-    vec3 light = surrounding_light(normal, to_view, color.rgb, metallic, roughness) * occlusion + glow;
+    vec3 light = glow;
+#ifdef SURROUNDINGS
+    light += surrounding_light(normal, to_view, color.rgb, metallic, roughness) * occlusion;
+#endif
     if (sun_direction.w > 0.0) {
         vec3 sun = reflected(normal, to_view, sun_direction.xyz, color.rgb, metallic, roughness) * sun_illuminance.rgb;
 #ifdef SHADOWS
