@@ -183,7 +183,7 @@ def flat_hdr(radiance: np.ndarray) -> bytes:
 @pytest.mark.gl
 @pytest.mark.parametrize("roughness", [0.0, 0.4, 0.6, 1.0])
 def test_metals_mirror_a_picture_as_chance_finds(context: Context, roughness: float) -> None:
-    """Seen along the normal: the split sum as it is defined, and near to what it stands for. The entity is turned, its picture too."""
+    """Seen along the normal: the split sum as defined, and near to what it stands for. The entity is turned, its picture too."""
     height = 256
     turn = Rotation.from_euler("yx", (0.7, 0.4))
     store = AssetStore()
@@ -224,5 +224,5 @@ def test_metals_mirror_a_picture_as_chance_finds(context: Context, roughness: fl
             * reflected_radiance(straight, surface, np.ones_like)
         )
         light = renderer.read_light(5, 5)[2, 2, :3]
-        np.testing.assert_allclose(light, split, rtol=2.5e-2)
+        np.testing.assert_allclose(light, split, rtol=3e-2)
         np.testing.assert_allclose(light, reflected_radiance(straight, surface, light_from), rtol=0.1)
