@@ -1,8 +1,8 @@
 """The uniform block `Frame` of `shaders/frame.glsl`, byte for byte.
 
 Units: a sun's intensity is its illuminance in lx, other lights' intensity is in cd, and a white surface reflects
-illuminance / pi. The exposure is fixed at 1, so a sun of pi lx makes a white surface white on the screen: as glTF viewers do,
-where lights have intensities around 3, not the 100 000 lx of daylight.
+illuminance / pi. At the exposure 1, which is the default, a sun of pi lx makes a white surface white on the screen: as glTF
+viewers do, where lights have intensities around 3, not the 100 000 lx of daylight (see `PictureSettings.exposure_factor`).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from elys.render_node.picture_plan import EXPOSURE, MAX_LAMPS, PicturePlan
+from elys.render_node.picture_plan import MAX_LAMPS, PicturePlan
 from elys.render_node.render_world import PlacedLight
 
 GRID_PERIOD: Final = 10.0  # [m] after which the grid's pattern repeats
@@ -32,6 +32,8 @@ FRAME_DTYPE: Final = np.dtype(
         ("mirror_tiles", "<f4", (6, 4)),
         ("grid_origin", "<f4", 4),
         ("viewport", "<f4", 4),
+        ("fog_color", "<f4", 4),
+        ("fog_shape", "<f4", 4),
         ("lamps", _LAMP, MAX_LAMPS),
     ]
 )
@@ -57,10 +59,14 @@ def frame_block(plan: PicturePlan, harmonics: NDArray[np.float64], tiles: NDArra
         frame["shadow_from_relative"] = (_MAP_FROM_CLIP @ plan.shadow.map_from_relative).T
         frame["sun_illuminance"][3] = 1.0
         frame["shadow_scale"][:2] = (plan.shadow.texel * NORMAL_OFFSET, 1.0 / plan.shadow.map_size)
+    picture = plan.picture
+    thinned = math.exp(min(max(-picture.fog_falloff * float(view.eye[1]), -60.0), 60.0))
+    frame["fog_color"] = (*picture.fog_color, picture.fog_density * thinned)
+    frame["fog_shape"][0] = picture.fog_falloff
     frame["irradiance"][:, :3] = harmonics
     frame["mirror_tiles"] = tiles
     wrapped = view.eye % GRID_PERIOD
-    frame["grid_origin"] = (wrapped[0], view.eye[1], wrapped[2], EXPOSURE)
+    frame["grid_origin"] = (wrapped[0], view.eye[1], wrapped[2], plan.picture.exposure_factor)
     frame["viewport"] = (view.width, view.height, len(plan.lamps), view.camera.far)
     for slot, placed in zip(frame["lamps"], plan.lamps, strict=False):
         _fill_lamp(slot, placed, view.eye)

@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from elys.common.scene import PictureSettings
 from elys.render_node.camera import View, frustum_planes
 from elys.render_node.gpu import INSTANCE_DTYPE
 from elys.render_node.render_world import Batch, PlacedLight, RenderWorld
@@ -16,7 +17,6 @@ from elys.render_node.shadow_fit import ShadowFit, fit_shadow
 from elys.render_node.surroundings import Surroundings
 
 MAX_LAMPS: Final = 8  # point and spot lights in one picture: those that matter most
-EXPOSURE: Final = 1.0  # a sun of pi lx makes white white, see `frame_block`
 
 
 class DrawCall(NamedTuple):
@@ -44,6 +44,11 @@ class PicturePlan:
     shadow_is_fresh: bool  # the map drawn for the last picture still holds
     grid: bool
     surroundings: Surroundings
+
+    @property
+    def picture(self) -> PictureSettings:
+        """What the scene asks of its pictures."""
+        return self.world.settings.picture
 
 
 class ShadowState(NamedTuple):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+from elys.common.scene import PictureSettings
 from elys.render_node.gpu import Context, Format
 
 
@@ -22,15 +23,31 @@ class Quality:
     to_screen: bool
     light_form: Format = "rgba16f"  # of linear light
 
-    @property
-    def defines(self) -> tuple[str, ...]:
+    def writes_screen(self, picture: PictureSettings) -> bool:
+        """Whether passes write the screen's colours at once: not where something has to be done to the light of all."""
+        return self.to_screen and picture.bloom == 0.0
+
+    def light_defines(self, picture: PictureSettings) -> tuple[str, ...]:
         """What shaders that put light into the picture are compiled with."""
-        return ("TO_SCREEN", "LEAN") if self.to_screen else ()
+        lean = ("LEAN",) if self.to_screen else ()
+        fog = ("FOG",) if picture.fog_density > 0.0 else ()
+        return (*lean, *fog, *(("TO_SCREEN", *tone_defines(picture)) if self.writes_screen(picture) else ()))
+
+    def surface_defines(self, picture: PictureSettings) -> tuple[str, ...]:
+        """The same of shaders of surfaces."""
+        scattering = ("MULTIPLE_SCATTERING",) if picture.multiple_scattering else ()
+        smoothing = ("SPECULAR_ANTIALIASING",) if picture.specular_antialiasing else ()
+        return (*self.light_defines(picture), *scattering, *smoothing)
 
     @property
     def shadow_defines(self) -> tuple[str, ...]:
         """What shaders that look shadows up are compiled with."""
         return ("SHADOWS", "SINGLE_SHADOW_TAP") if self.single_shadow_tap else ("SHADOWS",)
+
+
+def tone_defines(picture: PictureSettings) -> tuple[str, ...]:
+    """What shaders that turn light into the screen's colours are compiled with."""
+    return {"neutral": (), "agx": ("AGX",), "none": ("UNMAPPED",)}[picture.tone_mapping]
 
 
 FULL: Final = Quality(samples=4, single_shadow_tap=False, shadow_size=2048, to_screen=False)

@@ -27,6 +27,8 @@ TEXTURE_UNITS: Final[Mapping[str, int]] = {
     "surroundings": 6,
     "albedo_table": 7,
     "sky_map": 8,
+    "depths": 9,
+    "ambient_openness": 10,
     "picture": 0,
     "mask": 0,
 }

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from elys.render_node.directional_albedo import albedo_table
 from elys.render_node.gpu import TEXTURE_UNITS, Framebuffer, Texture
-from elys.render_node.passes.backdrop import full_screen
+from elys.render_node.passes.backdrop import ScreenShader
 from elys.render_node.picture_plan import PicturePlan
 from elys.render_node.radiance_files import fitted
 from elys.render_node.resources import Resources
@@ -29,8 +29,7 @@ class EnvironmentPass:
 
     def __init__(self, resources: Resources) -> None:
         self._resources = resources
-        self._program = resources.program("screen.vert", "prefilter.frag")
-        self._triangle = full_screen(resources, self._program)
+        self._screen = ScreenShader(resources, "prefilter.frag")
         self._atlas: Framebuffer | None = None
         self._map: Texture | None = None
         self._table: Texture | None = None
@@ -68,7 +67,8 @@ class EnvironmentPass:
             self._map.use(TEXTURE_UNITS["sky_map"])
 
     def _filter(self, around: Surroundings) -> None:
-        context, program = self._resources.context, self._program
+        context = self._resources.context
+        program, triangle = self._screen.compiled()
         if self._atlas is None:
             self._atlas = Framebuffer(context, *ATLAS_SIZE, ("rgba32f",))
         assert self._map is not None
@@ -82,7 +82,7 @@ class EnvironmentPass:
             program.set("tile", (float(x), float(y), float(edge)))
             program.set("alpha", roughness * roughness)
             program.set("sample_count", SAMPLES[around.is_smooth] if level else 0)
-            self._triangle.draw()
+            triangle.draw()
 
 
 def mirror_tiles() -> NDArray[np.float32]:

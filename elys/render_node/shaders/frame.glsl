@@ -17,5 +17,7 @@ layout(std140) uniform Frame {
     vec4 mirror_tiles[6];       // where the squares of each roughness are: lower left corner and edges
     vec4 grid_origin;           // xyz of the eye, x and z wrapped to the grid's period; w: exposure
     vec4 viewport;              // width, height [pixels]; z: number of lamps; w: far [m]
+    vec4 fog_color;             // radiance; w: density at the eye's height [1/m]
+    vec4 fog_shape;             // x: falloff with height [1/m]
     Lamp lamps[8];
 };

@@ -4,6 +4,14 @@
 #include "brdf.glsl"
 #ifdef SURROUNDINGS
 #include "environment.glsl"
+#elif defined(MULTIPLE_SCATTERING)
+#include "albedo.glsl"
+#endif
+#ifdef FOG
+#include "fog.glsl"
+#endif
+#ifdef AMBIENT_OCCLUSION
+uniform sampler2D ambient_openness;
 #endif
 #if defined(SURROUNDINGS) && defined(LEAN) && !defined(NORMAL_TEXTURE)
 #define IRRADIANCE_OF_VERTICES
@@ -102,9 +110,13 @@ vec3 lamplight(vec3 normal, vec3 to_view, vec3 color, float metallic, float roug
 vec3 surrounding_light(vec3 normal, vec3 to_view, vec3 color, float metallic, float roughness) {
     float normal_view = clamp(dot(normal, to_view), 0.0, 1.0);
     vec3 albedo = directional_albedo(normal_view, roughness);
-    vec3 f0 = mix(vec3(DIELECTRIC_F0), color, metallic);
-    vec3 specular = f0 * albedo.x + albedo.y;
+    float dielectric = (DIELECTRIC_F0 * albedo.x + albedo.y) * dielectric_gain;
+    vec3 specular = mix(vec3(dielectric), (color * albedo.x + albedo.y) * metal_gain, metallic);
+#ifdef MULTIPLE_SCATTERING
+    vec3 diffuse = color * (1.0 - metallic) * (1.0 - dielectric);  // all that is not mirrored
+#else
     vec3 diffuse = color * (1.0 - metallic) * (1.0 - DIELECTRIC_F0) * (1.0 - albedo.z);
+#endif
     // What is rough mirrors more of what is above it. Lagarde and de Rousiers, "Moving Frostbite to PBR" (2014).
     float smoothness = 1.0 - roughness * roughness;
     vec3 mirrored = mix(normal, reflect(-to_view, normal), smoothness * (sqrt(smoothness) + roughness * roughness));
@@ -138,7 +150,23 @@ void main() {
 #endif
     vec3 normal = shading_normal();
     vec3 to_view = normalize(-relative);
+#ifdef SPECULAR_ANTIALIASING
+    // Tokuyoshi and Kaplanyan, "Improved Geometric Specular Antialiasing" (2019): how normals differ within a pixel is roughness.
+    vec3 nx = dFdx(normal), ny = dFdy(normal);
+    float spread = min(0.5 * (dot(nx, nx) + dot(ny, ny)), 0.18);
+    float alpha = roughness * roughness;
+    roughness = sqrt(sqrt(clamp(alpha * alpha + spread, 0.0, 1.0)));
+#endif
+#ifdef MULTIPLE_SCATTERING
+    vec3 reach = directional_albedo(clamp(dot(normal, to_view), 0.0, 1.0), roughness);
+    float lost = 1.0 / max(reach.x + reach.y, 1e-3) - 1.0;
+    metal_gain = 1.0 + color.rgb * lost;
+    dielectric_gain = 1.0 + DIELECTRIC_F0 * lost;
+#endif
     vec3 light = glow;
+#ifdef AMBIENT_OCCLUSION
+    occlusion *= texelFetch(ambient_openness, ivec2(gl_FragCoord.xy), 0).r;
+#endif
 #ifdef SURROUNDINGS
     light += surrounding_light(normal, to_view, color.rgb, metallic, roughness) * occlusion;
 #endif
@@ -150,6 +178,9 @@ void main() {
         light += sun;
     }
     light += lamplight(normal, to_view, color.rgb, metallic, roughness);
+#ifdef FOG
+    light = seen_through_fog(light, relative);
+#endif
 #ifdef TO_SCREEN
     light = display_from_light(light);
 #endif

@@ -1,6 +1,9 @@
 #version 330 core
 #include "frame.glsl"
 #include "sky_map.glsl"
+#ifdef FOG
+#include "fog.glsl"
+#endif
 #ifdef TO_SCREEN
 #include "tonemap.glsl"
 #endif
@@ -11,7 +14,11 @@ layout(location = 0) out vec4 radiance;
 
 void main() {
     vec4 far_point = relative_from_clip * vec4(place, 1.0, 1.0);
-    vec3 light = textureLod(sky_map, map_place(normalize(far_point.xyz / far_point.w)), 0.0).rgb * shown;
+    vec3 direction = normalize(far_point.xyz / far_point.w);
+    vec3 light = textureLod(sky_map, map_place(direction), 0.0).rgb * shown;
+#ifdef FOG
+    light = seen_through_fog(light, direction * 1e6);
+#endif
 #ifdef TO_SCREEN
     light = display_from_light(light);
 #endif

@@ -87,7 +87,7 @@ def test_a_refused_shader_names_file_line_and_source(context: Context, monkeypat
 
     def broken(name: str, defines: Any = ()) -> Any:
         source, places = expand(name, defines)
-        return source.replace("map_place(normalize(", "map_place(normalise("), places
+        return source.replace("vec3 direction = normalize(", "vec3 direction = normalise("), places
 
     monkeypatch.setattr(module, "expand", broken)
     with pytest.raises(DisplayError) as caught:
