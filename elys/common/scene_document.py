@@ -98,7 +98,9 @@ class SceneSettings(msgspec.Struct, frozen=True, kw_only=True):
         tuple[Radiance, Radiance, Radiance],
         Meta(description="Light that reaches every surface from everywhere, linear radiance."),
     ] = (0.25, 0.27, 0.3)
-    picture: Annotated[PictureSettings, Meta(description="How light becomes a picture, and effects.")] = PictureSettings()
+    picture: Annotated[PictureSettings, Meta(description="How light becomes a picture, and effects.")] = (
+        PictureSettings()
+    )
 
 
 class EntityNode(msgspec.Struct, kw_only=True):

@@ -18,10 +18,10 @@ class PictureSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
         float, Meta(ge=-32.0, le=32.0, description="Stops by which pictures are brighter.", extra={"unit": "EV"})
     ] = 0.0
     camera_ev: Annotated[
-        float | None,
+        Annotated[float, Meta(ge=-32.0, le=32.0)] | None,
         Meta(
-            description="EV100 that a camera is set to, for lamps in real units: 15 in full daylight of 100000 lx. Without it a sun "
-            "of pi lx makes white white.",
+            description="EV100 of a camera's setting, for lamps in real units: 15 in full daylight of 100000 lx. Without it a "
+            "sun of pi lx makes white white.",
             extra={"unit": "EV"},
         ),
     ] = None
@@ -45,7 +45,9 @@ class PictureSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     ] = 0.5
     fog_density: Annotated[
         float,
-        Meta(ge=0.0, le=100.0, description="Share of light that fog takes a metre, at height 0.", extra={"unit": "1/m"}),
+        Meta(
+            ge=0.0, le=100.0, description="Share of light that fog takes a metre, at height 0.", extra={"unit": "1/m"}
+        ),
     ] = 0.0
     fog_falloff: Annotated[
         float,

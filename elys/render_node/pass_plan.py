@@ -9,7 +9,9 @@ from elys.bus.mirror import SceneMirror
 from elys.render_node.camera import View
 from elys.render_node.drawable_assets import DrawableAssets
 from elys.render_node.passes.backdrop import GridPass, SkyPass
-from elys.render_node.passes.finishing import OutlinePass
+from elys.render_node.passes.bloom import BloomPass
+from elys.render_node.passes.finishing import FxaaPass, OutlinePass
+from elys.render_node.passes.occlusion import OcclusionPass
 from elys.render_node.passes.shading import OpaquePass, TransparentPass, has_normal_map
 from elys.render_node.passes.shadow import ShadowPass
 from elys.render_node.picture_plan import DrawCall, PicturePlan, plan_picture
@@ -51,9 +53,12 @@ def scene_passes(
 def told_passes(plan: PicturePlan) -> tuple[PlannedPass, ...]:
     """Every pass of a picture in the order in which they run."""
     shown = [*plan.opaque, *plan.transparent]
+    around, picture = plan.surroundings, plan.picture
     mapped = [call for call in shown if has_normal_map(call.batch.look)]
     return (
+        PlannedPass("environment", around.gives_light or around.is_seen, _why_environment(plan)),
         PlannedPass("shadow", ShadowPass.is_needed(plan), _why_shadow(plan)),
+        PlannedPass("occlusion", OcclusionPass.is_needed(plan), _why_occlusion(plan)),
         PlannedPass("opaque", OpaquePass.is_needed(plan), _why_seen(plan.opaque, "solid thing")),
         PlannedPass(
             "tangents",
@@ -67,8 +72,15 @@ def told_passes(plan: PicturePlan) -> tuple[PlannedPass, ...]:
         ),
         PlannedPass("grid", GridPass.is_needed(plan), "for who edits" if plan.grid else "nobody edits"),
         PlannedPass("transparent", TransparentPass.is_needed(plan), _why_seen(plan.transparent, "see-through thing")),
+        PlannedPass(
+            "fog",
+            picture.fog_density > 0.0,
+            _why_set(picture.fog_density, "fog_density", "surfaces and sky are dimmed"),
+        ),
+        PlannedPass("bloom", BloomPass.is_needed(plan), _why_set(picture.bloom, "bloom", "bright light spreads")),
+        PlannedPass("fxaa", FxaaPass.is_needed(plan), _why_set(picture.fxaa, "fxaa", "edges are smoothed")),
         PlannedPass("outline", OutlinePass.is_needed(plan), _why_seen(plan.selected, "selected thing")),
-        PlannedPass("tonemap", True, "always: light becomes what a screen shows"),
+        PlannedPass("tonemap", True, f"always: light becomes what a screen shows, by {picture.tone_mapping}"),
     )
 
 
@@ -78,6 +90,32 @@ def _why_seen(calls: list[DrawCall], noun: str) -> str:
         return f"no {noun} is seen"
     plural = noun if count == 1 else noun.replace("thing", "things", 1)
     return f"{count} {plural} seen, in {len(calls)} draw call{'s' if len(calls) != 1 else ''}"
+
+
+def _why_set(value: float, name: str, effect: str) -> str:
+    return f"{effect}: picture.{name} is {value:g}" if value else f"picture.{name} is 0"
+
+
+def _why_environment(plan: PicturePlan) -> str:
+    around = plan.surroundings
+    if not (around.gives_light or around.is_seen):
+        return "all around is black"
+    what = {"colors": "the scene's colours", "color": "a colour", "sky": "a clear sky", "image": "a picture"}[
+        around.key[0]
+    ]
+    return (
+        f"made once of {what}, and kept while that stays"
+        if around.gives_light
+        else f"{what} is seen and gives no light"
+    )
+
+
+def _why_occlusion(plan: PicturePlan) -> str:
+    if plan.picture.ambient_occlusion == 0.0:
+        return "picture.ambient_occlusion is 0"
+    if not plan.surroundings.gives_light:
+        return "no light from around to keep out"
+    return "corners get less light from around" if plan.opaque else "no solid thing is seen"
 
 
 def _why_shadow(plan: PicturePlan) -> str:

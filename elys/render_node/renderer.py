@@ -43,9 +43,7 @@ class Targets:
         self.drawn = (
             Framebuffer(context, width, height, (form,), depth=True, samples=samples) if samples else self.light
         )
-        self.picture = (
-            self.light if to_screen else Framebuffer(context, width, height, ("rgba8",), smooth=False)
-        )
+        self.picture = self.light if to_screen else Framebuffer(context, width, height, ("rgba8",), smooth=False)
 
     def resolve(self) -> None:
         """Averages the samples of what was drawn."""

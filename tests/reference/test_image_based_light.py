@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 
 from elys.bus.messages.views import ViewCamera
 from elys.common.assets import AssetStore
-from elys.common.components import Environment, Material, MeshRenderer, Transform
+from elys.common.components import Environment, Light, Material, MeshRenderer, Transform
 from elys.common.errors import DisplayError
 from elys.common.math.matrix import look_rotation
-from elys.common.scene import SceneSettings
+from elys.common.scene import PictureSettings, SceneSettings
 from elys.render_node.directional_albedo import diffuse_loss, specular_albedo
 from elys.render_node.drawable_assets import DrawableAssets
 from elys.render_node.gpu import Context, offscreen_context
@@ -55,10 +55,10 @@ def toward(angle: float) -> np.ndarray:
 
 
 def level_light(renderer: Renderer, material: Material, settings: SceneSettings, angle: float, **around) -> np.ndarray:
-    """What the renderer shows (3,) of a level square, seen from that angle; `around` are more components, one an entity."""
+    """What the renderer shows (3,) of a level square, seen from that angle; `around` are more entities."""
     eye = toward(angle) * 3.0
     things = [(Transform(scale=(8.0, 1.0, 8.0)), MeshRenderer(mesh="plane", cast_shadows=False), material)]
-    things += [(Transform(), component) for component in around.values()]
+    things += list(around.values())
     world = RenderWorld()
     components = [{type(value).__name__: value for value in found} for found in things]
     count = len(things)
@@ -226,3 +226,44 @@ def test_metals_mirror_a_picture_as_chance_finds(context: Context, roughness: fl
         light = renderer.read_light(5, 5)[2, 2, :3]
         np.testing.assert_allclose(light, split, rtol=3e-2)
         np.testing.assert_allclose(light, reflected_radiance(straight, surface, light_from), rtol=0.1)
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("metallic", [0.0, 1.0])
+def test_white_things_vanish_in_a_white_furnace(context: Context, metallic: float) -> None:
+    """With the light of many bounces nothing is lost, at any roughness and from any side."""
+    renderer = Renderer(context, quality=EXACT)
+    furnace = msgspec.structs.replace(WHITE, picture=PictureSettings(multiple_scattering=True))
+    for roughness in (0.0, 0.1, 0.25, 0.4, 0.5, 0.6, 0.75, 0.9, 1.0):
+        for angle in ANGLES:
+            material = Material(base_color=(1.0, 1.0, 1.0), metallic=metallic, roughness=roughness)
+            np.testing.assert_allclose(level_light(renderer, material, furnace, angle), 1.0, atol=1e-2)
+
+
+@pytest.mark.gl
+def test_a_single_bounce_loses_what_chance_says(context: Context) -> None:
+    """So that the furnace above is not white by whatever is drawn."""
+    renderer = Renderer(context, quality=EXACT)
+    material = Material(base_color=(1.0, 1.0, 1.0), metallic=1.0, roughness=1.0)
+    assert level_light(renderer, material, WHITE, 35.0).max() < 0.7
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("roughness", [0.3, 0.7, 1.0])
+def test_lamps_lose_nothing_either(context: Context, roughness: float) -> None:
+    """Suns from everywhere, one after the other, add up to the furnace: their light is weighed by the same gain."""
+    rng = np.random.default_rng(4)
+    to_view = toward(35.0)
+    expected = reflected_radiance(to_view, Surface(np.ones(3), 1.0, roughness), np.ones_like)
+    renderer = Renderer(context, quality=EXACT)
+    plain, gained = [], []
+    material = Material(base_color=(1.0, 1.0, 1.0), metallic=1.0, roughness=roughness)
+    for _ in range(6):
+        way = unit(rng.normal(size=3)) * (1, 0, 1) + (0, -0.8, 0)
+        for found, many in ((plain, False), (gained, True)):
+            black = SceneSettings(
+                background=(0.0,) * 3, ambient=(0.0,) * 3, picture=PictureSettings(multiple_scattering=many)
+            )
+            sun = {"sun": (Transform(rotation=tuple(look_rotation(way).tolist())), Light())}
+            found.append(level_light(renderer, material, black, 35.0, **sun))
+    np.testing.assert_allclose(np.array(gained) * expected, plain, rtol=1.5e-2)

@@ -57,6 +57,6 @@ class BloomPass:
         if self._size == (width, height):
             return
         self._size, self._levels = (width, height), []
-        while len(self._levels) < LEVELS and min(width, height) >= 2 * LEAST_EDGE or not self._levels:
+        while (len(self._levels) < LEVELS and min(width, height) >= 2 * LEAST_EDGE) or not self._levels:
             width, height = max(width // 2, 1), max(height // 2, 1)
             self._levels.append(Framebuffer(self._context, width, height, ("rgba16f",)))

@@ -29,7 +29,12 @@ class OpaquePass:
         """Shades it with depth."""
         target.use()
         self._resources.context.set_state(depth_test="less", cull="back")
-        draw_calls(self._resources, plan, plan.opaque, _shaded(self._resources, plan, self._quality, occluded=OcclusionPass.is_needed(plan)))
+        draw_calls(
+            self._resources,
+            plan,
+            plan.opaque,
+            _shaded(self._resources, plan, self._quality, occluded=OcclusionPass.is_needed(plan)),
+        )
 
 
 class TransparentPass:
