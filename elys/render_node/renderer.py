@@ -93,6 +93,7 @@ class Renderer:
 
         `target` is where it goes instead, a framebuffer of that size, such as a window's.
         """
+        self.resources.programs.reload_changed()
         with self._timed("plan"):
             plan = self._plan(world, View.of(camera, width, height), selection, grid)
         targets = self._targets_of(width, height, to_screen=self._quality.writes_screen(plan.picture))
@@ -136,6 +137,7 @@ class Renderer:
             if self._outline.is_needed(plan):
                 self._outline.draw(plan, picture)
         self.context.collect()
+        self.context.check("drawing a picture")
         return picture
 
     def pick(

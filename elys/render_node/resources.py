@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from elys.common.assets import Mesh
-from elys.render_node.gpu import TEXTURE_UNITS, Buffer, Context, Format, Program, Texture, VertexArray
+from elys.render_node.gpu import TEXTURE_UNITS, Buffer, Context, Format, Program, ProgramCache, Texture, VertexArray
 from elys.render_node.render_world import TEXTURE_FIELDS, Look, RenderWorld
 
 # Fields of Material that name an image: the definition that compiles its use in, and whether it holds colours as eyes see them.
@@ -68,14 +68,11 @@ class Resources:
         self._used_by: tuple[RenderWorld, int] | None = None  # a world and its scene, whose names are in use
         self._geometries: dict[str, Geometry] = {}
         self._textures: dict[tuple[str, bool], Texture] = {}
-        self._programs: dict[tuple[str, str, tuple[str, ...]], Program] = {}
+        self.programs = ProgramCache(context)
 
     def program(self, vertex: str, fragment: str, defines: tuple[str, ...] = ()) -> Program:
         """The program of two shader files, compiled with `defines` at its first use."""
-        key = (vertex, fragment, defines)
-        if key not in self._programs:
-            self._programs[key] = Program(self.context, vertex, fragment, defines=defines)
-        return self._programs[key]
+        return self.programs.program(vertex, fragment, defines)
 
     def geometry(self, world: RenderWorld, mesh: str) -> Geometry | None:
         """The mesh of that name on the card; None while it is not here, or if it has no triangles."""

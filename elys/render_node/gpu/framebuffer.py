@@ -30,6 +30,7 @@ class Framebuffer:
         compare: bool = False,
     ) -> None:
         """`samples` of 0 is one sample a pixel; more cannot be read by shaders, only resolved."""
+        context.check_size("a framebuffer", width, height)
         self.width, self.height, self.samples = width, height, samples
         self._context = context
         self._forms = tuple(colors)

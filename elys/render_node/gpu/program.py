@@ -53,6 +53,7 @@ class Program:
             places = fragment_places if "fragment_shader" in message else vertex_places
             source = fragment_source if "fragment_shader" in message else vertex_source
             raise DisplayError(_explain(message, source, places)) from error
+        self.files = frozenset(file for file, _ in (*vertex_places, *fragment_places))
         self._finalizer = context.adopt(self, "program", self.raw)
         for name, binding in BLOCK_BINDINGS.items():
             if name in self.raw:

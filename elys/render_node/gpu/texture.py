@@ -41,7 +41,11 @@ class Texture:
         repeat: bool = False,
         compare: bool = False,
     ) -> None:
-        """`compare` makes a depth texture answer "is this nearer?" instead of its value, as shadow samplers want it."""
+        """`compare` makes a depth texture answer "is this nearer?" instead of its value, as shadow samplers want it.
+
+        Raises DisplayError where the driver cannot hold it.
+        """
+        context.check_size("a texture", *size)
         self.size = size
         self.form = form
         payload = None if data is None else np.ascontiguousarray(data)
@@ -52,6 +56,7 @@ class Texture:
             components, dtype, internal = FORMATS[form]
             self.raw = context.gl.texture(size, components, payload, dtype=dtype, internal_format=internal or None)
         self._finalizer = context.adopt(self, "texture", self.raw)
+        context.check(f"making a texture of {size[0]} x {size[1]} pixels")
         if mipmaps:
             self.raw.build_mipmaps()
             self.raw.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from elys.render_node.gpu import TEXTURE_UNITS, Framebuffer, Program
-from elys.render_node.passes.backdrop import ScreenShader, full_screen
+from elys.render_node.passes.backdrop import ScreenShader
 from elys.render_node.passes.drawing import depth_program, draw_calls
 from elys.render_node.picture_plan import PicturePlan
 from elys.render_node.quality import tone_defines
@@ -61,9 +61,7 @@ class OutlinePass:
 
     def __init__(self, resources: Resources) -> None:
         self._resources = resources
-        self._program = resources.program("screen.vert", "outline.frag")
-        self._program.set("outline_color", OUTLINE_COLOR)
-        self._triangle = full_screen(resources, self._program)
+        self._screen = ScreenShader(resources, "outline.frag")
         self._mask: Framebuffer | None = None
 
     @staticmethod
@@ -89,4 +87,6 @@ class OutlinePass:
         target.use(depth_write=False)
         context.set_state(blend="over")
         self._mask.colors[0].use(TEXTURE_UNITS["mask"])
-        self._triangle.draw()
+        program, triangle = self._screen.compiled()
+        program.set("outline_color", OUTLINE_COLOR)
+        triangle.draw()
