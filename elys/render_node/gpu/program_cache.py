@@ -1,4 +1,4 @@
-"""Programs by their files and definitions, compiled when first asked for, and anew when a file changes while somebody works on it."""
+"""Programs by their files and definitions, compiled when first asked for, and anew when a file changes."""
 
 from __future__ import annotations
 

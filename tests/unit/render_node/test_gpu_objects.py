@@ -217,7 +217,8 @@ def test_changed_shaders_are_compiled_anew_and_broken_ones_are_not_taken(
     for name in ("whole.vert", "half.glsl", "whole.frag"):
         (tmp_path / name).touch()
     (tmp_path / "whole.vert").write_text(
-        "#version 330 core\nvoid main() { gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0, 1); }\n"
+        "#version 330 core\n"
+        "void main() { gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0, 1); }\n"
     )
     (tmp_path / "half.glsl").write_text("float level() { return 0.25; }\n")
     (tmp_path / "whole.frag").write_text(
