@@ -13,13 +13,16 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from elys.render_node.lamp_shadows import SIDE, LampShadows, shadow_squares
 from elys.render_node.picture_plan import MAX_LAMPS, PicturePlan
 from elys.render_node.render_world import PlacedLight
 
 GRID_PERIOD: Final = 10.0  # [m] after which the grid's pattern repeats
 NORMAL_OFFSET: Final = 1.4  # texels by which a shaded point is lifted off its surface before its shadow is looked up
 
-_LAMP: Final = np.dtype([("position_range", "<f4", 4), ("color_scale", "<f4", 4), ("direction_offset", "<f4", 4)])
+_LAMP: Final = np.dtype(
+    [("position_range", "<f4", 4), ("color_scale", "<f4", 4), ("direction_offset", "<f4", 4), ("shadow", "<f4", 4)]
+)
 FRAME_DTYPE: Final = np.dtype(
     [
         ("clip_from_relative", "<f4", (4, 4)),
@@ -35,6 +38,7 @@ FRAME_DTYPE: Final = np.dtype(
         ("fog_color", "<f4", 4),
         ("fog_shape", "<f4", 4),
         ("lamps", _LAMP, MAX_LAMPS),
+        ("lamp_maps", "<f4", (SIDE * SIDE, 4, 4)),
     ]
 )
 # From clip space of the shadow map, -1..1, to where its texels are, 0..1.
@@ -70,7 +74,21 @@ def frame_block(plan: PicturePlan, harmonics: NDArray[np.float64], tiles: NDArra
     frame["viewport"] = (view.width, view.height, len(plan.lamps), view.camera.far)
     for slot, placed in zip(frame["lamps"], plan.lamps, strict=False):
         _fill_lamp(slot, placed, view.eye)
+    frame["lamps"]["shadow"][:, 0] = -1.0
+    if plan.lamp_shadows is not None:
+        _fill_lamp_shadows(frame, plan, plan.lamp_shadows)
     return block
+
+
+def _fill_lamp_shadows(frame: np.void, plan: PicturePlan, shadows: LampShadows) -> None:
+    for slot, placed, first, texel in zip(frame["lamps"], plan.lamps, shadows.first, shadows.texel, strict=False):
+        slot["shadow"] = (first, shadow_squares(placed) > 1, texel * NORMAL_OFFSET, 1.0 / shadows.size)
+    for square in range(len(shadows.place)):
+        x, y, edge, _ = shadows.region(square)
+        atlas_from_map = np.diag((edge / shadows.size, edge / shadows.size, 1.0, 1.0))
+        atlas_from_map[:2, 3] = x / shadows.size, y / shadows.size
+        lamp_map = atlas_from_map @ _MAP_FROM_CLIP @ shadows.clip_from_relative(square, plan.view.eye)
+        frame["lamp_maps"][square] = lamp_map.T
 
 
 def _fill_lamp(slot: np.void, placed: PlacedLight, eye: NDArray[np.float64]) -> None:

@@ -13,7 +13,7 @@ from elys.render_node.passes.bloom import BloomPass
 from elys.render_node.passes.finishing import FxaaPass, OutlinePass
 from elys.render_node.passes.occlusion import OcclusionPass
 from elys.render_node.passes.shading import OpaquePass, TransparentPass, has_normal_map
-from elys.render_node.passes.shadow import ShadowPass
+from elys.render_node.passes.shadow import LampShadowPass, ShadowPass
 from elys.render_node.picture_plan import DrawCall, PicturePlan, plan_picture
 from elys.render_node.quality import FULL
 from elys.render_node.render_world import RenderWorld
@@ -44,7 +44,9 @@ def scene_passes(
         world.assets.settle()
         world.place()
         view = View.of(world.camera(width / height), width, height)
-        return told_passes(plan_picture(world, view, shadow_size=FULL.shadow_size))
+        return told_passes(
+            plan_picture(world, view, shadow_size=FULL.shadow_size, lamp_shadow_size=FULL.lamp_shadow_size)
+        )
     finally:
         reader.close()
         world.assets.close()
@@ -58,6 +60,7 @@ def told_passes(plan: PicturePlan) -> tuple[PlannedPass, ...]:
     return (
         PlannedPass("environment", around.gives_light or around.is_seen, _why_environment(plan)),
         PlannedPass("shadow", ShadowPass.is_needed(plan), _why_shadow(plan)),
+        PlannedPass("lamp shadows", LampShadowPass.is_needed(plan), _why_lamp_shadows(plan)),
         PlannedPass("occlusion", OcclusionPass.is_needed(plan), _why_occlusion(plan)),
         PlannedPass("opaque", OpaquePass.is_needed(plan), _why_seen(plan.opaque, "solid thing")),
         PlannedPass(
@@ -108,6 +111,15 @@ def _why_environment(plan: PicturePlan) -> str:
         if around.gives_light
         else f"{what} is seen and gives no light"
     )
+
+
+def _why_lamp_shadows(plan: PicturePlan) -> str:
+    if not plan.lamps:
+        return "no bulbs and no spots"
+    if plan.lamp_shadows is None:
+        return "no bulb and no spot throws a shadow"
+    count = sum(first >= 0 for first in plan.lamp_shadows.first)
+    return f"{count} lamp{'s throw' if count > 1 else ' throws'} shadows, in {len(plan.lamp_shadows.place)} squares"
 
 
 def _why_occlusion(plan: PicturePlan) -> str:

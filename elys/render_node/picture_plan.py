@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from elys.common.scene import PictureSettings
 from elys.render_node.camera import View, frustum_planes
 from elys.render_node.gpu import INSTANCE_DTYPE
+from elys.render_node.lamp_shadows import LampShadows, fit_lamp_shadows
 from elys.render_node.render_world import Batch, PlacedLight, RenderWorld
 from elys.render_node.scene_tables import Rows
 from elys.render_node.shadow_fit import ShadowFit, fit_shadow
@@ -42,6 +43,8 @@ class PicturePlan:
     lamps: list[PlacedLight]
     shadow: ShadowFit | None
     shadow_is_fresh: bool  # the map drawn for the last picture still holds
+    lamp_shadows: LampShadows | None
+    lamp_casters: list[list[DrawCall]]  # of each of their squares; none while the atlas drawn last still holds
     grid: bool
     surroundings: Surroundings
 
@@ -67,9 +70,11 @@ def plan_picture(
     grid: bool = False,
     drawn_shadow: ShadowState | None = None,
     shadow_size: int = 0,
+    lamp_shadow_size: int = 0,
+    drawn_lamp_shadows: ShadowState | None = None,
 ) -> PicturePlan:
     """Decides what a picture of the world in this view consists of; `drawn_shadow` is what the shadow map, of `shadow_size`
-    texels an edge (0 for none), holds already.
+    texels an edge (0 for none), holds already, and `drawn_lamp_shadows` the same of the atlas of lamps.
     """
     relative_centre = (world.centre - view.eye).astype(np.float32)
     seen = _within(frustum_planes(view.clip_from_relative), relative_centre, world.radius)
@@ -83,6 +88,13 @@ def plan_picture(
     opaque = rows.add_grouped(seen_rows[seen_rows < first_blended])
     transparent = rows.add_sorted(seen_rows[seen_rows >= first_blended], relative_centre)
     casters = rows.add_grouped(_caster_rows(world, first_blended)) if shadow is not None and not is_fresh else []
+    lamps = _nearest_lamps(lights, view.eye)
+    all_casters = _caster_rows(world, first_blended)
+    around = fit_lamp_shadows(world, lamps, all_casters, lamp_shadow_size) if lamp_shadow_size and lamps else None
+    holds = around is not None and drawn_lamp_shadows == ShadowState(
+        world.scene_version, world.pose_version, around.key
+    )
+    lamp_casters = [rows.add_grouped(found) for found in around.casters] if around is not None and not holds else []
     selected = rows.add_grouped(np.intersect1d(world.instances_of(selection), seen_rows, assume_unique=True))
     return PicturePlan(
         view=view,
@@ -93,9 +105,11 @@ def plan_picture(
         casters=casters,
         selected=selected,
         sun=sun,
-        lamps=_nearest_lamps(lights, view.eye),
+        lamps=lamps,
         shadow=shadow,
         shadow_is_fresh=is_fresh,
+        lamp_shadows=around,
+        lamp_casters=lamp_casters,
         grid=grid,
         surroundings=world.surroundings(None if sun is None else -sun.direction),
     )

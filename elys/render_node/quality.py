@@ -20,6 +20,7 @@ class Quality:
     samples: int  # per pixel; 0 for one
     single_shadow_tap: bool
     shadow_size: int  # [texels] of an edge of the shadow map
+    lamp_shadow_size: int  # the same of the atlas of bulbs and spots; 0: they throw none
     to_screen: bool
     light_form: Format = "rgba16f"  # of linear light
 
@@ -50,11 +51,13 @@ def tone_defines(picture: PictureSettings) -> tuple[str, ...]:
     return {"neutral": (), "agx": ("AGX",), "none": ("UNMAPPED",)}[picture.tone_mapping]
 
 
-FULL: Final = Quality(samples=4, single_shadow_tap=False, shadow_size=2048, to_screen=False)
-FAST: Final = Quality(samples=0, single_shadow_tap=True, shadow_size=1024, to_screen=True)
+FULL: Final = Quality(samples=4, single_shadow_tap=False, shadow_size=2048, lamp_shadow_size=2048, to_screen=False)
+FAST: Final = Quality(samples=0, single_shadow_tap=True, shadow_size=1024, lamp_shadow_size=0, to_screen=True)
 
 # For measurements: each pixel is the light along the ray through its middle, in 32 bits, and not an average around it.
-EXACT: Final = Quality(samples=0, single_shadow_tap=False, shadow_size=4096, to_screen=False, light_form="rgba32f")
+EXACT: Final = Quality(
+    samples=0, single_shadow_tap=False, shadow_size=4096, lamp_shadow_size=4096, to_screen=False, light_form="rgba32f"
+)
 
 
 def interactive_quality(context: Context) -> Quality:

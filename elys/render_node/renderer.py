@@ -24,7 +24,7 @@ from elys.render_node.passes.finishing import FxaaPass, OutlinePass, TonemapPass
 from elys.render_node.passes.occlusion import OcclusionPass
 from elys.render_node.passes.picking import PickingPass
 from elys.render_node.passes.shading import OpaquePass, TransparentPass
-from elys.render_node.passes.shadow import ShadowPass
+from elys.render_node.passes.shadow import LampShadowPass, ShadowPass
 from elys.render_node.picture_plan import PicturePlan, plan_picture
 from elys.render_node.quality import FULL, Quality
 from elys.render_node.render_world import RenderWorld
@@ -66,6 +66,7 @@ class Renderer:
         self._targets: dict[tuple[int, int, bool], Targets] = {}
         self._shadow_world: RenderWorld | None = None
         self._shadow = ShadowPass(self.resources)
+        self._lamp_shadows = LampShadowPass(self.resources)
         self._environment = EnvironmentPass(self.resources)
         self._opaque = OpaquePass(self.resources, quality)
         self._sky = SkyPass(self.resources, quality)
@@ -106,7 +107,10 @@ class Renderer:
         with self._timed("shadow"):
             if self._shadow.is_needed(plan):
                 self._shadow.draw(plan)
+            if self._lamp_shadows.is_needed(plan):
+                self._lamp_shadows.draw(plan)
         self._shadow.use()
+        self._lamp_shadows.use()
         with self._timed("occlusion"):
             if self._occlusion.is_needed(plan):
                 self._occlusion.draw(plan)
@@ -189,10 +193,17 @@ class Renderer:
             targets.light.resolve_into(picture)
 
     def _plan(self, world: RenderWorld, view: View, selection: tuple[int, ...], grid: bool) -> PicturePlan:
-        drawn = self._shadow.drawn if self._shadow_world is world else None
+        is_same = self._shadow_world is world
         self._shadow_world = world
         return plan_picture(
-            world, view, selection=selection, grid=grid, drawn_shadow=drawn, shadow_size=self._quality.shadow_size
+            world,
+            view,
+            selection=selection,
+            grid=grid,
+            drawn_shadow=self._shadow.drawn if is_same else None,
+            shadow_size=self._quality.shadow_size,
+            lamp_shadow_size=self._quality.lamp_shadow_size,
+            drawn_lamp_shadows=self._lamp_shadows.drawn if is_same else None,
         )
 
     def _upload(self, plan: PicturePlan) -> None:

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import msgspec
 import numpy as np
 import pytest
 
+from elys.common.components import Light
 from elys.common.errors import DisplayError
+from elys.render_node.camera import View
 from elys.render_node.gpu import Context, offscreen_context
-from elys.render_node.quality import FULL
+from elys.render_node.picture_plan import plan_picture
+from elys.render_node.quality import EXACT, FULL, Quality
+from elys.render_node.renderer import Renderer
 from tests.reference.traced_pictures import relative_errors, wrong_shadow_reach
 from tests.reference.truth_scenes import counted, drawn_light, hard_shadow, spheres
 
@@ -53,6 +58,46 @@ def test_shadows_end_where_rays_say(context: Context, quality: str) -> None:
     assert wrong_shadow_reach(light, scene.truth, ground=0) <= 2
     errors = relative_errors(light, scene.truth.light, counted(scene.truth) & scene.truth.lit)
     assert np.median(errors) < 2e-3
+
+
+@pytest.mark.parametrize("kind", ["point", "spot", "wide spot"])
+@pytest.mark.parametrize("quality", [EXACT, FULL])
+def test_shadows_of_lamps_end_where_rays_say(context: Context, kind: str, quality: Quality) -> None:
+    """Within the inner cone a spot is a bulb."""
+    angles = {"point": (0.0, 0.8), "spot": (0.6, 0.7), "wide spot": (1.2, 1.3)}[kind]
+    lamp = Light(
+        kind="point" if kind == "point" else "spot",
+        intensity=20.0,
+        inner_cone_angle=angles[0],
+        outer_cone_angle=angles[1],
+    )
+    scene = hard_shadow(SIZE, lamp)
+    light = drawn_light(context, scene, SIZE, quality=quality)
+    assert (~scene.truth.lit & (scene.truth.hit == 0)).sum() > 1000  # there is a shadow on the floor
+    assert wrong_shadow_reach(light, scene.truth, ground=0) <= 2
+    errors = relative_errors(light, scene.truth.light, counted(scene.truth) & scene.truth.lit)
+    assert np.median(errors) < 2e-3
+    # Not darkened by themselves: nowhere but at the edges of shadows is light missing.
+    assert np.percentile(errors, 90) < 2e-2
+
+
+def test_lamps_keep_their_shadows_while_nothing_moves(context: Context) -> None:
+    scene = hard_shadow(SIZE, Light(kind="point", intensity=20.0))
+    renderer = Renderer(context, quality=FULL)
+    renderer.settle(scene.world)
+    scene.world.place()
+
+    def squares(eye: tuple[float, float, float]) -> int:
+        drawn = renderer._lamp_shadows.drawn  # what the atlas holds
+        view = View.of(msgspec.structs.replace(scene.camera, position=eye), SIZE, SIZE)
+        plan = plan_picture(scene.world, view, lamp_shadow_size=2048, drawn_lamp_shadows=drawn)
+        renderer.draw(scene.world, view.camera, SIZE, SIZE)
+        return len(plan.lamp_casters)
+
+    assert squares((0.0, 5.0, 7.0)) == 6
+    assert squares((0.5, 5.0, 7.0)) == 0  # who looks around changes nothing
+    scene.world.pose_version += 1
+    assert squares((0.5, 5.0, 7.0)) == 6
 
 
 def test_the_measure_notices_a_shadow_that_lies_elsewhere(context: Context) -> None:

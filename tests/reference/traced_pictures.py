@@ -42,6 +42,7 @@ class Seen(NamedTuple):
     hit: NDArray[np.intp]
     lit: NDArray[np.bool_]
     facing: Array
+    unshadowed: Array  # (H, W, 3): the radiance if nothing stood in the way of light
 
 
 def along(vectors: Any, others: Any) -> Array:
@@ -122,8 +123,8 @@ def traced(
     """The picture: `sun` is the way its light goes and its illuminance [lx], `bulbs` are places and intensities [cd]."""
     reach = np.stack([distance_to(shape, eye, directions) for shape in shapes])
     hit = np.where(np.isfinite(reach.min(axis=0)), reach.argmin(axis=0), -1)
-    light, lit = np.zeros(directions.shape), np.zeros(hit.shape, bool)
-    facing = np.zeros(hit.shape)
+    light, unshadowed = np.zeros(directions.shape), np.zeros(directions.shape)
+    lit, facing = np.zeros(hit.shape, bool), np.zeros(hit.shape)
     to_sun = -unit(sun[0])
     for index, shape in enumerate(shapes):
         here = hit == index
@@ -136,13 +137,42 @@ def traced(
             for other in shapes:
                 reached &= ~np.isfinite(distance_to(other, raised, towards))
         sunlight = scattered(normal, to_view, np.broadcast_to(to_sun, points.shape), shape.surface) * sun[1]
-        total = np.where(reached[:, None], sunlight, 0.0)
+        lamps = np.zeros_like(sunlight)
         for place, intensity in bulbs:
             offset = np.asarray(place) - points
             squared = along(offset, offset)
-            total = total + scattered(normal, to_view, offset / np.sqrt(squared), shape.surface) * intensity / squared
-        light[here], lit[here], facing[here] = total, reached, along(normal, to_view)[..., 0]
-    return Seen(light, hit, lit, facing)
+            lamps += scattered(normal, to_view, offset / np.sqrt(squared), shape.surface) * intensity / squared
+        light[here] = np.where(reached[:, None], sunlight, 0.0) + lamps
+        unshadowed[here] = sunlight + lamps
+        lit[here], facing[here] = reached, along(normal, to_view)[..., 0]
+    return Seen(light, hit, lit, facing, unshadowed)
+
+
+def traced_by_lamp(
+    shapes: list[Sphere | Block], directions: Array, eye: Any, place: Any, intensity: float, cone: float
+) -> Seen:
+    """The picture by one bulb [cd] that throws shadows; `lit` says whether it reaches what is seen. What is more than `cone` [rad]
+    off the way from the bulb to the world's origin counts as not hit.
+    """
+    reach = np.stack([distance_to(shape, eye, directions) for shape in shapes])
+    hit = np.where(np.isfinite(reach.min(axis=0)), reach.argmin(axis=0), -1)
+    light, unshadowed = np.zeros(directions.shape), np.zeros(directions.shape)
+    lit, facing = np.zeros(hit.shape, bool), np.zeros(hit.shape)
+    for index, shape in enumerate(shapes):
+        here = hit == index
+        points = np.asarray(eye) + directions[here] * reach[index][here][:, None]
+        normal, to_view = normal_at(shape, points), -directions[here]
+        offset = np.asarray(place) - points
+        away = np.sqrt(along(offset, offset))
+        reached = along(normal, offset)[..., 0] > 0
+        for other in shapes:
+            reached &= distance_to(other, points + normal * 1e-5, offset / away) > away[:, 0]
+        full = scattered(normal, to_view, offset / away, shape.surface) * intensity / away**2
+        light[here], unshadowed[here] = np.where(reached[:, None], full, 0.0), full
+        lit[here], facing[here] = reached, along(normal, to_view)[..., 0]
+        off = np.arccos(np.clip(along(offset / away, unit(place))[..., 0], -1, 1))
+        hit[here] = np.where(off < cone, index, -1)
+    return Seen(light, hit, lit, facing, unshadowed)
 
 
 def shrunk(mask: NDArray[np.bool_], steps: int) -> NDArray[np.bool_]:
@@ -164,8 +194,7 @@ def wrong_shadow_reach(picture: NDArray[np.floating[Any]], seen: Seen, ground: i
     """How far [pixels] from the true edge of a shadow on shape `ground` the farthest pixel is that is lit where there should be
     shadow or the other way round: 0 if there is none, `farthest` + 1 if it is farther.
     """
-    bright = seen.light.max(axis=-1)
-    shines = picture.max(axis=-1) > 0.5 * np.maximum(bright, 0.5 * np.median(bright[seen.lit]))
+    shines = picture.max(axis=-1) > 0.5 * seen.unshadowed.max(axis=-1)
     near_others = ~shrunk(seen.hit == ground, 3)
     wrong = (shines != seen.lit) & ~near_others
     for steps in range(farthest + 1):

@@ -17,11 +17,12 @@ from elys.render_node.quality import EXACT, Quality
 from elys.render_node.render_world import RenderWorld
 from elys.render_node.renderer import Renderer
 from elys.render_node.scene_tables import tables_of
-from tests.reference.traced_pictures import Block, Seen, Sphere, Surface, rays, shrunk, traced
+from tests.reference.traced_pictures import Block, Seen, Sphere, Surface, rays, shrunk, traced, traced_by_lamp
 
 SIDE = 7
 COLOR = (0.75, 0.4, 0.15)
 SUN_WAY, BULB = (-0.35, -0.55, -0.75), (4.5, 4.0, 6.0)
+LAMP_PLACE = (1.9, 3.6, 1.1)
 GRAZING = 0.15  # cosine of the angle of view under which a mesh's edges show
 
 
@@ -62,8 +63,8 @@ def spheres(size: int) -> Staged:
     return Staged(staged(things, store), camera, truth)
 
 
-def hard_shadow(size: int) -> Staged:
-    """The floor is shape 0."""
+def hard_shadow(size: int, lamp: Light | None = None) -> Staged:
+    """Of the sun, or of a lamp at LAMP_PLACE that shines at the middle. The floor is shape 0."""
     surface = Surface((0.8, 0.8, 0.8), 0.0, 0.9)
     material = Material(base_color=(0.8, 0.8, 0.8), roughness=0.9)
     shapes: list[Sphere | Block] = [
@@ -78,13 +79,27 @@ def hard_shadow(size: int) -> Staged:
         (Transform(position=(0.0, -0.1, 0.0), scale=(8.0, 0.2, 8.0)), MeshRenderer(), material),
         (Transform(position=(-1.2, 1.0, 0.0), scale=(0.7,) * 3), MeshRenderer(mesh=ball), material),
         (Transform(position=(1.2, 0.6, 0.0), scale=(1.2, 1.2, 1.2)), MeshRenderer(), material),
-        (Transform(rotation=facing(way)), Light(intensity=3.0)),
+        (Transform(rotation=facing(way)), Light(intensity=3.0))
+        if lamp is None
+        else (Transform(position=LAMP_PLACE, rotation=facing(-np.array(LAMP_PLACE))), lamp),
     ]
     pitch = -0.62
     turned = np.array([[1, 0, 0], [0, np.cos(pitch), -np.sin(pitch)], [0, np.sin(pitch), np.cos(pitch)]])
     rotation = (float(np.sin(pitch / 2)), 0.0, 0.0, float(np.cos(pitch / 2)))
     camera = ViewCamera(position=(0.0, 5.0, 7.0), rotation=rotation, field_of_view=0.7)
-    truth = traced(shapes, rays(size, 0.7, turned), camera.position, sun=(way, 3.0))
+    seen_along = rays(size, 0.7, turned)
+    truth = (
+        traced(shapes, seen_along, camera.position, sun=(way, 3.0))
+        if lamp is None
+        else traced_by_lamp(
+            shapes,
+            seen_along,
+            camera.position,
+            LAMP_PLACE,
+            lamp.intensity,
+            np.pi if lamp.kind == "point" else lamp.inner_cone_angle,
+        )
+    )
     return Staged(staged(things, store), camera, truth)
 
 

@@ -191,7 +191,7 @@ class MeshRenderer(Component, frozen=True):
         "box"
     )
     visible: Annotated[bool, about("Drawn at all.")] = True
-    cast_shadows: Annotated[bool, about("Stops the sun's light.")] = True
+    cast_shadows: Annotated[bool, about("Stops the light of the sun and of lamps.")] = True
 
 
 @component

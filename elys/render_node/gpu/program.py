@@ -29,6 +29,7 @@ TEXTURE_UNITS: Final[Mapping[str, int]] = {
     "sky_map": 8,
     "depths": 9,
     "ambient_openness": 10,
+    "lamp_shadow_map": 11,
     "picture": 0,
     "mask": 0,
 }

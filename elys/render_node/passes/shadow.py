@@ -1,6 +1,9 @@
-"""The sun's shadow map: how far light gets, seen along its direction."""
+"""Shadow maps: how far the light of the sun, of bulbs and of spots gets."""
 
 from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
 
 from elys.render_node.gpu import TEXTURE_UNITS, Framebuffer, Program
 from elys.render_node.passes.drawing import depth_program, draw_calls
@@ -48,3 +51,43 @@ class ShadowPass:
         """Shows the map to the passes that shade."""
         if self._map is not None and self._map.depth is not None:
             self._map.depth.use(TEXTURE_UNITS["shadow_map"])
+
+
+class LampShadowPass:
+    """Keeps an atlas of what bulbs and spots see, while neither they nor anything that throws shadows moves."""
+
+    def __init__(self, resources: Resources) -> None:
+        self._resources = resources
+        self._atlas: Framebuffer | None = None
+        self.drawn: ShadowState | None = None
+
+    @staticmethod
+    def is_needed(plan: PicturePlan) -> bool:
+        """Whether lamps throw shadows that the atlas does not hold yet."""
+        return bool(plan.lamp_casters)
+
+    def draw(self, plan: PicturePlan) -> None:
+        """Draws into each square what stands in its lamp's light."""
+        shadows, context = plan.lamp_shadows, self._resources.context
+        assert shadows is not None
+        if self._atlas is None:
+            self._atlas = Framebuffer(context, shadows.size, shadows.size, (), depth=True, compare=True)
+        self._atlas.use()
+        self._atlas.clear()
+        context.set_state(depth_test="less", polygon_offset=SLOPE_OFFSET)
+        for square, calls in enumerate(plan.lamp_casters):
+            self._atlas.use(region=shadows.region(square))
+            target_from_relative = shadows.clip_from_relative(square, plan.view.eye)
+
+            def choose(_: Geometry, look: Look, target: NDArray[np.float64] = target_from_relative) -> Program:
+                program = depth_program(self._resources, plan, look)
+                program.set("target_from_relative", target)
+                return program
+
+            draw_calls(self._resources, plan, calls, choose)
+        self.drawn = ShadowState(plan.world.scene_version, plan.world.pose_version, shadows.key)
+
+    def use(self) -> None:
+        """Shows the atlas to the passes that shade."""
+        if self._atlas is not None and self._atlas.depth is not None:
+            self._atlas.depth.use(TEXTURE_UNITS["lamp_shadow_map"])

@@ -4,6 +4,7 @@ struct Lamp {
     vec4 position_range;   // relative [m]; range [m], 0 for no end
     vec4 color_scale;      // intensity [cd]; scale of the cone
     vec4 direction_offset; // the way it shines; offset of the cone
+    vec4 shadow;           // first square in the atlas, -1 for none; 1 for a bulb's six; normal offset a metre; texel
 };
 
 layout(std140) uniform Frame {
@@ -20,4 +21,5 @@ layout(std140) uniform Frame {
     vec4 fog_color;             // radiance; w: density at the eye's height [1/m]
     vec4 fog_shape;             // x: falloff with height [1/m]
     Lamp lamps[8];
+    mat4 lamp_maps[16];         // to 0..1 in the atlas of lamps' shadows, before the division
 };

@@ -20,6 +20,9 @@ in vec3 vertex_irradiance;
 #ifdef SHADOWS
 #include "shadow.glsl"
 #endif
+#ifdef LAMP_SHADOWS
+#include "lamp_shadow.glsl"
+#endif
 #ifdef TO_SCREEN
 #include "tonemap.glsl"
 #endif
@@ -101,7 +104,11 @@ vec3 lamplight(vec3 normal, vec3 to_view, vec3 color, float metallic, float roug
         float ratio = range > 0.0 ? distance_squared / (range * range) : 0.0;
         float attenuation = clamp(1.0 - ratio * ratio, 0.0, 1.0) / distance_squared;  // KHR_lights_punctual
         float cone = clamp(dot(-to_lamp, lamps[i].direction_offset.xyz) * lamps[i].color_scale.w + lamps[i].direction_offset.w, 0.0, 1.0);
-        sum += reflected(normal, to_view, to_lamp, color, metallic, roughness) * lamps[i].color_scale.rgb * (attenuation * cone * cone);
+        vec3 light = reflected(normal, to_view, to_lamp, color, metallic, roughness) * lamps[i].color_scale.rgb * (attenuation * cone * cone);
+#ifdef LAMP_SHADOWS
+        if (light != vec3(0.0)) light *= lamplight_at(i, relative, smooth_normal());
+#endif
+        sum += light;
     }
     return sum;
 }
