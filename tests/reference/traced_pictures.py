@@ -151,8 +151,8 @@ def traced(
 def traced_by_lamp(
     shapes: list[Sphere | Block], directions: Array, eye: Any, place: Any, intensity: float, cone: float
 ) -> Seen:
-    """The picture by one bulb [cd] that throws shadows; `lit` says whether it reaches what is seen. What is more than `cone` [rad]
-    off the way from the bulb to the world's origin counts as not hit.
+    """The picture by one bulb [cd] that throws shadows; `lit` says whether it reaches what is seen. What is more than `cone`
+    [rad] off the way from the bulb to the world's origin counts as not hit.
     """
     reach = np.stack([distance_to(shape, eye, directions) for shape in shapes])
     hit = np.where(np.isfinite(reach.min(axis=0)), reach.argmin(axis=0), -1)
