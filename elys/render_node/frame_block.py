@@ -31,6 +31,7 @@ FRAME_DTYPE: Final = np.dtype(
         ("sun_direction", "<f4", 4),
         ("sun_illuminance", "<f4", 4),
         ("shadow_scale", "<f4", 4),
+        ("near_shadow_from_relative", "<f4", (4, 4)),
         ("irradiance", "<f4", (9, 4)),
         ("mirror_tiles", "<f4", (6, 4)),
         ("grid_origin", "<f4", 4),
@@ -63,6 +64,9 @@ def frame_block(plan: PicturePlan, harmonics: NDArray[np.float64], tiles: NDArra
         frame["shadow_from_relative"] = (_MAP_FROM_CLIP @ plan.shadow.map_from_relative).T
         frame["sun_illuminance"][3] = 1.0
         frame["shadow_scale"][:2] = (plan.shadow.texel * NORMAL_OFFSET, 1.0 / plan.shadow.map_size)
+    if plan.near_shadow is not None:
+        frame["near_shadow_from_relative"] = (_MAP_FROM_CLIP @ plan.near_shadow.map_from_relative).T
+        frame["shadow_scale"][2:] = (plan.near_shadow.texel * NORMAL_OFFSET, 1.0 / plan.near_shadow.map_size)
     picture = plan.picture
     thinned = math.exp(min(max(-picture.fog_falloff * float(view.eye[1]), -60.0), 60.0))
     frame["fog_color"] = (*picture.fog_color, picture.fog_density * thinned)

@@ -45,7 +45,9 @@ def scene_passes(
         world.place()
         view = View.of(world.camera(width / height), width, height)
         return told_passes(
-            plan_picture(world, view, shadow_size=FULL.shadow_size, lamp_shadow_size=FULL.lamp_shadow_size)
+            plan_picture(
+                world, view, shadow_size=FULL.shadow_size, long_views=True, lamp_shadow_size=FULL.lamp_shadow_size
+            )
         )
     finally:
         reader.close()
@@ -139,4 +141,5 @@ def _why_shadow(plan: PicturePlan) -> str:
         return "nothing that throws a shadow is in view"
     if plan.shadow_is_fresh:
         return "the map drawn for the last picture still holds"
-    return f"{sum(call.instance_count for call in plan.casters)} things throw shadows"
+    finer = ", and a finer map around the eye for the long view" if plan.near_shadow is not None else ""
+    return f"{sum(call.instance_count for call in plan.casters)} things throw shadows{finer}"

@@ -202,6 +202,7 @@ class Renderer:
             grid=grid,
             drawn_shadow=self._shadow.drawn if is_same else None,
             shadow_size=self._quality.shadow_size,
+            long_views=not self._quality.single_shadow_tap,
             lamp_shadow_size=self._quality.lamp_shadow_size,
             drawn_lamp_shadows=self._lamp_shadows.drawn if is_same else None,
         )

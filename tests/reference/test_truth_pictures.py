@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import msgspec
 import numpy as np
@@ -104,3 +105,20 @@ def test_the_measure_notices_a_shadow_that_lies_elsewhere(context: Context) -> N
     scene = hard_shadow(SIZE)
     light = np.roll(drawn_light(context, scene, SIZE), 5, axis=1)
     assert wrong_shadow_reach(light, scene.truth, ground=0) > 2
+
+
+def test_long_views_have_a_finer_map_around_the_eye(context: Context) -> None:
+    """The ball and the block again, with things that throw shadows as far as 400 m: one map alone would miss the edges by far."""
+    shadows = {}
+    for long_views in (True, False):
+        scene = hard_shadow(SIZE, far_things=True)
+        quality = replace(FULL, single_shadow_tap=not long_views)
+        light = drawn_light(context, scene, SIZE, quality=quality)
+        shadows[long_views] = wrong_shadow_reach(light, scene.truth, ground=0)
+        view = View.of(scene.camera, SIZE, SIZE)
+        plan = plan_picture(scene.world, view, shadow_size=2048, long_views=long_views)
+        assert (plan.near_shadow is not None) == long_views
+    assert shadows[True] <= 2 < shadows[False]
+    plain = hard_shadow(SIZE)
+    drawn_light(context, plain, SIZE)  # its meshes have come
+    assert plan_picture(plain.world, view, shadow_size=2048, long_views=True).near_shadow is None  # no need

@@ -63,8 +63,10 @@ def spheres(size: int) -> Staged:
     return Staged(staged(things, store), camera, truth)
 
 
-def hard_shadow(size: int, lamp: Light | None = None) -> Staged:
-    """Of the sun, or of a lamp at LAMP_PLACE that shines at the middle. The floor is shape 0."""
+def hard_shadow(size: int, lamp: Light | None = None, *, far_things: bool = False) -> Staged:
+    """Of the sun, or of a lamp at LAMP_PLACE that shines at the middle, and, if wanted, with things far behind and below, which
+    are not seen. The floor is shape 0.
+    """
     surface = Surface((0.8, 0.8, 0.8), 0.0, 0.9)
     material = Material(base_color=(0.8, 0.8, 0.8), roughness=0.9)
     shapes: list[Sphere | Block] = [
@@ -83,6 +85,12 @@ def hard_shadow(size: int, lamp: Light | None = None) -> Staged:
         if lamp is None
         else (Transform(position=LAMP_PLACE, rotation=facing(-np.array(LAMP_PLACE))), lamp),
     ]
+    if far_things:
+        things += [
+            (Transform(position=(side * 150.0, -40.0, -100.0 * row)), MeshRenderer(), material)
+            for side in (-1, 1)
+            for row in range(1, 5)
+        ]
     pitch = -0.62
     turned = np.array([[1, 0, 0], [0, np.cos(pitch), -np.sin(pitch)], [0, np.sin(pitch), np.cos(pitch)]])
     rotation = (float(np.sin(pitch / 2)), 0.0, 0.0, float(np.cos(pitch / 2)))

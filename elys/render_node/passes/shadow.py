@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from elys.render_node.gpu import TEXTURE_UNITS, Framebuffer, Program
 from elys.render_node.passes.drawing import depth_program, draw_calls
-from elys.render_node.picture_plan import PicturePlan, ShadowState
+from elys.render_node.picture_plan import PicturePlan, ShadowState, shadow_state
 from elys.render_node.render_world import Look
 from elys.render_node.resources import Geometry, Resources
 
@@ -31,21 +31,24 @@ class ShadowPass:
         """Draws all casters into the map."""
         assert plan.shadow is not None
         context = self._resources.context
-        if self._map is None:
-            self._map = Framebuffer(context, plan.shadow.map_size, plan.shadow.map_size, (), depth=True, compare=True)
+        fits = [plan.shadow] if plan.near_shadow is None else [plan.shadow, plan.near_shadow]
+        edge = plan.shadow.map_size
+        if self._map is None or self._map.width != edge * len(fits):
+            self._map = Framebuffer(context, edge * len(fits), edge, (), depth=True, compare=True)
         self._map.use()
         self._map.clear()
         context.set_state(depth_test="less", polygon_offset=SLOPE_OFFSET)
-        target_from_relative = plan.shadow.map_from_relative
+        for column, fit in enumerate(fits):
+            self._map.use(region=(column * edge, 0, edge, edge))
 
-        def choose(_: Geometry, look: Look) -> Program:
-            program = depth_program(self._resources, plan, look)
-            program.set("target_from_relative", target_from_relative)
-            return program
+            def choose(_: Geometry, look: Look, target: NDArray[np.float64] = fit.map_from_relative) -> Program:
+                program = depth_program(self._resources, plan, look)
+                program.set("target_from_relative", target)
+                return program
 
-        # What turns its back to the sun is hidden by its own front, or is a sheet that is not there from behind either.
-        draw_calls(self._resources, plan, plan.casters, choose)
-        self.drawn = ShadowState(plan.world.scene_version, plan.world.pose_version, plan.shadow.key)
+            # What turns its back to the sun is hidden by its own front, or is a sheet that is not there from behind either.
+            draw_calls(self._resources, plan, plan.casters, choose)
+        self.drawn = shadow_state(plan.world, plan.shadow, plan.near_shadow)
 
     def use(self) -> None:
         """Shows the map to the passes that shade."""

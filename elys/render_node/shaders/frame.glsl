@@ -13,7 +13,8 @@ layout(std140) uniform Frame {
     mat4 shadow_from_relative;  // to 0..1 in the shadow map
     vec4 sun_direction;         // towards the sun; w: 1 where it shines
     vec4 sun_illuminance;       // [lx]; w: 1 where it throws shadows
-    vec4 shadow_scale;          // x: normal offset [m], y: texel of the map in its 0..1
+    vec4 shadow_scale;          // x: normal offset [m], y: texel of the map in its 0..1; z, w: the same of the near one, w 0 for none
+    mat4 near_shadow_from_relative;
     vec4 irradiance[9];         // per pi, see irradiance_from
     vec4 mirror_tiles[6];       // where the squares of each roughness are: lower left corner and edges
     vec4 grid_origin;           // xyz of the eye, x and z wrapped to the grid's period; w: exposure
