@@ -45,6 +45,10 @@ class Quality:
         """What shaders that look shadows up are compiled with."""
         return ("SHADOWS", "SINGLE_SHADOW_TAP") if self.single_shadow_tap else ("SHADOWS",)
 
+    def reads_albedo_table(self, picture: PictureSettings, *, surroundings: bool) -> bool:
+        """Whether surfaces look up how much light from everywhere they reflect; who is to be quick approximates it."""
+        return not self.to_screen and (surroundings or picture.multiple_scattering)
+
 
 def tone_defines(picture: PictureSettings) -> tuple[str, ...]:
     """What shaders that turn light into the screen's colours are compiled with."""

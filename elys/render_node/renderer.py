@@ -67,7 +67,7 @@ class Renderer:
         self._shadow_world: RenderWorld | None = None
         self._shadow = ShadowPass(self.resources)
         self._lamp_shadows = LampShadowPass(self.resources)
-        self._environment = EnvironmentPass(self.resources)
+        self._environment = EnvironmentPass(self.resources, quality)
         self._opaque = OpaquePass(self.resources, quality)
         self._sky = SkyPass(self.resources, quality)
         self._grid = GridPass(self.resources, quality)
@@ -115,7 +115,7 @@ class Renderer:
             if self._occlusion.is_needed(plan):
                 self._occlusion.draw(plan)
                 self._occlusion.use()
-        self._environment.use()
+        self._environment.use(plan)
         targets.drawn.use()
         targets.drawn.clear()
         with self._timed("opaque"):

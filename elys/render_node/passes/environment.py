@@ -11,6 +11,7 @@ from elys.render_node.directional_albedo import albedo_table
 from elys.render_node.gpu import TEXTURE_UNITS, Framebuffer, Texture
 from elys.render_node.passes.backdrop import ScreenShader
 from elys.render_node.picture_plan import PicturePlan
+from elys.render_node.quality import Quality
 from elys.render_node.radiance_files import fitted
 from elys.render_node.resources import Resources
 from elys.render_node.sky_models import irradiance_harmonics
@@ -27,8 +28,9 @@ SAMPLES: Final = {True: 32, False: 192}  # of a smooth sky, and of pictures with
 class EnvironmentPass:
     """Keeps what it made while the surroundings stay the same."""
 
-    def __init__(self, resources: Resources) -> None:
+    def __init__(self, resources: Resources, quality: Quality) -> None:
         self._resources = resources
+        self._quality = quality
         self._screen = ScreenShader(resources, "prefilter.frag")
         self._atlas: Framebuffer | None = None
         self._map: Texture | None = None
@@ -55,16 +57,20 @@ class EnvironmentPass:
             self._filter(around)
         self.drawn = around.key
 
-    def use(self) -> None:
+    def use(self, plan: PicturePlan) -> None:
         """Shows all of it to the passes that shade."""
-        if self._table is None:
-            table = albedo_table()
-            self._table = Texture(self._resources.context, table.shape[1::-1], "rgba32f", data=table)
-        self._table.use(TEXTURE_UNITS["albedo_table"])
+        if self._quality.reads_albedo_table(plan.picture, surroundings=plan.surroundings.gives_light):
+            self._show_table()
         if self._atlas is not None:
             self._atlas.colors[0].use(TEXTURE_UNITS["surroundings"])
         if self._map is not None:
             self._map.use(TEXTURE_UNITS["sky_map"])
+
+    def _show_table(self) -> None:
+        if self._table is None:
+            table = albedo_table()
+            self._table = Texture(self._resources.context, table.shape[1::-1], "rgba32f", data=table)
+        self._table.use(TEXTURE_UNITS["albedo_table"])
 
     def _filter(self, around: Surroundings) -> None:
         context = self._resources.context
