@@ -257,7 +257,7 @@ def record(
 @app.command()
 def render(
     source: Annotated[str, typer.Argument(help="a scene or a recording (.mcap)")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="out.png or out.mp4")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="out.png, out.npy (linear light) or out.mp4")],
     size: Annotated[str, typer.Option(help="WIDTHxHEIGHT in pixels")] = "1280x720",
     time: Annotated[
         float, typer.Option(help="simulation time of a picture, start of a video [s]", min=0.0, max=1e6)
@@ -266,11 +266,15 @@ def render(
         float, typer.Option(help="length of a video [s]; 0: a recording's, or 5 s of a scene", min=0.0, max=1e6)
     ] = 0.0,
     fps: Annotated[float, typer.Option(help="pictures a second of a video", min=1.0, max=240.0)] = 30.0,
+    environment: Annotated[
+        bool,
+        typer.Option(help="light from all around and a sky, as the scene has them; else lamps alone, before black"),
+    ] = True,
 ) -> None:
     """Draw a scene or a recording offscreen, to a picture or a video."""
     from elys.verbs import render as verb
 
-    verb.render(source, output, size=size, time=time, duration=duration, fps=fps)
+    verb.render(source, output, size=size, time=time, duration=duration, fps=fps, environment=environment)
 
 
 @app.command()

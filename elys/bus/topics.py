@@ -18,7 +18,7 @@ M = TypeVar("M")
 Q = TypeVar("Q")
 R = TypeVar("R")
 
-PROTOCOL_VERSION: Final = 1
+PROTOCOL_VERSION: Final = 2
 ROOT: Final = "elys"
 
 

@@ -20,14 +20,15 @@ from elys.bus.mirror import SceneMirror
 from elys.common.errors import AssetError, ElysError
 from elys.render_node.drawable_assets import DrawableAssets
 from elys.render_node.gpu import Context, offscreen_context
-from elys.render_node.quality import FULL, Quality
+from elys.render_node.quality import EXACT, FULL, Quality
 from elys.render_node.render_world import RenderWorld
 from elys.render_node.renderer import Renderer
 from elys.render_node.scene_tables import SceneReader
 
 MAX_EDGE: Final = 8192  # [pixels]
 CONSTANT_RATE_FACTOR: Final = "20"  # of H.264: hardly told from the original
-PICTURE_SUFFIXES: Final = (".png",)
+PICTURE_SUFFIXES: Final = (".png", ".npy")
+LINEAR_SUFFIXES: Final = (".npy",)
 VIDEO_SUFFIXES: Final = (".mp4",)
 Progress = Callable[[int, int], None]  # pictures drawn, pictures in all (0: not known)
 
@@ -46,20 +47,24 @@ class OfflineRenderer:
         width: int = 1280,
         height: int = 720,
         quality: Quality = FULL,
+        environment: bool = True,
         context: Context | None = None,
     ) -> None:
-        """`fetch` gives the bytes of an asset, as `AssetStore.get` does. Raises DisplayError where nothing can be drawn."""
+        """`fetch` gives the bytes of an asset, as `AssetStore.get` does. Without `environment` only lamps and what glows give
+        light, and behind everything it is black. Raises DisplayError where nothing can be drawn.
+        """
         if not (1 <= width <= MAX_EDGE and 1 <= height <= MAX_EDGE):
             raise ElysError(f"a picture of {width} x {height} pixels cannot be drawn: edges go from 1 to {MAX_EDGE}")
         self.width, self.height = width, height
         self.mirror = mirror
-        self.world = RenderWorld(DrawableAssets(fetch))
+        self.world = RenderWorld(DrawableAssets(fetch), environment=environment)
         self._reader = SceneReader(mirror)
         self._owns_context = context is None
         self._context = context if context is not None else offscreen_context()
-        self._renderer = Renderer(self._context, quality=quality)
+        self._quality = quality
+        self._renderers: dict[Quality, Renderer] = {}
         self._framing: ViewCamera | None = None
-        self._settled_version = -1
+        self._settled: tuple[Renderer, int] | None = None  # whose images are all there, of which scene
 
     def __enter__(self) -> Self:
         return self
@@ -78,20 +83,28 @@ class OfflineRenderer:
 
     def picture(self, *, camera: ViewCamera | None = None, time: float | None = None) -> NDArray[np.uint8]:
         """RGBA (H, W, 4), the upper row first, of the newest state, or between the newest two at a simulation time [s]."""
-        self.world.read_scene(self._reader)
-        newest = self.mirror.latest_frame
-        if newest is not None:
-            self.world.take_state(newest)
-        self._settle()
-        self.world.place(simulation_time=time)
-        target = self._renderer.draw(self.world, camera or self._camera(), self.width, self.height)
-        return self._renderer.read_pixels(target)
+        renderer = self._renderer(self._quality)
+        self._place(renderer, time)
+        target = renderer.draw(self.world, camera or self._camera(), self.width, self.height)
+        return renderer.read_pixels(target)
+
+    def light(self, *, camera: ViewCamera | None = None, time: float | None = None) -> NDArray[np.float32]:
+        """Linear radiance RGB (H, W, 3) along the rays through the pixels' middles, the upper row first: neither exposed, nor
+        tone-mapped, nor averaged over the pixel.
+        """
+        renderer = self._renderer(EXACT)
+        self._place(renderer, time)
+        renderer.draw(self.world, camera or self._camera(), self.width, self.height)
+        return np.ascontiguousarray(renderer.read_light(self.width, self.height)[..., :3])
 
     def write_picture(self, path: Path, *, camera: ViewCamera | None = None) -> None:
-        """Draws what is now into a PNG file. Raises ElysError where it cannot be written."""
+        """Draws what is now: a .png holds what a screen shows, a .npy `light`. Raises ElysError where it cannot be written."""
         if output_kind(path) != "picture":
             raise ElysError(f"{path} is no picture: give it the suffix {' or '.join(PICTURE_SUFFIXES)}")
-        save_picture(path, self.picture(camera=camera))
+        if path.suffix.lower() in LINEAR_SUFFIXES:
+            save_light(path, self.light(camera=camera))
+        else:
+            save_picture(path, self.picture(camera=camera))
 
     def write_video(
         self,
@@ -130,10 +143,20 @@ class OfflineRenderer:
         self._framing = self._framing or self.world.camera(aspect)
         return self._framing
 
-    def _settle(self) -> None:
-        if self._settled_version != self.world.scene_version:
-            self._renderer.settle(self.world)
-            self._settled_version = self.world.scene_version
+    def _renderer(self, quality: Quality) -> Renderer:
+        if quality not in self._renderers:
+            self._renderers[quality] = Renderer(self._context, quality=quality)
+        return self._renderers[quality]
+
+    def _place(self, renderer: Renderer, time: float | None) -> None:
+        self.world.read_scene(self._reader)
+        newest = self.mirror.latest_frame
+        if newest is not None:
+            self.world.take_state(newest)
+        if self._settled != (renderer, self.world.scene_version):
+            renderer.settle(self.world)
+            self._settled = (renderer, self.world.scene_version)
+        self.world.place(simulation_time=time)
 
 
 class VideoWriter:
@@ -210,6 +233,15 @@ def save_picture(path: Path, pixels: NDArray[np.uint8]) -> None:
     """Writes RGBA or RGB pixels (H, W, 3 or 4), the upper row first, as an opaque PNG. Raises ElysError."""
     try:
         Image.fromarray(np.ascontiguousarray(pixels[:, :, :3])).save(path, format="PNG")
+    except OSError as error:
+        raise ElysError(f"{path} cannot be written: {error.strerror or error}") from error
+
+
+def save_light(path: Path, light: NDArray[np.float32]) -> None:
+    """Writes radiance (H, W, 3), the upper row first, as a .npy file. Raises ElysError."""
+    try:
+        with path.open("wb") as file:
+            np.save(file, light)
     except OSError as error:
         raise ElysError(f"{path} cannot be written: {error.strerror or error}") from error
 

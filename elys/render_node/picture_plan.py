@@ -8,14 +8,16 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from elys.common.scene import PictureSettings
 from elys.render_node.camera import View, frustum_planes
 from elys.render_node.gpu import INSTANCE_DTYPE
+from elys.render_node.lamp_shadows import LampShadows, fit_lamp_shadows
 from elys.render_node.render_world import Batch, PlacedLight, RenderWorld
 from elys.render_node.scene_tables import Rows
-from elys.render_node.shadow_fit import ShadowFit, fit_shadow
+from elys.render_node.shadow_fit import ShadowFit, fit_near_shadow, fit_shadow
+from elys.render_node.surroundings import Surroundings
 
 MAX_LAMPS: Final = 8  # point and spot lights in one picture: those that matter most
-EXPOSURE: Final = 1.0  # a sun of pi lx makes white white, see `frame_block`
 
 
 class DrawCall(NamedTuple):
@@ -40,8 +42,17 @@ class PicturePlan:
     sun: PlacedLight | None
     lamps: list[PlacedLight]
     shadow: ShadowFit | None
+    near_shadow: ShadowFit | None  # a finer one around the eye, where the view is long
     shadow_is_fresh: bool  # the map drawn for the last picture still holds
+    lamp_shadows: LampShadows | None
+    lamp_casters: list[list[DrawCall]]  # of each of their squares; none while the atlas drawn last still holds
     grid: bool
+    surroundings: Surroundings
+
+    @property
+    def picture(self) -> PictureSettings:
+        """What the scene asks of its pictures."""
+        return self.world.settings.picture
 
 
 class ShadowState(NamedTuple):
@@ -52,6 +63,11 @@ class ShadowState(NamedTuple):
     key: tuple[float, ...]
 
 
+def shadow_state(world: RenderWorld, shadow: ShadowFit, near: ShadowFit | None) -> ShadowState:
+    """What maps of these hold once they are drawn."""
+    return ShadowState(world.scene_version, world.pose_version, shadow.key + (near.key if near is not None else ()))
+
+
 def plan_picture(
     world: RenderWorld,
     view: View,
@@ -60,22 +76,34 @@ def plan_picture(
     grid: bool = False,
     drawn_shadow: ShadowState | None = None,
     shadow_size: int = 0,
+    long_views: bool = False,
+    lamp_shadow_size: int = 0,
+    drawn_lamp_shadows: ShadowState | None = None,
 ) -> PicturePlan:
     """Decides what a picture of the world in this view consists of; `drawn_shadow` is what the shadow map, of `shadow_size`
-    texels an edge (0 for none), holds already.
+    texels an edge (0 for none), holds already, and `drawn_lamp_shadows` the same of the atlas of lamps. With
+    `long_views` a finer map around the eye is added where one would be coarse.
     """
     relative_centre = (world.centre - view.eye).astype(np.float32)
     seen = _within(frustum_planes(view.clip_from_relative), relative_centre, world.radius)
     lights = world.lights()
     sun = _brightest_sun(lights)
     shadow = _shadow(world, view, sun, shadow_size) if shadow_size else None
-    is_fresh = shadow is not None and drawn_shadow == ShadowState(world.scene_version, world.pose_version, shadow.key)
+    near_shadow = fit_near_shadow(world, view, sun.direction, shadow) if shadow and sun and long_views else None
+    is_fresh = shadow is not None and drawn_shadow == shadow_state(world, shadow, near_shadow)
     rows = _RowCollector(world)
     seen_rows = np.flatnonzero(seen)
     first_blended = next((batch.first for batch in world.batches if batch.is_blended), world.instance_count)
     opaque = rows.add_grouped(seen_rows[seen_rows < first_blended])
     transparent = rows.add_sorted(seen_rows[seen_rows >= first_blended], _distance(view, relative_centre))
     casters = rows.add_grouped(_caster_rows(world, first_blended)) if shadow is not None and not is_fresh else []
+    lamps = _nearest_lamps(lights, view.eye)
+    all_casters = _caster_rows(world, first_blended)
+    around = fit_lamp_shadows(world, lamps, all_casters, lamp_shadow_size) if lamp_shadow_size and lamps else None
+    holds = around is not None and drawn_lamp_shadows == ShadowState(
+        world.scene_version, world.pose_version, around.key
+    )
+    lamp_casters = [rows.add_grouped(found) for found in around.casters] if around is not None and not holds else []
     selected = rows.add_grouped(np.intersect1d(world.instances_of(selection), seen_rows, assume_unique=True))
     return PicturePlan(
         view=view,
@@ -86,10 +114,14 @@ def plan_picture(
         casters=casters,
         selected=selected,
         sun=sun,
-        lamps=_nearest_lamps(lights, view.eye),
+        lamps=lamps,
         shadow=shadow,
+        near_shadow=near_shadow,
         shadow_is_fresh=is_fresh,
+        lamp_shadows=around,
+        lamp_casters=lamp_casters,
         grid=grid,
+        surroundings=world.surroundings(None if sun is None else -sun.direction),
     )
 
 

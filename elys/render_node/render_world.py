@@ -11,12 +11,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.messages.views import ViewCamera
-from elys.common.components import Camera, Light, Material
+from elys.common.components import Camera, Environment, Light, Material
 from elys.common.math import quaternion
 from elys.common.math.aabb import transform_bounds
 from elys.common.scene import SceneSettings
@@ -25,9 +26,11 @@ from elys.render_node.drawable_assets import UNKNOWN_EXTENT, DrawableAssets
 from elys.render_node.look import Look, look_of
 from elys.render_node.placement import Placement
 from elys.render_node.scene_tables import Rows, SceneReader, SceneTables, tables_of
+from elys.render_node.surroundings import Surroundings, surroundings_of
 from elys.render_node.timeline import Timeline
 
 PLAIN: Final = Material()
+BLACK: Final = (0.0, 0.0, 0.0)
 GIANT: Final = 1.6  # times larger than all smaller things together: neither cameras nor shadow maps are fitted to it
 _CORNER_SIGNS: Final = np.array([(1, 1, 1), (-1, 1, 1), (1, -1, 1), (1, 1, -1)], np.float64)
 # What is drawn where a mesh cannot be had.
@@ -67,7 +70,9 @@ class RenderWorld:
         scene_version: rises when batches change; pose_version when anything stands elsewhere.
     """
 
-    def __init__(self, assets: DrawableAssets | None = None) -> None:
+    def __init__(self, assets: DrawableAssets | None = None, *, environment: bool = True) -> None:
+        """Without `environment` nothing but the scene's lamps and what glows gives light, whatever its settings say."""
+        self._has_environment = environment
         self.assets = assets if assets is not None else DrawableAssets()
         self.timeline = Timeline()
         self.scene_version = 0
@@ -142,7 +147,7 @@ class RenderWorld:
     @property
     def settings(self) -> SceneSettings:
         """What holds for the whole scene."""
-        return self._tables.settings
+        return self._settings
 
     @property
     def tick(self) -> int:
@@ -179,6 +184,12 @@ class RenderWorld:
         """All lamps that are on."""
         first = self.instance_count
         return [self._placed_light(light, first + i) for i, light in enumerate(self._lights)]
+
+    def surroundings(self, to_sun: NDArray[np.float64] | None) -> Surroundings:
+        """What is all around, under a sun in that direction."""
+        turned = _axes(self._placement.linear[-1].astype(np.float64)) if self._environment is not None else np.eye(3)
+        rotation = np.asarray(quaternion.from_matrix(turned), np.float64)
+        return surroundings_of(self._settings, self._environment, rotation, to_sun, self.assets)
 
     def camera(self, aspect: float = 16 / 9) -> ViewCamera:
         """The view of the scene's enabled camera of highest priority, or one that shows everything."""
@@ -219,15 +230,18 @@ class RenderWorld:
 
     def _rebuild(self) -> None:
         tables = self._tables
+        self._settings = tables.settings if self._has_environment else _without_environment(tables.settings)
         self._assets_version = self.assets.version
         self._gather_instances(tables)
         lights = [row for row in tables.lights if tables.enabled[row]]
         cameras = [row for row in tables.cameras if tables.enabled[row]]
         # max keeps the first of equals: the one that stands first in the scene.
         chosen = [max(cameras, key=lambda row: tables.cameras[row].priority)] if cameras else []
+        around = [row for row in tables.environments if tables.enabled[row] and self._has_environment][:1]
+        self._environment: Environment | None = tables.environments[around[0]] if around else None
         self._lights = [tables.lights[row] for row in lights]
         self._camera: Camera | None = tables.cameras[chosen[0]] if chosen else None
-        self._items = np.concatenate([self._rows, np.array(lights + chosen, np.intp)])
+        self._items = np.concatenate([self._rows, np.array(lights + chosen + around, np.intp)])
         self.scene_version += 1
         self._place_anew()
 
@@ -307,6 +321,10 @@ def without_giants(centre: NDArray[np.float64], radius: NDArray[np.float64]) -> 
     kept = np.zeros(len(order), np.bool_)
     kept[order[:first_giant]] = True
     return kept
+
+
+def _without_environment(settings: SceneSettings) -> SceneSettings:
+    return msgspec.structs.replace(settings, background=BLACK, ambient=BLACK)
 
 
 def _surfaces(materials: list[Material]) -> NDArray[np.float32]:

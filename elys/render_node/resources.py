@@ -10,7 +10,7 @@ import numpy as np
 from elys.common.assets import Mesh
 from elys.common.assets.images import placeholder_image
 from elys.common.assets.texture import Sampling, split_texture
-from elys.render_node.gpu import TEXTURE_UNITS, Buffer, Context, Format, Program, Texture, VertexArray
+from elys.render_node.gpu import TEXTURE_UNITS, Buffer, Context, Format, Program, ProgramCache, Texture, VertexArray
 from elys.render_node.images import decode_image
 from elys.render_node.look import TEXTURE_FIELDS, Look, texture_of, variant_of
 from elys.render_node.render_world import RenderWorld
@@ -73,14 +73,11 @@ class Resources:
         self._geometries: dict[str, Geometry] = {}
         self._textures: dict[tuple[str, bool, Sampling], Texture] = {}
         self._checker: Texture | None = None
-        self._programs: dict[tuple[str, str, tuple[str, ...]], Program] = {}
+        self.programs = ProgramCache(context)
 
     def program(self, vertex: str, fragment: str, defines: tuple[str, ...] = ()) -> Program:
         """The program of two shader files, compiled with `defines` at its first use."""
-        key = (vertex, fragment, defines)
-        if key not in self._programs:
-            self._programs[key] = Program(self.context, vertex, fragment, defines=defines)
-        return self._programs[key]
+        return self.programs.program(vertex, fragment, defines)
 
     def geometry(self, world: RenderWorld, mesh: str) -> Geometry | None:
         """The mesh of that name on the card; None while it is not here, or if it has no triangles."""

@@ -16,6 +16,8 @@ from elys.render_node.scene_tables import Rows
 
 BORDER: Final = 4  # texels around what is covered: the filter looks over the edge
 REACH_BEHIND: Final = 500.0  # [m] behind the casters in which shadows are seen; 24 bits of depth resolve 0.03 mm of it
+NEAR_SHARE: Final = 1 / 16  # of the whole box' edge: how far from the eye the finer box reaches
+FINER: Final = 4.0  # times, at the least, are its texels smaller: else it is not worth a second drawing
 SIZE_STEPS: Final = 8  # sizes per doubling: small changes of the view leave the texels where they are
 
 
@@ -29,10 +31,28 @@ class ShadowFit:
     key: tuple[float, ...]  # equal keys cover the same part of the world in the same way
 
 
-def fit_shadow(world: RenderWorld, view: View, direction: NDArray[np.float64], *, map_size: int) -> ShadowFit | None:
+def fit_near_shadow(
+    world: RenderWorld, view: View, direction: NDArray[np.float64], whole: ShadowFit
+) -> ShadowFit | None:
+    """A second box around what is near the eye, where the view is so long that the one around all of it would be coarse there."""
+    distance = whole.texel * whole.map_size * NEAR_SHARE
+    if (np.linalg.norm(world.centre - view.eye, axis=1) - world.radius).min() > distance:
+        return None  # there is nothing to see a shadow on
+    near = fit_shadow(world, view, direction, map_size=whole.map_size, farthest=distance)
+    return near if near is not None and near.texel * FINER <= whole.texel else None
+
+
+def fit_shadow(
+    world: RenderWorld,
+    view: View,
+    direction: NDArray[np.float64],
+    *,
+    map_size: int,
+    farthest: float | None = None,
+) -> ShadowFit | None:
     """The box that covers the world's casters, as far as they can darken what is seen of light that goes along `direction`.
 
-    The map has `map_size` texels an edge.
+    The map has `map_size` texels an edge. What is seen counts up to `farthest` [m] if that is given.
     A floor below all others is drawn into the map but does not widen it: its shadow falls on nothing. None if nothing is left.
     """
     casters = np.flatnonzero(world.casts)
@@ -44,7 +64,12 @@ def fit_shadow(world: RenderWorld, view: View, direction: NDArray[np.float64], *
     kept = ~_floors(world, casters)
     lower = (in_light[kept, :2] - reach[kept, None]).min(axis=0)
     upper = (in_light[kept, :2] + reach[kept, None]).max(axis=0)
-    seen = (frustum_corners(view.clip_from_relative) + view.eye) @ light_from_world.T
+    corners = frustum_corners(view.clip_from_relative)
+    if farthest is not None:
+        near, far = corners[0::2], corners[1::2]
+        depth = float(np.linalg.norm(far, axis=1).max())
+        corners = np.concatenate([near, far * min(farthest / depth, 1.0)])
+    seen = (corners + view.eye) @ light_from_world.T
     lower, upper = np.maximum(lower, seen[:, :2].min(axis=0)), np.minimum(upper, seen[:, :2].max(axis=0))
     if not (upper > lower).all():
         return None

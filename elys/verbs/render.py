@@ -32,7 +32,9 @@ class Footage:
     duration: float  # [s] from the first frame
 
 
-def render(source: str, output: Path, *, size: str, time: float, duration: float, fps: float) -> None:
+def render(
+    source: str, output: Path, *, size: str, time: float, duration: float, fps: float, environment: bool = True
+) -> None:
     """Draws `source` into `output`, whose suffix says whether it is a picture or a video.
 
     Raises:
@@ -43,7 +45,9 @@ def render(source: str, output: Path, *, size: str, time: float, duration: float
     with _footage(source, time, duration) as footage:
         first = next(footage.frames)
         footage.mirror.keep_frame(first)
-        with OfflineRenderer(footage.mirror, footage.fetch, width=width, height=height) as renderer:
+        with OfflineRenderer(
+            footage.mirror, footage.fetch, width=width, height=height, environment=environment
+        ) as renderer:
             if kind == "picture":
                 renderer.write_picture(output)
                 count = 1
