@@ -17,10 +17,12 @@ float sunlight(vec3 relative, vec3 normal) {
     bool is_near = is_inside(near_place, 2.0 * shadow_scale.w);
     if (is_near) place = near_place;
 #endif
-    if (!is_inside(place, 0.0)) return 1.0;
 #ifdef NEAR_SHADOW
+    if (!is_near && !is_inside(place, 2.0 * shadow_scale.y)) return 1.0;  // taps at its edge would fall into the other
     place.x = 0.5 * place.x + (is_near ? 0.5 : 0.0);
     half_texel.x *= 0.5;
+#else
+    if (!is_inside(place, 0.0)) return 1.0;
 #endif
 #ifdef SINGLE_SHADOW_TAP
     return texture(shadow_map, place);
