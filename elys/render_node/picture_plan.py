@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from elys.common.scene import PictureSettings
 from elys.render_node.camera import View, frustum_planes
-from elys.render_node.gpu import INSTANCE_DTYPE
 from elys.render_node.lamp_shadows import LampShadows, fit_lamp_shadows
 from elys.render_node.render_world import Batch, PlacedLight, RenderWorld
 from elys.render_node.scene_tables import Rows
@@ -108,7 +107,7 @@ def plan_picture(
     return PicturePlan(
         view=view,
         world=world,
-        instances=_instances(world, rows.all(), view.eye),
+        instances=world.instance_rows.seen_from(world, rows.all(), view.eye),
         opaque=opaque,
         transparent=transparent,
         casters=casters,
@@ -132,21 +131,19 @@ class _RowCollector:
         self._world = world
         self._starts = np.array([batch.first for batch in world.batches], np.intp)
         self._parts: list[Rows] = []
+        self._grouped: list[tuple[int, Rows]] = []
         self._count = 0
 
     def add_grouped(self, rows: Rows) -> list[DrawCall]:
-        """Ascending rows, one call a batch."""
+        """Ascending rows, one call a batch. Rows that stand there already, as of casters that are all seen, are used again."""
         if not len(rows):
             return []
+        first = self._keep_grouped(rows)
         bounds = np.append(np.searchsorted(rows, self._starts), len(rows))
-        calls = [
-            DrawCall(
-                self._world.batches[batch], self._count + int(bounds[batch]), int(bounds[batch + 1] - bounds[batch])
-            )
+        return [
+            DrawCall(self._world.batches[batch], first + int(bounds[batch]), int(bounds[batch + 1] - bounds[batch]))
             for batch in np.flatnonzero(np.diff(bounds)).tolist()
         ]
-        self._keep(rows)
-        return calls
 
     def add_sorted(self, rows: Rows, distance: NDArray[np.float32]) -> list[DrawCall]:
         """Farthest first by the distances of all instances, a call for each run of one batch."""
@@ -167,6 +164,15 @@ class _RowCollector:
         """The rows of all calls in order."""
         return np.concatenate(self._parts) if self._parts else np.zeros(0, np.intp)
 
+    def _keep_grouped(self, rows: Rows) -> int:
+        """Where these rows stand among all."""
+        for first, kept in self._grouped:
+            if len(kept) == len(rows) and np.array_equal(kept, rows):
+                return first
+        self._grouped.append((self._count, rows))
+        self._keep(rows)
+        return self._grouped[-1][0]
+
     def _keep(self, rows: Rows) -> None:
         self._parts.append(rows)
         self._count += len(rows)
@@ -181,17 +187,9 @@ def _distance(view: View, relative_centre: NDArray[np.float32]) -> NDArray[np.fl
 
 def _within(planes: NDArray[np.float64], centre: NDArray[np.float32], radius: NDArray[np.float32]) -> NDArray[np.bool_]:
     """Which spheres (N,) reach into the space that six planes enclose."""
-    distance = centre @ planes[:, :3].T.astype(np.float32) + planes[:, 3].astype(np.float32)
-    return np.asarray((distance > -radius[:, None]).all(axis=1))
-
-
-def _instances(world: RenderWorld, rows: Rows, eye: NDArray[np.float64]) -> NDArray[np.void]:
-    instances = np.empty(len(rows), INSTANCE_DTYPE)
-    instances["affine"][:, :, :3] = world.linear[rows]
-    instances["affine"][:, :, 3] = world.position[rows] - eye  # in 64 bits, before what is left fits into 32
-    instances["surface"] = world.surface[rows]
-    instances["entity"] = world.entity[rows]
-    return instances
+    # (6, N): numpy is quick along rows
+    distance = planes[:, :3].astype(np.float32) @ centre.T + planes[:, 3:].astype(np.float32)
+    return np.asarray((distance > -radius).all(axis=0))
 
 
 def _caster_rows(world: RenderWorld, first_blended: int) -> Rows:

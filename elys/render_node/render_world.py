@@ -8,6 +8,7 @@ Instances stand in the order of their batches, opaque ones first, so that what i
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -23,6 +24,7 @@ from elys.common.math.aabb import transform_bounds
 from elys.common.scene import SceneSettings
 from elys.render_node.camera import framing_camera
 from elys.render_node.drawable_assets import UNKNOWN_EXTENT, DrawableAssets
+from elys.render_node.instance_rows import InstanceRows
 from elys.render_node.look import Look, look_of
 from elys.render_node.placement import Placement
 from elys.render_node.scene_tables import Rows, SceneReader, SceneTables, tables_of
@@ -75,6 +77,7 @@ class RenderWorld:
         self._has_environment = environment
         self.assets = assets if assets is not None else DrawableAssets()
         self.timeline = Timeline()
+        self.instance_rows = InstanceRows()
         self.scene_version = 0
         self.pose_version = 0
         self._tables = tables_of([], [], [])
@@ -309,18 +312,17 @@ class RenderWorld:
 
 def without_giants(centre: NDArray[np.float64], radius: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Who of N spheres is left without those that dwarf everything smaller together; all, if that leaves none."""
-    order = np.argsort(radius, kind="stable")
-    lower = np.minimum.accumulate((centre - radius[:, None])[order])
-    upper = np.maximum.accumulate((centre + radius[:, None])[order])
-    reach = np.linalg.norm(upper - lower, axis=1) / 2  # around the smallest k + 1
-    giants = radius[order][1:] > GIANT * reach[:-1]
-    first_giant = int(np.argmax(giants)) + 1 if giants.any() else len(order)
-    # One pebble does not make the house a giant: at least a few things must be left.
-    if first_giant < min(4, len(order)):
-        first_giant = len(order)
-    kept = np.zeros(len(order), np.bool_)
-    kept[order[:first_giant]] = True
-    return kept
+    # Only where sizes leap can a giant be: a sphere's own box reaches sqrt(3) times its radius.
+    sizes = np.sort(radius)
+    everybody = np.ones(len(radius), np.bool_)
+    for last in np.flatnonzero(sizes[1:] > GIANT * math.sqrt(3.0) * sizes[:-1]).tolist():
+        smaller = radius <= sizes[last]
+        reach = radius[smaller, None]
+        box = (centre[smaller] + reach).max(axis=0) - (centre[smaller] - reach).min(axis=0)
+        if sizes[last + 1] > GIANT * np.linalg.norm(box) / 2:
+            # One pebble does not make the house a giant: at least a few things must be left.
+            return smaller if last + 1 >= min(4, len(radius)) else everybody
+    return everybody
 
 
 def _without_environment(settings: SceneSettings) -> SceneSettings:

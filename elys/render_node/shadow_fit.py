@@ -55,15 +55,15 @@ def fit_shadow(
     The map has `map_size` texels an edge. What is seen counts up to `farthest` [m] if that is given.
     A floor below all others is drawn into the map but does not widen it: its shadow falls on nothing. None if nothing is left.
     """
-    casters = np.flatnonzero(world.casts)
-    if not len(casters):
+    casters = _some(world.casts)
+    if not world.casts.any():
         return None
     light_from_world = quaternion.to_matrix(look_rotation(direction)).T
     reach = world.radius[casters].astype(np.float64)
-    in_light = world.centre[casters] @ light_from_world.T
-    kept = ~_floors(world, casters)
-    lower = (in_light[kept, :2] - reach[kept, None]).min(axis=0)
-    upper = (in_light[kept, :2] + reach[kept, None]).max(axis=0)
+    in_light = light_from_world @ world.centre[casters].T  # (3, N): numpy is quick along rows
+    kept = _some(~_floors(world, casters))
+    lower = (in_light[:2, kept] - reach[kept]).min(axis=1)
+    upper = (in_light[:2, kept] + reach[kept]).max(axis=1)
     corners = frustum_corners(view.clip_from_relative)
     if farthest is not None:
         near, far = corners[0::2], corners[1::2]
@@ -78,8 +78,8 @@ def fit_shadow(
     # Whole texels of the world: edges do not crawl while the camera moves.
     middle = np.floor((lower + upper) / 2 / texel) * texel
     # Light travels along -z. Neither end depends on the camera, so that a still scene keeps its map while somebody looks around.
-    nearest = float((in_light[:, 2] + reach).max())
-    farthest = float((in_light[kept, 2] - reach[kept]).min()) - REACH_BEHIND
+    nearest = float((in_light[2] + reach).max())
+    farthest = float((in_light[2, kept] - reach[kept]).min()) - REACH_BEHIND
     depth = max(nearest - farthest, 1e-3)
     map_from_light = np.eye(4)
     map_from_light[0, 0] = map_from_light[1, 1] = 2.0 / size
@@ -93,13 +93,19 @@ def fit_shadow(
     return ShadowFit(map_from_relative=map_from_light @ light_from_relative, texel=texel, map_size=map_size, key=key)
 
 
-def _floors(world: RenderWorld, casters: Rows) -> NDArray[np.bool_]:
+def _some(chosen: NDArray[np.bool_]) -> Rows | slice:
+    """An index for those that are chosen; where all are, one that copies nothing."""
+    return slice(None) if chosen.all() else np.flatnonzero(chosen)
+
+
+def _floors(world: RenderWorld, casters: Rows | slice) -> NDArray[np.bool_]:
     """Which casters dwarf all others and lie below them."""
     giants = ~without_giants(world.centre[casters], world.radius[casters].astype(np.float64))
     if giants.any():
-        bottom = world.boxes(casters[~giants])[0][:, 1].min()
-        top = world.boxes(casters[giants])[1][:, 1]
-        giants[giants] = top <= bottom + 0.02 * world.radius[casters[giants]]  # things sink in a little
+        rows = np.arange(world.instance_count)[casters]
+        bottom = world.boxes(rows[~giants])[0][:, 1].min()
+        top = world.boxes(rows[giants])[1][:, 1]
+        giants[giants] = top <= bottom + 0.02 * world.radius[rows[giants]]  # things sink in a little
     return giants
 
 
