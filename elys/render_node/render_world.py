@@ -267,7 +267,9 @@ class RenderWorld:
             mesh, material = renderer.mesh, tables.materials.get(row, PLAIN)
             if mesh in self.assets.failed:
                 mesh, material = "box", MISSING
-            grouped.setdefault((mesh, look_of(material, bool(mirrored[row]))), []).append((row, material))
+            grouped.setdefault((mesh, look_of(material, bool(mirrored[row]), renderer.tangents)), []).append(
+                (row, material)
+            )
         batches: list[Batch] = []
         members: list[tuple[int, Material]] = []
         for mesh, look in sorted(grouped, key=lambda key: key[1].alpha_mode == "blend"):

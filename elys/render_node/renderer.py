@@ -180,7 +180,7 @@ class Renderer:
         for look in looks:
             self.resources.bind_textures(world, look)  # images take longest: they are asked for first
         for batch in world.batches:
-            self.resources.geometry(world, batch.mesh)
+            self.resources.geometry(world, batch)
         world.surroundings(None)
         end = time.monotonic() + timeout
         # What has been decoded goes to the card while others are decoded still.

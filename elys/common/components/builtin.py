@@ -192,6 +192,12 @@ class MeshRenderer(Component, frozen=True):
     )
     visible: Annotated[bool, about("Drawn at all.")] = True
     cast_shadows: Annotated[bool, about("Stops the light of the sun and of lamps.")] = True
+    tangents: Annotated[
+        Literal["auto", "vertices", "pixels"],
+        about(
+            "A normal map lies along tangents of vertices, computed if need be, or of pixels; auto: as the mesh has them."
+        ),
+    ] = "auto"
 
 
 @component

@@ -65,8 +65,8 @@ def _shaded(resources: Resources, plan: PicturePlan, quality: Quality, *, occlud
 
     def choose(geometry: Geometry, look: Look) -> Program:
         textures = resources.bind_textures(plan.world, look)
-        mapped = not NORMAL_MAPS.isdisjoint(textures)
-        vertices = tuple(define for define in geometry.defines if define != TANGENTS or mapped)
+        along_vertices = not NORMAL_MAPS.isdisjoint(textures) and look.tangents != "pixels"
+        vertices = tuple(define for define in geometry.defines if define != TANGENTS or along_vertices)
         program = resources.program("shaded.vert", "shaded.frag", (*vertices, *textures, *shared))
         resources.set_look(program, look, textures)
         return program
