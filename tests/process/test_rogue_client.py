@@ -183,12 +183,13 @@ async def suffer(endpoint: str) -> None:
 
 
 def check_answers(answers: dict[str, list[str]]) -> None:
+    told = f"sent in protocol version {PROTOCOL_VERSION + 1}, this side speaks {PROTOCOL_VERSION}"
     assert answers.keys() == {query.name for query in QUERIES}
     for name, refusals in answers.items():
         assert len(refusals) == 29, name  # every question was answered
         assert any("starts with" in refusal for refusal in refusals), name
         if name != "hello":  # whose answer it is that says what is wrong with the version
-            assert any("sent in protocol version 2, this side speaks 1" in refusal for refusal in refusals), name
+            assert any(told in refusal for refusal in refusals), name
         assert all(len(refusal) < 1000 for refusal in refusals)
 
 

@@ -252,7 +252,7 @@ def _crank_error(run: CaseRun) -> float:
     return math.degrees(abs(float(angle_about_z(run.rotation("Crank"))[-1]) - CRANK_SPEED * float(run.time[-1])))
 
 
-_PARTED: Final = "each blow loses a percent at any tick rate, and more once balls that hang apart meet within a tick"
+_PARTED: Final = "each blow loses a percent or two: it is dealt out as if no joint made the balls turn while they swing"
 
 JOINTED_CASES: Final = (
     HardCase(

@@ -177,7 +177,24 @@ def rebound(a, b, drive_a, drive_b, row, row_points, first):
 
 @inner
 def bounce_contacts(solver_bodies, drives, rows, row_points, first, last, h, bounce_speed):
-    """All bounces of one substep of length h in rows [first, last), before its velocities are integrated."""
+    """All bounces of one substep of length h in rows [first, last), before its velocities are integrated.
+
+    What was struck is put where it would have begun to arrive where it does with its new velocity: so the solver, which takes
+    every velocity for that of the whole substep, finds the gaps that are left at its end.
+    """
+    hand_on_bounces(solver_bodies, drives, rows, row_points, first, last, h, bounce_speed)
+    for r in range(first, last):
+        for side in range(2):
+            i = rows[r].body_a if side == 0 else rows[r].body_b
+            shift = drives[i].impact_shift
+            for c in range(6):
+                solver_bodies[i].displacement[c] += shift[c]
+                shift[c] = 0.0
+
+
+@inner
+def hand_on_bounces(solver_bodies, drives, rows, row_points, first, last, h, bounce_speed):
+    """Sweeps over the rows until none approaches."""
     for _ in range(SWEEPS):
         quiet = True
         for r in range(first, last):

@@ -36,7 +36,6 @@ FREE_AT = float_place(SOLVER_DRIVE, "free_velocity")
 START_AT = float_place(SOLVER_DRIVE, "start_velocity")
 KICK_AT = float_place(SOLVER_DRIVE, "kick")
 KEEP_AT = float_place(SOLVER_DRIVE, "keep")
-SHIFT_AT = float_place(SOLVER_DRIVE, "impact_shift")
 
 
 @inner
@@ -99,17 +98,12 @@ def push_held(body, force, drive, h):
 
 
 @inner
-def integrate_positions(held, first, last, solver, drive, h, can_bounce):
-    """Moves bodies by their velocities for one substep, and by what impacts add to that."""
+def integrate_positions(held, first, last, solver, h):
+    """Moves bodies by their velocities for one substep."""
     step = splat(h)
     for index in range(first, last):
         at = held[index] * BODY_FLOATS
-        d = load(solver, at + 8) + load(solver, at) * step
-        if can_bounce:
-            shift = held[index] * DRIVE_FLOATS + SHIFT_AT
-            d = d + load(drive, shift)
-            store(drive, shift, splat(0.0))
-        store(solver, at + 8, d)
+        store(solver, at + 8, load(solver, at + 8) + load(solver, at) * step)
 
 
 @inner

@@ -120,10 +120,9 @@ def begin_substep(work, joints, g, group, first, last, h, number, team, thread, 
 @inner
 def move_bodies(work, joints, g, group, first, last, fixed_first, held_end, h, team, thread, threads):
     """Moves bodies [first, last) by their velocities for one substep, and what moves by itself along with every group."""
-    can_bounce = group.last_row > group.first_row
-    integrate_positions(work.held, first, last, work.solver, work.drive, h, can_bounce)
+    integrate_positions(work.held, first, last, work.solver, h)
     if thread == 0:
-        integrate_positions(work.held, fixed_first, held_end, work.solver, work.drive, h, False)
+        integrate_positions(work.held, fixed_first, held_end, work.solver, h)
     if joints is not None and has_joints(joints, g):
         meet(team, threads)
         if thread == 0:

@@ -81,7 +81,7 @@ SOLVER_DRIVE = np.dtype(
         ("inverse_inertia", "f4", 6),  # in world axes, as the step began: xx yy zz xy xz yz [1/(kg m^2)]
         ("gravity_scale", "f4"),
         ("locked", "f4"),  # bits 0 to 2 of the body's, as a number
-        ("impact_shift", "f4", 8),  # displacement that impacts of this substep add
+        ("impact_shift", "f4", 8),  # displacement that impacts of this substep add, while they are found
     ]
 )
 
