@@ -237,7 +237,7 @@ class _ViewServer:
 
     def _is_gliding(self, now: float) -> bool:
         timeline = self._follower.world.timeline
-        return timeline.interval > SLOW_STATES and timeline.fraction(now) < 1.0
+        return timeline.interval > SLOW_STATES and timeline.is_moving(now)
 
 
 def _asset_store() -> AssetStore:

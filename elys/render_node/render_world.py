@@ -126,7 +126,7 @@ class RenderWorld:
         if moment == self._placed:
             return
         self._placed = moment
-        rested, self._rests = self._rests, self.timeline.is_still or fraction >= 1.0
+        rested, self._rests = self._rests, self.timeline.is_still or fraction == 1.0
         if rested and self.timeline.is_still:
             return  # everything stands where it was placed last
         self._placement.follow(self.timeline, fraction)
