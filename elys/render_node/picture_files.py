@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 import numpy as np
-import OpenEXR
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -35,6 +34,8 @@ def output_kind(path: Path) -> Literal["picture", "video"]:
         raise ElysError(f"{path} cannot be written: there is no directory {path.parent}")
     if not os.access(path if path.exists() else path.parent, os.W_OK):
         raise ElysError(f"{path} cannot be written: permission denied")
+    if suffix == ".exr":
+        import OpenEXR  # noqa: F401  where it is missing that is said now and not after the work
     return "picture" if suffix in PICTURE_SUFFIXES else "video"
 
 
@@ -62,6 +63,8 @@ def save_values(path: Path, values: NDArray[Any], *, view: str) -> None:
             with path.open("wb") as file:
                 np.save(file, plain)
             return
+        import OpenEXR  # here: whoever writes other files does without it
+
         header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
         name = "RGB" if plain.ndim == 3 else CHANNEL_NAMES.get(view, LUMINANCE)
         OpenEXR.File(header, {name: plain}).write(str(path))
