@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Final, Literal, Self, get_args
+from typing import Any, Final, Self, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from elys.bus.messages.state_frame import StateFrame
-from elys.bus.messages.views import ViewCamera
+from elys.bus.messages.views import Shows, ViewCamera
 from elys.bus.mirror import SceneMirror
 from elys.common.errors import ElysError
 from elys.render_node.camera import Region
@@ -30,8 +30,7 @@ from elys.render_node.scene_tables import SceneReader
 MAX_EDGE: Final = 32768  # [pixels]
 MAX_PIXELS: Final = 1 << 27  # of a picture; two gibibytes as numbers
 TILE_EDGE: Final = 4096  # [pixels]; what is larger is drawn in parts
-Shows = Literal["shaded"] | DataKind
-VIEWS: Final[tuple[str, ...]] = ("shaded", *get_args(DataKind))
+VIEWS: Final[tuple[str, ...]] = get_args(Shows)
 CameraAt = Callable[[float], ViewCamera]  # by simulation time [s]
 Progress = Callable[[int, int], None]  # pictures drawn, pictures in all (0: not known)
 

@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal, cast
 
 from elys.bus.messages.state_frame import StateFrame
+from elys.bus.messages.views import Shows
 from elys.bus.mirror import SceneMirror
 from elys.common.errors import ElysError
 from elys.render_node.film import check_video
-from elys.render_node.offline import VIEWS, CameraAt, OfflineRenderer, Shows, check_size
+from elys.render_node.offline import VIEWS, CameraAt, OfflineRenderer, check_size
 from elys.render_node.picture_files import output_kind
 from elys.verbs.output import size_text
 from elys.verbs.viewpoint import Viewpoint
