@@ -29,7 +29,7 @@ def rotations_between(
     found: NDArray[np.float32] = quaternion.nlerp(start, end, share.astype(np.float32)).astype(np.float32)
     large = np.flatnonzero(np.abs(np.einsum("ij,ij->i", start, end)) < _SMALL_TURN)
     if len(large):
-        found[large] = quaternion.slerp(start[large].astype(np.float64), end[large].astype(np.float64), share[large])
+        found[large] = quaternion.slerp(start[large], end[large], share[large].astype(np.float32))
     if turn is not None:
         fast = np.flatnonzero(np.einsum("ij,ij->i", turn, turn) > _FAST_TURN**2)
         if len(fast):
