@@ -147,12 +147,13 @@ def plan(
         bool, typer.Option("--measure/--no-measure", help="measure what stages take, and what is saved")
     ] = True,
     seconds: Annotated[float, typer.Option(min=0.05, max=600.0, help="simulated seconds that are measured")] = 1.0,
+    threads: Threads = 1,
     json: Json = False,
 ) -> None:
     """What a scene makes the engine do, why the rest is switched off, and what that saves."""
     from elys.verbs import plan as verb
 
-    verb.plan(scene, at=at, seconds=seconds if measure else 0.0, json=json)
+    verb.plan(scene, at=at, seconds=seconds if measure else 0.0, threads=threads, json=json)
 
 
 @app.command()
@@ -285,6 +286,10 @@ def render(
         float, typer.Option(help="circle around the scene, once in so many seconds (0: do not)", min=0.0, max=1e6)
     ] = 0.0,
     connect: Connect = None,
+    environment: Annotated[
+        bool,
+        typer.Option(help="light from all around and a sky, as the scene has them; else lamps alone, before black"),
+    ] = True,
 ) -> None:
     """Draw a scene, a recording or a running session offscreen, to a picture or a video."""
     from elys.verbs import render as verb
@@ -301,6 +306,7 @@ def render(
         path=path,
         orbit=orbit,
         connect=connect,
+        environment=environment,
     )
 
 

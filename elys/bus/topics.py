@@ -6,6 +6,7 @@ A key is `elys/{session}/{name}` or, for keyed topics, `elys/{session}/{name}/{k
 from __future__ import annotations
 
 import enum
+import functools
 import re
 from dataclasses import dataclass
 from typing import Any, Final, Generic, TypeVar
@@ -17,7 +18,7 @@ M = TypeVar("M")
 Q = TypeVar("Q")
 R = TypeVar("R")
 
-PROTOCOL_VERSION: Final = 1
+PROTOCOL_VERSION: Final = 2
 ROOT: Final = "elys"
 
 
@@ -201,12 +202,17 @@ _CHUNK = re.compile(r"[A-Za-z0-9_.-]+\Z")
 
 def key_of(session_name: str, topic: Topic[Any] | Query[Any, Any], key: str = "") -> str:
     """The key a message travels on. Keyed topics take "*" for every key."""
+    return _joined(session_name, topic.name, key if topic.keyed else None)
+
+
+@functools.lru_cache(maxsize=4096)  # the same few in each tick
+def _joined(session_name: str, topic: str, key: str | None) -> str:
     _require_chunk("a session's name", session_name)
-    if not topic.keyed:
-        return f"{ROOT}/{session_name}/{topic.name}"
+    if key is None:
+        return f"{ROOT}/{session_name}/{topic}"
     if key != "*":
-        _require_chunk(f"the key of {topic.name}", key)
-    return f"{ROOT}/{session_name}/{topic.name}/{key}"
+        _require_chunk(f"the key of {topic}", key)
+    return f"{ROOT}/{session_name}/{topic}/{key}"
 
 
 def node_key(session_name: str, kind: str, node: str) -> str:

@@ -28,6 +28,7 @@ from elys.common.scene_document import (
 )
 from elys.common.scene_expansion import expand
 from elys.common.scene_framing import camera_components, framing_camera, scene_bounds, sun_components
+from elys.common.scene_picture import PictureSettings
 from elys.common.scene_reading import PREFAB_SUFFIX, SCENE_SUFFIX, parse_scene, read_scene
 from elys.common.scene_writing import format_scene, write_scene
 
@@ -41,6 +42,7 @@ __all__ = [
     "EntityNode",
     "EntityRecord",
     "OpenedScene",
+    "PictureSettings",
     "SceneDocument",
     "SceneSettings",
     "camera_components",

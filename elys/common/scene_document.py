@@ -12,6 +12,8 @@ from typing import Annotated, Any, Final, Literal
 import msgspec
 from msgspec import Meta
 
+from elys.common.scene_picture import PictureSettings
+
 SCENE_VERSION: Final = 1
 
 # Both bounds are given wherever one is needed: they are what refuses NaN on the bus.
@@ -96,6 +98,9 @@ class SceneSettings(msgspec.Struct, frozen=True, kw_only=True):
         tuple[Radiance, Radiance, Radiance],
         Meta(description="Light that reaches every surface from everywhere, linear radiance."),
     ] = (0.25, 0.27, 0.3)
+    picture: Annotated[PictureSettings, Meta(description="How light becomes a picture, and effects.")] = (
+        PictureSettings()
+    )
 
 
 class EntityNode(msgspec.Struct, kw_only=True):

@@ -265,7 +265,7 @@ def _asset(job: _Expansion, value: str, field_name: str, place: _Place) -> str:
 
 
 def _expected_kind(field_name: str) -> AssetKind | None:
-    if field_name.endswith("_texture"):
+    if field_name.endswith("_texture") or field_name == "image":
         return "image"
     return "mesh" if field_name == "mesh" else "heights" if field_name == "heights" else None
 

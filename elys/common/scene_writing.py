@@ -48,7 +48,11 @@ def format_scene(document: SceneDocument) -> str:
 def _changed_settings(settings: SceneSettings) -> dict[str, Any]:
     values = {name: msgspec.to_builtins(value) for name, value in msgspec.structs.asdict(settings).items()}
     defaults = msgspec.to_builtins(SceneSettings())
-    return {name: value for name, value in values.items() if value != defaults[name]}
+    changed = {name: value for name, value in values.items() if value != defaults[name]}
+    if "picture" in changed:
+        plain = defaults["picture"]
+        changed["picture"] = {name: value for name, value in changed["picture"].items() if value != plain[name]}
+    return changed
 
 
 def _entity_tree(node: EntityNode) -> dict[str, Any]:

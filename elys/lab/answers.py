@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Final, NamedTuple
 
 from elys.lab.cases import record_case
@@ -45,9 +45,14 @@ def run_answer(job: AnswerJob) -> list[Answer]:
     case = hard_case(job.case).quick
     found = [case.errors(record_case(case, seed, setting=job.setting)) for seed in case.seeds]
     return [
-        Answer(ANSWER + measure.name, max(errors[measure.name] for errors in found), measure.unit)
+        Answer(ANSWER + measure.name, _worst(errors[measure.name] for errors in found), measure.unit)
         for measure in case.measures
     ]
+
+
+def _worst(errors: Iterable[float]) -> float:
+    """The largest; what is not a number is as wrong as can be, not unknown."""
+    return max(math.inf if math.isnan(error) else error for error in errors)
 
 
 def as_errors(answers: list[Answer], scales: Scales) -> list[ObservableError]:

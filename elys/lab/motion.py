@@ -65,7 +65,7 @@ class Motion(NamedTuple):
     overlap_between: tuple[str, ...]  # (T,) "A on B", "" where there is none
     joint_error: Array  # (T,) the largest by which a joint's parts stand off each other [m]
     joint: tuple[str, ...]  # (T,) whose it is, "" where there is none
-    first_contacts: dict[tuple[str, str], float]  # [s] when two entities first touched
+    first_contacts: dict[tuple[str, str], float] | None  # [s] when two entities first touched; None: it is not told
     state_hash: int  # of the end
     cost: float  # [s] of processor time that all steps took
     lost: str = ""  # the first entity that left the numbers, where one did

@@ -38,7 +38,7 @@ class Scales(NamedTuple):
 
 
 class ObservableError(msgspec.Struct, frozen=True):
-    """An error of a motion: by how much, when, and what makes it."""
+    """An error of a motion: by how much, when, and what makes it. Not a number (null in JSON) where that is unknown."""
 
     name: str
     value: float
@@ -51,6 +51,11 @@ class ObservableError(msgspec.Struct, frozen=True):
     def is_finite(self) -> bool:
         """Whether it can be told at all."""
         return math.isfinite(self.relative)
+
+    @property
+    def is_known(self) -> bool:
+        """Whether the motion tells what it takes: other engines tell no contacts."""
+        return not math.isnan(self.value)
 
 
 class _Worst(NamedTuple):
@@ -201,6 +206,8 @@ def _contact_timing(motion: Motion, reference: Motion, scales: Scales) -> _Worst
 
     A contact is told at the end of the tick that it falls into: up to there a late one is in time.
     """
+    if motion.first_contacts is None or reference.first_contacts is None:
+        return _Worst(math.nan)
     horizon = divergence_time(motion, reference, scales)
     tick, fine = 1.0 / motion.setting.tick_rate, 1.0 / reference.setting.tick_rate
     worst = _Worst(0.0)

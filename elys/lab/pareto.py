@@ -41,6 +41,11 @@ class Outcome(msgspec.Struct, frozen=True):
     is_best: bool = False  # nothing is both cheaper and more exact
 
     @property
+    def unknown(self) -> tuple[str, ...]:
+        """Observables that this run tells nothing of; they do not count."""
+        return tuple(error.name for error in self.errors if not error.is_known)
+
+    @property
     def worst(self) -> ObservableError:
         """The dominant error."""
         return next(error for error in self.errors if error.name == self.dominant)
@@ -72,6 +77,11 @@ class Study(msgspec.Struct, frozen=True):
     only: tuple[str, ...] = ()  # the observables that count; all where none are named
     peers: tuple[PeerOutcome, ...] = ()
 
+    @property
+    def untold(self) -> dict[str, tuple[str, ...]]:
+        """Observables that are unknown of other engines, by their names; there they do not count."""
+        return {peer.label: peer.outcome.unknown for peer in self.peers if peer.outcome and peer.outcome.unknown}
+
     def outcome_of(self, setting: Setting) -> Outcome | None:
         """How a setting did, or the stronger one that moved everything as it does; None where neither was tried."""
         same = [
@@ -93,8 +103,9 @@ class Judge(msgspec.Struct, frozen=True):
     def outcome(self, motion: Motion, answers: Sequence[ObservableError] = ()) -> Outcome:
         """How a motion did. What the reference itself is not sure of decides nothing."""
         errors = [*errors_of(motion, self.reference.motion, self.scales), *answers]
-        known = {error.name: self.known(error) for error in errors if not self.only or error.name in self.only}
-        dominant = max(known, key=lambda name: known[name] if not math.isnan(known[name]) else math.inf)
+        counted = [error for error in errors if error.is_known and (not self.only or error.name in self.only)]
+        known = {error.name: self.known(error) for error in counted}
+        dominant = max(known, key=lambda name: known[name])
         horizon = divergence_time(motion, self.reference.motion, self.scales) if motion.is_finite else 0.0
         return Outcome(
             motion.setting,
@@ -177,6 +188,9 @@ def _beside(judge: Judge, peer: str, rate: int, found: Motion | str) -> PeerOutc
     label = version_of(peer)
     if isinstance(found, str):
         return PeerOutcome(label, rate, None, found)
+    told = {error.name for error in errors_of(found, judge.reference.motion, judge.scales) if error.is_known}
+    if judge.only and not told & set(judge.only):
+        return PeerOutcome(label, rate, None, f"tells nothing of {' or '.join(judge.only)}")
     return PeerOutcome(label, rate, judge.outcome(found))
 
 

@@ -25,6 +25,7 @@ Progress = Callable[[str, int, int], None]  # what is measured, ticks done, tick
 REST: Final = "between stages"  # what a tick takes beside its stages
 AFTER_PHYSICS: Final = "bodies into components"  # the rest of the system that physics' stages are timed within
 _PREFIX: Final = "physics."
+_OF_SIMULATION: Final = "elys.sim_node."  # whose objects have tables
 _OWN: Final = "simulate_physics"
 
 
@@ -34,6 +35,7 @@ class Saving(msgspec.Struct, frozen=True, kw_only=True):
     time: float  # [ms] of processor time a tick, the median
     noise: float  # [ms] standard error of that
     code: int  # [bytes] of machine code that need not be loaded; 0 too where it is not compiled yet
+    tables: int  # [bytes] of arrays that the world with it forced on holds more, after the sample
     difference: float  # [m] the largest between bodies of both worlds after the sample
     is_same: bool  # the state hashes were equal after each tick of the sample
 
@@ -143,6 +145,7 @@ def _savings(
         world = PhysicsWorld(msgspec.structs.replace(settings, forced=forced))
         world.restore(start)
         worlds.append(world)
+    clock = time.thread_time if settings.threads == 1 else time.process_time  # of all threads that share the work
     spent = np.zeros((ticks, len(worlds)))
     same = np.ones(len(worlds), bool)
     for tick in range(ticks):
@@ -150,16 +153,17 @@ def _savings(
             progress(f"{len(worlds)} worlds in turns", tick, ticks)
         for turn in range(len(worlds)):
             place = (tick + turn) % len(worlds)  # nobody always comes after the same one
-            began = time.thread_time()
+            began = clock()
             worlds[place].step(1.0 / simulation.settings.tick_rate)
-            spent[tick, place] = 1000.0 * (time.thread_time() - began)
+            spent[tick, place] = 1000.0 * (clock() - began)
         expected = worlds[0].state_hash()
         same &= np.array([world.state_hash() == expected for world in worlds])
-    sizes = kernel_sizes()
+    sizes, held = kernel_sizes(), table_bytes(worlds[0])
     as_it_is = worlds[0].bodies.position
     return {
         name: _saving(
             spent[:, place] - spent[:, 0],
+            tables=table_bytes(worlds[place]) - held,
             code=sum(sizes.get(kernel, 0) for kernel in SWITCH_FACTS[name].kernels),
             difference=_farthest(worlds[place].bodies.position, as_it_is),
             is_same=bool(same[place]),
@@ -168,13 +172,38 @@ def _savings(
     }
 
 
-def _saving(differences: Array, *, code: int, difference: float, is_same: bool) -> Saving:
+def _saving(differences: Array, *, code: int, tables: int, difference: float, is_same: bool) -> Saving:
     median = float(np.median(differences))
     # Of a median, from the median deviation: what else the machine did stands out of most ticks and counts for little.
     deviation = 1.4826 * float(np.median(np.abs(differences - median)))
     noise = math.sqrt(0.5 * math.pi / len(differences)) * deviation
-    return Saving(time=median, noise=noise, code=code, difference=difference, is_same=is_same)
+    return Saving(time=median, noise=noise, code=code, tables=tables, difference=difference, is_same=is_same)
 
 
 def _farthest(one: Array, other: Array) -> float:
     return float(np.linalg.norm(one - other, axis=1).max(initial=0.0))
+
+
+def table_bytes(world: PhysicsWorld) -> int:
+    """Bytes of all arrays that a world and its parts hold, each once however many views of it there are."""
+    total = 0
+    seen: set[int] = set()
+    waiting: list[Any] = [world]
+    while waiting:
+        held = waiting.pop()
+        while isinstance(held, np.ndarray) and isinstance(held.base, np.ndarray):
+            held = held.base
+        if id(held) in seen:
+            continue
+        seen.add(id(held))
+        if isinstance(held, np.ndarray):
+            total += held.nbytes
+        elif isinstance(held, tuple | list):
+            waiting += held
+        elif isinstance(held, dict):
+            waiting += held.values()
+        elif type(held).__module__.startswith(_OF_SIMULATION):
+            slots = (name for kind in type(held).__mro__ for name in getattr(kind, "__slots__", ()))
+            waiting += [getattr(held, name) for name in slots if hasattr(held, name)]
+            waiting += getattr(held, "__dict__", {}).values()
+    return total

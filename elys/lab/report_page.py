@@ -171,7 +171,11 @@ def _table(study: Study) -> str:
             "never" if peer.outcome.horizon is None else f"{peer.outcome.horizon:.2f} s",
         )
         rows.append("<tr class='peer'>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in cells) + "</tr>")
-    return f"<table><tr>{head}</tr>{''.join(rows)}</table>"
+    untold = "".join(
+        f"<p>{html.escape(label)}: {html.escape(', '.join(names))} unknown, not counted.</p>"
+        for label, names in study.untold.items()
+    )
+    return f"<table><tr>{head}</tr>{''.join(rows)}</table>{untold}"
 
 
 def front_spec(study: Study) -> Spec:

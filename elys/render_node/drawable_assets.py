@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from elys.common.assets import Mesh, decode_mesh, is_primitive, primitive
 from elys.common.errors import AssetError, ElysError
 from elys.render_node.images import decode_image
+from elys.render_node.radiance_files import decode_radiance
 
 THREAD_COUNT: Final = 2  # decoding scales to two (measured), and fetching mostly waits
 
@@ -46,6 +47,7 @@ class DrawableAssets:
         self._meshes: dict[str, Mesh] = {}
         self._extents: dict[str, Extent] = {}
         self._images: dict[str, NDArray[np.uint8]] = {}
+        self._radiances: dict[str, NDArray[np.float32]] = {}
         self._pending: dict[str, Future[None]] = {}
         self._pool: ThreadPoolExecutor | None = None
         self.failed: dict[str, str] = {}  # reference -> why
@@ -68,6 +70,14 @@ class DrawableAssets:
         if pixels is None:
             self._ask(reference, self._take_image)
         return pixels
+
+    def radiance(self, reference: str) -> NDArray[np.float32] | None:
+        """An image as linear light (H, W, 3). None while it is on its way or if it cannot be had."""
+        with self._lock:
+            radiance = self._radiances.get(reference)
+        if radiance is None:
+            self._ask(reference, self._take_radiance)
+        return radiance
 
     def extent_of(self, name: str) -> Extent:
         """How large a mesh is."""
@@ -135,6 +145,12 @@ class DrawableAssets:
         pixels = decode_image(data)
         with self._lock:
             self._images[reference] = pixels
+
+    def _take_radiance(self, reference: str, data: bytes) -> None:
+        radiance = decode_radiance(data)
+        with self._lock:
+            self._radiances[reference] = radiance
+            self.version += 1
 
     def _fail(self, reference: str, reason: str) -> None:
         with self._lock:

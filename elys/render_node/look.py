@@ -57,6 +57,13 @@ class Look(NamedTuple):
     is_mirrored: bool  # an odd number of negative scales turns the triangles over
     is_unlit: bool = False
     finish: Finish = PLAIN_FINISH
+    tangents: Literal["auto", "vertices", "pixels"] = "auto"  # where there is a normal map
+
+    @property
+    def tangent_uvs(self) -> int | None:
+        """The uv set along which a mesh without tangents gets some; None where it gets none."""
+        normal_map = texture_of(self.textures[2] or self.textures[9])
+        return normal_map.uv if self.tangents == "vertices" and normal_map is not None else None
 
     @property
     def has_normal_map(self) -> bool:
@@ -75,12 +82,12 @@ class Look(NamedTuple):
 
 
 @lru_cache(maxsize=4096)
-def look_of(material: Material, mirrored: bool) -> Look:
-    """What a material looks like on a thing of that handedness."""
+def look_of(material: Material, mirrored: bool, tangents: Literal["auto", "vertices", "pixels"] = "auto") -> Look:
+    """What a material looks like on a thing of that handedness, whose normal map lies along such tangents."""
     textures = tuple(getattr(material, field) for field in TEXTURE_FIELDS)
-    return Look(
-        material.alpha_mode, textures, material.double_sided, mirrored, material.unlit, _finish(material, textures)
-    )
+    finish = _finish(material, textures)
+    look = Look(material.alpha_mode, textures, material.double_sided, mirrored, material.unlit, finish)
+    return look._replace(tangents=tangents) if look.has_normal_map else look
 
 
 def _finish(material: Material, textures: tuple[str, ...]) -> Finish:

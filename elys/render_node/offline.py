@@ -22,7 +22,7 @@ from elys.render_node.gpu import Context, offscreen_context
 from elys.render_node.passes.data import DataKind
 from elys.render_node.picture_files import PICTURE_SUFFIXES, holds_numbers, output_kind, save_picture, save_values
 from elys.render_node.picture_files import load_picture as load_picture
-from elys.render_node.quality import FULL, Quality
+from elys.render_node.quality import EXACT, FULL, Quality
 from elys.render_node.render_world import RenderWorld
 from elys.render_node.renderer import Renderer
 from elys.render_node.scene_tables import SceneReader
@@ -51,25 +51,29 @@ class OfflineRenderer:
         height: int = 720,
         shows: Shows = "shaded",
         quality: Quality = FULL,
+        environment: bool = True,
         context: Context | None = None,
         tile_edge: int = TILE_EDGE,
     ) -> None:
-        """`fetch` gives the bytes of an asset, as `AssetStore.get` does. Raises DisplayError where nothing can be drawn."""
+        """`fetch` gives the bytes of an asset, as `AssetStore.get` does. Without `environment` only lamps and what glows give
+        light, and behind everything it is black. Raises DisplayError where nothing can be drawn.
+        """
         check_size(width, height)
         if shows not in VIEWS:
             raise ElysError(f"there is no view '{shows}': views are {', '.join(VIEWS)}")
         self.width, self.height = width, height
         self.mirror = mirror
-        self.world = RenderWorld(DrawableAssets(fetch))
+        self.world = RenderWorld(DrawableAssets(fetch), environment=environment)
         self._shows = shows
         self._reader = SceneReader(mirror)
         self._owns_context = context is None
         self._context = context if context is not None else offscreen_context()
         self._tile_edge = min(tile_edge, self._context.max_size)
-        self._renderer = Renderer(self._context, quality=quality)
+        self._quality = quality
+        self._renderers: dict[Quality, Renderer] = {}
         self._framing: ViewCamera | None = None
         self._depth_unit = 0.0  # [m] by which depth is seen; the first picture's, so that a film does not flicker
-        self._settled_version = -1
+        self._settled: tuple[Renderer, int] | None = None  # whose images are all there, of which scene
 
     def __enter__(self) -> Self:
         return self
@@ -90,13 +94,16 @@ class OfflineRenderer:
         """Draws from where a camera of the scene stands from now on, as long as it is there."""
         self.world.prefer_camera(entity)
 
-    def place(self, time: float | None = None) -> RenderWorld:
+    def place(self, time: float | None = None, *, exact: bool = False) -> RenderWorld:
         """The world as it is in the newest state, or between the newest two at a simulation time [s], all of it ready to draw."""
         self.world.read_scene(self._reader)
         newest = self.mirror.latest_frame
         if newest is not None:
             self.world.take_state(newest)
-        self._settle()
+        renderer = self._renderer(EXACT if exact else self._quality)
+        if self._settled != (renderer, self.world.scene_version):
+            renderer.settle(self.world)
+            self._settled = (renderer, self.world.scene_version)
         self.world.place(simulation_time=time)
         return self.world
 
@@ -105,11 +112,10 @@ class OfflineRenderer:
         self.place(time)
         pixels = np.full((self.height, self.width, 4), 255, np.uint8)
         if self._shows == "shaded":
+            renderer = self._renderer(self._quality)
             for region in self._regions():
-                target = self._renderer.draw(
-                    self.world, camera or self._camera(), self.width, self.height, region=region
-                )
-                _put(pixels, region, self._renderer.read_pixels(target))
+                target = renderer.draw(self.world, camera or self._camera(), self.width, self.height, region=region)
+                _put(pixels, region, renderer.read_pixels(target))
             return pixels
         values = self._data(self._shows, camera)
         if self._shows == "depth":
@@ -120,15 +126,17 @@ class OfflineRenderer:
     def values(self, *, camera: ViewCamera | None = None, time: float | None = None) -> NDArray[Any]:
         """The numbers behind a picture (H, W, C), the upper row first.
 
-        Of the view "shaded": linear radiance R, G, B before tone mapping, f16 as it was drawn. Of others see `DataPass.draw`.
+        Of the view "shaded": linear radiance R, G, B f32 along the rays through the pixels' middles, neither exposed, nor
+        tone-mapped, nor averaged over the pixel. Of others see `DataPass.draw`.
         """
-        self.place(time)
+        self.place(time, exact=self._shows == "shaded")
         if self._shows != "shaded":
             return self._data(self._shows, camera)
-        light = np.empty((self.height, self.width, 3), np.float16)
+        renderer = self._renderer(EXACT)
+        light = np.empty((self.height, self.width, 3), np.float32)
         for region in self._regions():
-            self._renderer.draw(self.world, camera or self._camera(), self.width, self.height, region=region)
-            _put(light, region, self._renderer.read_light(region[2], region[3]))
+            renderer.draw(self.world, camera or self._camera(), self.width, self.height, region=region)
+            _put(light, region, renderer.read_light(region[2], region[3]))
         return light
 
     def write_picture(self, path: Path, *, camera: ViewCamera | None = None) -> None:
@@ -138,10 +146,7 @@ class OfflineRenderer:
         if not holds_numbers(path):
             save_picture(path, self.picture(camera=camera))
             return
-        values = self.values(camera=camera)
-        if path.suffix.lower() == ".npy" and values.dtype == np.float16:
-            values = values.astype(np.float32)  # which every reader takes
-        save_values(path, values, view=self._shows)
+        save_values(path, self.values(camera=camera), view=self._shows)
 
     def write_video(
         self,
@@ -178,7 +183,7 @@ class OfflineRenderer:
     def _data(self, kind: DataKind, camera: ViewCamera | None) -> NDArray[Any]:
         whole: NDArray[Any] | None = None
         for region in self._regions():
-            part = self._renderer.draw_data(
+            part = self._renderer(self._quality).draw_data(
                 self.world, camera or self._camera(), self.width, self.height, kind, region=region
             )
             if region[2:] == (self.width, self.height):
@@ -203,10 +208,10 @@ class OfflineRenderer:
         self._framing = self._framing or self.world.camera(aspect)
         return self._framing
 
-    def _settle(self) -> None:
-        if self._settled_version != self.world.scene_version:
-            self._renderer.settle(self.world)
-            self._settled_version = self.world.scene_version
+    def _renderer(self, quality: Quality) -> Renderer:
+        if quality not in self._renderers:
+            self._renderers[quality] = Renderer(self._context, quality=quality)
+        return self._renderers[quality]
 
 
 def check_size(width: int, height: int) -> None:

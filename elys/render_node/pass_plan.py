@@ -9,9 +9,11 @@ from elys.bus.mirror import SceneMirror
 from elys.render_node.camera import View
 from elys.render_node.drawable_assets import DrawableAssets
 from elys.render_node.passes.backdrop import GridPass, SkyPass
-from elys.render_node.passes.finishing import OutlinePass
+from elys.render_node.passes.bloom import BloomPass
+from elys.render_node.passes.finishing import FxaaPass, OutlinePass
+from elys.render_node.passes.occlusion import OcclusionPass
 from elys.render_node.passes.shading import OpaquePass, TransparentPass
-from elys.render_node.passes.shadow import ShadowPass
+from elys.render_node.passes.shadow import LampShadowPass, ShadowPass
 from elys.render_node.picture_plan import DrawCall, PicturePlan, plan_picture
 from elys.render_node.quality import FULL
 from elys.render_node.render_world import RenderWorld
@@ -42,7 +44,11 @@ def scene_passes(
         world.assets.settle()
         world.place()
         view = View.of(world.camera(width / height), width, height)
-        return told_passes(plan_picture(world, view, shadow_size=FULL.shadow_size))
+        return told_passes(
+            plan_picture(
+                world, view, shadow_size=FULL.shadow_size, long_views=True, lamp_shadow_size=FULL.lamp_shadow_size
+            )
+        )
     finally:
         reader.close()
         world.assets.close()
@@ -51,9 +57,13 @@ def scene_passes(
 def told_passes(plan: PicturePlan) -> tuple[PlannedPass, ...]:
     """Every pass of a picture in the order in which they run."""
     shown = [*plan.opaque, *plan.transparent]
+    around, picture = plan.surroundings, plan.picture
     mapped = [call for call in shown if call.batch.look.has_normal_map]
     return (
+        PlannedPass("environment", around.gives_light or around.is_seen, _why_environment(plan)),
         PlannedPass("shadow", ShadowPass.is_needed(plan), _why_shadow(plan)),
+        PlannedPass("lamp shadows", LampShadowPass.is_needed(plan), _why_lamp_shadows(plan)),
+        PlannedPass("occlusion", OcclusionPass.is_needed(plan), _why_occlusion(plan)),
         PlannedPass("opaque", OpaquePass.is_needed(plan), _why_seen(plan.opaque, "solid thing")),
         PlannedPass(
             "tangents",
@@ -63,12 +73,19 @@ def told_passes(plan: PicturePlan) -> tuple[PlannedPass, ...]:
         PlannedPass(
             "sky",
             SkyPass.is_needed(plan),
-            "the background has a colour" if SkyPass.is_needed(plan) else "the background is black",
+            "something is behind everything" if SkyPass.is_needed(plan) else "nothing is behind everything",
         ),
         PlannedPass("grid", GridPass.is_needed(plan), "for who edits" if plan.grid else "nobody edits"),
         PlannedPass("transparent", TransparentPass.is_needed(plan), _why_seen(plan.transparent, "see-through thing")),
+        PlannedPass(
+            "fog",
+            picture.fog_density > 0.0,
+            _why_set(picture.fog_density, "fog_density", "surfaces and sky are dimmed"),
+        ),
+        PlannedPass("bloom", BloomPass.is_needed(plan), _why_set(picture.bloom, "bloom", "bright light spreads")),
+        PlannedPass("fxaa", FxaaPass.is_needed(plan), _why_set(picture.fxaa, "fxaa", "edges are smoothed")),
         PlannedPass("outline", OutlinePass.is_needed(plan), _why_seen(plan.selected, "selected thing")),
-        PlannedPass("tonemap", True, "always: light becomes what a screen shows"),
+        PlannedPass("tonemap", True, f"always: light becomes what a screen shows, by {picture.tone_mapping}"),
     )
 
 
@@ -80,6 +97,41 @@ def _why_seen(calls: list[DrawCall], noun: str) -> str:
     return f"{count} {plural} seen, in {len(calls)} draw call{'s' if len(calls) != 1 else ''}"
 
 
+def _why_set(value: float, name: str, effect: str) -> str:
+    return f"{effect}: picture.{name} is {value:g}" if value else f"picture.{name} is 0"
+
+
+def _why_environment(plan: PicturePlan) -> str:
+    around = plan.surroundings
+    if not (around.gives_light or around.is_seen):
+        return "all around is black"
+    what = {"colors": "the scene's colours", "color": "a colour", "sky": "a clear sky", "image": "a picture"}[
+        around.key[0]
+    ]
+    return (
+        f"made once of {what}, and kept while that stays"
+        if around.gives_light
+        else f"{what} is seen and gives no light"
+    )
+
+
+def _why_lamp_shadows(plan: PicturePlan) -> str:
+    if not plan.lamps:
+        return "no bulbs and no spots"
+    if plan.lamp_shadows is None:
+        return "no bulb and no spot throws a shadow"
+    count = sum(first >= 0 for first in plan.lamp_shadows.first)
+    return f"{count} lamp{'s throw' if count > 1 else ' throws'} shadows, in {len(plan.lamp_shadows.place)} squares"
+
+
+def _why_occlusion(plan: PicturePlan) -> str:
+    if plan.picture.ambient_occlusion == 0.0:
+        return "picture.ambient_occlusion is 0"
+    if not plan.surroundings.gives_light:
+        return "no light from around to keep out"
+    return "corners get less light from around" if plan.opaque else "no solid thing is seen"
+
+
 def _why_shadow(plan: PicturePlan) -> str:
     if plan.sun is None:
         return "no sun"
@@ -89,4 +141,5 @@ def _why_shadow(plan: PicturePlan) -> str:
         return "nothing that throws a shadow is in view"
     if plan.shadow_is_fresh:
         return "the map drawn for the last picture still holds"
-    return f"{sum(call.instance_count for call in plan.casters)} things throw shadows"
+    finer = ", and a finer map around the eye for the long view" if plan.near_shadow is not None else ""
+    return f"{sum(call.instance_count for call in plan.casters)} things throw shadows{finer}"

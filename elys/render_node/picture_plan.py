@@ -8,14 +8,15 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from elys.common.scene import PictureSettings
 from elys.render_node.camera import View, frustum_planes
-from elys.render_node.gpu import INSTANCE_DTYPE
+from elys.render_node.lamp_shadows import LampShadows, fit_lamp_shadows
 from elys.render_node.render_world import Batch, PlacedLight, RenderWorld
 from elys.render_node.scene_tables import Rows
-from elys.render_node.shadow_fit import ShadowFit, fit_shadow
+from elys.render_node.shadow_fit import ShadowFit, fit_near_shadow, fit_shadow
+from elys.render_node.surroundings import Surroundings
 
 MAX_LAMPS: Final = 8  # point and spot lights in one picture: those that matter most
-EXPOSURE: Final = 1.0  # a sun of pi lx makes white white, see `frame_block`
 
 
 class DrawCall(NamedTuple):
@@ -40,8 +41,17 @@ class PicturePlan:
     sun: PlacedLight | None
     lamps: list[PlacedLight]
     shadow: ShadowFit | None
+    near_shadow: ShadowFit | None  # a finer one around the eye, where the view is long
     shadow_is_fresh: bool  # the map drawn for the last picture still holds
+    lamp_shadows: LampShadows | None
+    lamp_casters: list[list[DrawCall]]  # of each of their squares; none while the atlas drawn last still holds
     grid: bool
+    surroundings: Surroundings
+
+    @property
+    def picture(self) -> PictureSettings:
+        """What the scene asks of its pictures."""
+        return self.world.settings.picture
 
 
 class ShadowState(NamedTuple):
@@ -52,6 +62,11 @@ class ShadowState(NamedTuple):
     key: tuple[float, ...]
 
 
+def shadow_state(world: RenderWorld, shadow: ShadowFit, near: ShadowFit | None) -> ShadowState:
+    """What maps of these hold once they are drawn."""
+    return ShadowState(world.scene_version, world.pose_version, shadow.key + (near.key if near is not None else ()))
+
+
 def plan_picture(
     world: RenderWorld,
     view: View,
@@ -60,36 +75,52 @@ def plan_picture(
     grid: bool = False,
     drawn_shadow: ShadowState | None = None,
     shadow_size: int = 0,
+    long_views: bool = False,
+    lamp_shadow_size: int = 0,
+    drawn_lamp_shadows: ShadowState | None = None,
 ) -> PicturePlan:
     """Decides what a picture of the world in this view consists of; `drawn_shadow` is what the shadow map, of `shadow_size`
-    texels an edge (0 for none), holds already.
+    texels an edge (0 for none), holds already, and `drawn_lamp_shadows` the same of the atlas of lamps. With
+    `long_views` a finer map around the eye is added where one would be coarse.
     """
     relative_centre = (world.centre - view.eye).astype(np.float32)
     seen = _within(frustum_planes(view.clip_from_relative), relative_centre, world.radius)
     lights = world.lights()
     sun = _brightest_sun(lights)
     shadow = _shadow(world, view, sun, shadow_size) if shadow_size else None
-    is_fresh = shadow is not None and drawn_shadow == ShadowState(world.scene_version, world.pose_version, shadow.key)
+    near_shadow = fit_near_shadow(world, view, sun.direction, shadow) if shadow and sun and long_views else None
+    is_fresh = shadow is not None and drawn_shadow == shadow_state(world, shadow, near_shadow)
     rows = _RowCollector(world)
     seen_rows = np.flatnonzero(seen)
     first_blended = next((batch.first for batch in world.batches if batch.is_blended), world.instance_count)
     opaque = rows.add_grouped(seen_rows[seen_rows < first_blended])
     transparent = rows.add_sorted(seen_rows[seen_rows >= first_blended], _distance(view, relative_centre))
     casters = rows.add_grouped(_caster_rows(world, first_blended)) if shadow is not None and not is_fresh else []
+    lamps = _nearest_lamps(lights, view.eye)
+    all_casters = _caster_rows(world, first_blended)
+    around = fit_lamp_shadows(world, lamps, all_casters, lamp_shadow_size) if lamp_shadow_size and lamps else None
+    holds = around is not None and drawn_lamp_shadows == ShadowState(
+        world.scene_version, world.pose_version, around.key
+    )
+    lamp_casters = [rows.add_grouped(found) for found in around.casters] if around is not None and not holds else []
     selected = rows.add_grouped(np.intersect1d(world.instances_of(selection), seen_rows, assume_unique=True))
     return PicturePlan(
         view=view,
         world=world,
-        instances=_instances(world, rows.all(), view.eye),
+        instances=world.instance_rows.seen_from(world, rows.all(), view.eye),
         opaque=opaque,
         transparent=transparent,
         casters=casters,
         selected=selected,
         sun=sun,
-        lamps=_nearest_lamps(lights, view.eye),
+        lamps=lamps,
         shadow=shadow,
+        near_shadow=near_shadow,
         shadow_is_fresh=is_fresh,
+        lamp_shadows=around,
+        lamp_casters=lamp_casters,
         grid=grid,
+        surroundings=world.surroundings(None if sun is None else -sun.direction),
     )
 
 
@@ -100,21 +131,19 @@ class _RowCollector:
         self._world = world
         self._starts = np.array([batch.first for batch in world.batches], np.intp)
         self._parts: list[Rows] = []
+        self._grouped: list[tuple[int, Rows]] = []
         self._count = 0
 
     def add_grouped(self, rows: Rows) -> list[DrawCall]:
-        """Ascending rows, one call a batch."""
+        """Ascending rows, one call a batch. Rows that stand there already, as of casters that are all seen, are used again."""
         if not len(rows):
             return []
+        first = self._keep_grouped(rows)
         bounds = np.append(np.searchsorted(rows, self._starts), len(rows))
-        calls = [
-            DrawCall(
-                self._world.batches[batch], self._count + int(bounds[batch]), int(bounds[batch + 1] - bounds[batch])
-            )
+        return [
+            DrawCall(self._world.batches[batch], first + int(bounds[batch]), int(bounds[batch + 1] - bounds[batch]))
             for batch in np.flatnonzero(np.diff(bounds)).tolist()
         ]
-        self._keep(rows)
-        return calls
 
     def add_sorted(self, rows: Rows, distance: NDArray[np.float32]) -> list[DrawCall]:
         """Farthest first by the distances of all instances, a call for each run of one batch."""
@@ -135,6 +164,15 @@ class _RowCollector:
         """The rows of all calls in order."""
         return np.concatenate(self._parts) if self._parts else np.zeros(0, np.intp)
 
+    def _keep_grouped(self, rows: Rows) -> int:
+        """Where these rows stand among all."""
+        for first, kept in self._grouped:
+            if len(kept) == len(rows) and np.array_equal(kept, rows):
+                return first
+        self._grouped.append((self._count, rows))
+        self._keep(rows)
+        return self._grouped[-1][0]
+
     def _keep(self, rows: Rows) -> None:
         self._parts.append(rows)
         self._count += len(rows)
@@ -149,17 +187,9 @@ def _distance(view: View, relative_centre: NDArray[np.float32]) -> NDArray[np.fl
 
 def _within(planes: NDArray[np.float64], centre: NDArray[np.float32], radius: NDArray[np.float32]) -> NDArray[np.bool_]:
     """Which spheres (N,) reach into the space that six planes enclose."""
-    distance = centre @ planes[:, :3].T.astype(np.float32) + planes[:, 3].astype(np.float32)
-    return np.asarray((distance > -radius[:, None]).all(axis=1))
-
-
-def _instances(world: RenderWorld, rows: Rows, eye: NDArray[np.float64]) -> NDArray[np.void]:
-    instances = np.empty(len(rows), INSTANCE_DTYPE)
-    instances["affine"][:, :, :3] = world.linear[rows]
-    instances["affine"][:, :, 3] = world.position[rows] - eye  # in 64 bits, before what is left fits into 32
-    instances["surface"] = world.surface[rows]
-    instances["entity"] = world.entity[rows]
-    return instances
+    # (6, N): numpy is quick along rows
+    distance = planes[:, :3].astype(np.float32) @ centre.T + planes[:, 3:].astype(np.float32)
+    return np.asarray((distance > -radius).all(axis=0))
 
 
 def _caster_rows(world: RenderWorld, first_blended: int) -> Rows:

@@ -8,26 +8,31 @@ Instances stand in the order of their batches, opaque ones first, so that what i
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.messages.views import ViewCamera
-from elys.common.components import Camera, Light, Material
+from elys.common.components import Camera, Environment, Light, Material
 from elys.common.math import quaternion
 from elys.common.math.aabb import transform_bounds
 from elys.common.scene import SceneSettings
 from elys.render_node.camera import framing_camera
 from elys.render_node.drawable_assets import UNKNOWN_EXTENT, DrawableAssets
+from elys.render_node.instance_rows import InstanceRows
 from elys.render_node.look import Look, look_of
 from elys.render_node.placement import Placement
 from elys.render_node.scene_tables import Rows, SceneReader, SceneTables, tables_of
+from elys.render_node.surroundings import Surroundings, surroundings_of
 from elys.render_node.timeline import Timeline
 
 PLAIN: Final = Material()
+BLACK: Final = (0.0, 0.0, 0.0)
 GIANT: Final = 1.6  # times larger than all smaller things together: neither cameras nor shadow maps are fitted to it
 _CORNER_SIGNS: Final = np.array([(1, 1, 1), (-1, 1, 1), (1, -1, 1), (1, 1, -1)], np.float64)
 # What is drawn where a mesh cannot be had.
@@ -67,9 +72,12 @@ class RenderWorld:
         scene_version: rises when batches change; pose_version when anything stands elsewhere.
     """
 
-    def __init__(self, assets: DrawableAssets | None = None) -> None:
+    def __init__(self, assets: DrawableAssets | None = None, *, environment: bool = True) -> None:
+        """Without `environment` nothing but the scene's lamps and what glows gives light, whatever its settings say."""
+        self._has_environment = environment
         self.assets = assets if assets is not None else DrawableAssets()
         self.timeline = Timeline()
+        self.instance_rows = InstanceRows()
         self.scene_version = 0
         self.pose_version = 0
         self._tables = tables_of([], [], [])
@@ -148,7 +156,7 @@ class RenderWorld:
     @property
     def settings(self) -> SceneSettings:
         """What holds for the whole scene."""
-        return self._tables.settings
+        return self._settings
 
     @property
     def tick(self) -> int:
@@ -185,6 +193,12 @@ class RenderWorld:
         """All lamps that are on."""
         first = self.instance_count
         return [self._placed_light(light, first + i) for i, light in enumerate(self._lights)]
+
+    def surroundings(self, to_sun: NDArray[np.float64] | None) -> Surroundings:
+        """What is all around, under a sun in that direction."""
+        turned = _axes(self._placement.linear[-1].astype(np.float64)) if self._environment is not None else np.eye(3)
+        rotation = np.asarray(quaternion.from_matrix(turned), np.float64)
+        return surroundings_of(self._settings, self._environment, rotation, to_sun, self.assets)
 
     def camera(self, aspect: float = 16 / 9) -> ViewCamera:
         """The view of the scene's enabled camera of highest priority, or one that shows everything."""
@@ -225,15 +239,18 @@ class RenderWorld:
 
     def _rebuild(self) -> None:
         tables = self._tables
+        self._settings = tables.settings if self._has_environment else _without_environment(tables.settings)
         self._assets_version = self.assets.version
         self._gather_instances(tables)
         lights = [row for row in tables.lights if tables.enabled[row]]
         cameras = [row for row in tables.cameras if tables.enabled[row]]
         # max keeps the first of equals: the one that stands first in the scene.
         chosen = [max(cameras, key=self._camera_rank)] if cameras else []
+        around = [row for row in tables.environments if tables.enabled[row] and self._has_environment][:1]
+        self._environment: Environment | None = tables.environments[around[0]] if around else None
         self._lights = [tables.lights[row] for row in lights]
         self._camera: Camera | None = tables.cameras[chosen[0]] if chosen else None
-        self._items = np.concatenate([self._rows, np.array(lights + chosen, np.intp)])
+        self._items = np.concatenate([self._rows, np.array(lights + chosen + around, np.intp)])
         self.scene_version += 1
         self._place_anew()
 
@@ -260,7 +277,9 @@ class RenderWorld:
             mesh, material = renderer.mesh, tables.materials.get(row, PLAIN)
             if mesh in self.assets.failed:
                 mesh, material = "box", MISSING
-            grouped.setdefault((mesh, look_of(material, bool(mirrored[row]))), []).append((row, material))
+            grouped.setdefault((mesh, look_of(material, bool(mirrored[row]), renderer.tangents)), []).append(
+                (row, material)
+            )
         batches: list[Batch] = []
         members: list[tuple[int, Material]] = []
         for mesh, look in sorted(grouped, key=lambda key: key[1].alpha_mode == "blend"):
@@ -305,18 +324,21 @@ class RenderWorld:
 
 def without_giants(centre: NDArray[np.float64], radius: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Who of N spheres is left without those that dwarf everything smaller together; all, if that leaves none."""
-    order = np.argsort(radius, kind="stable")
-    lower = np.minimum.accumulate((centre - radius[:, None])[order])
-    upper = np.maximum.accumulate((centre + radius[:, None])[order])
-    reach = np.linalg.norm(upper - lower, axis=1) / 2  # around the smallest k + 1
-    giants = radius[order][1:] > GIANT * reach[:-1]
-    first_giant = int(np.argmax(giants)) + 1 if giants.any() else len(order)
-    # One pebble does not make the house a giant: at least a few things must be left.
-    if first_giant < min(4, len(order)):
-        first_giant = len(order)
-    kept = np.zeros(len(order), np.bool_)
-    kept[order[:first_giant]] = True
-    return kept
+    # Only where sizes leap can a giant be: a sphere's own box reaches sqrt(3) times its radius.
+    sizes = np.sort(radius)
+    everybody = np.ones(len(radius), np.bool_)
+    for last in np.flatnonzero(sizes[1:] > GIANT * math.sqrt(3.0) * sizes[:-1]).tolist():
+        smaller = radius <= sizes[last]
+        reach = radius[smaller, None]
+        box = (centre[smaller] + reach).max(axis=0) - (centre[smaller] - reach).min(axis=0)
+        if sizes[last + 1] > GIANT * np.linalg.norm(box) / 2:
+            # One pebble does not make the house a giant: at least a few things must be left.
+            return smaller if last + 1 >= min(4, len(radius)) else everybody
+    return everybody
+
+
+def _without_environment(settings: SceneSettings) -> SceneSettings:
+    return msgspec.structs.replace(settings, background=BLACK, ambient=BLACK)
 
 
 def _surfaces(materials: list[Material]) -> NDArray[np.float32]:

@@ -19,11 +19,14 @@ from elys.render_node.camera import Region, View
 from elys.render_node.frame_block import frame_block
 from elys.render_node.gpu import BLOCK_BINDINGS, Context, Format, Framebuffer
 from elys.render_node.passes.backdrop import GridPass, SkyPass
+from elys.render_node.passes.bloom import BloomPass
 from elys.render_node.passes.data import DataKind, DataPass
-from elys.render_node.passes.finishing import OutlinePass, TonemapPass
+from elys.render_node.passes.environment import EnvironmentPass, mirror_tiles
+from elys.render_node.passes.finishing import FxaaPass, OutlinePass, TonemapPass
+from elys.render_node.passes.occlusion import OcclusionPass
 from elys.render_node.passes.picking import PickingPass
 from elys.render_node.passes.shading import OpaquePass, TransparentPass
-from elys.render_node.passes.shadow import ShadowPass
+from elys.render_node.passes.shadow import LampShadowPass, ShadowPass
 from elys.render_node.picture_plan import PicturePlan, plan_picture
 from elys.render_node.quality import FULL, Quality
 from elys.render_node.render_world import RenderWorld
@@ -35,16 +38,14 @@ KEPT_SIZES: Final = 4  # picture sizes whose framebuffers are kept: views of sev
 class Targets:
     """The framebuffers of pictures of one size."""
 
-    def __init__(self, context: Context, width: int, height: int, quality: Quality) -> None:
+    def __init__(self, context: Context, width: int, height: int, quality: Quality, *, to_screen: bool) -> None:
         samples = min(quality.samples, context.max_samples)
-        form: Format = "rgba8" if quality.to_screen else "rgba16f"
-        self.light = Framebuffer(context, width, height, (form,), depth=not samples, smooth=False)
+        form: Format = "rgba8" if to_screen else quality.light_form
+        self.light = Framebuffer(context, width, height, (form,), depth=not samples)
         self.drawn = (
             Framebuffer(context, width, height, (form,), depth=True, samples=samples) if samples else self.light
         )
-        self.picture = (
-            self.light if quality.to_screen else Framebuffer(context, width, height, ("rgba8",), smooth=False)
-        )
+        self.picture = self.light if to_screen else Framebuffer(context, width, height, ("rgba8",), smooth=False)
 
     def resolve(self) -> None:
         """Averages the samples of what was drawn."""
@@ -64,13 +65,18 @@ class Renderer:
         self.resources = Resources(context)
         self.timings: dict[str, float] = {}
         self._quality = quality
-        self._targets: dict[tuple[int, int], Targets] = {}
+        self._targets: dict[tuple[int, int, bool], Targets] = {}
         self._shadow_world: RenderWorld | None = None
         self._shadow = ShadowPass(self.resources)
+        self._lamp_shadows = LampShadowPass(self.resources)
+        self._environment = EnvironmentPass(self.resources, quality)
         self._opaque = OpaquePass(self.resources, quality)
         self._sky = SkyPass(self.resources, quality)
         self._grid = GridPass(self.resources, quality)
         self._transparent = TransparentPass(self.resources, quality)
+        self._occlusion = OcclusionPass(self.resources)
+        self._bloom = BloomPass(self.resources)
+        self._fxaa = FxaaPass(self.resources)
         self._tonemap = TonemapPass(self.resources)
         self._outline = OutlinePass(self.resources)
         self._picking: PickingPass | None = None
@@ -93,18 +99,32 @@ class Renderer:
         `target` is where it goes instead, a framebuffer of that size, such as a window's. With a `region` only that part of the
         picture is drawn, into a framebuffer of its size.
         """
-        targets = self._targets_of(*(region[2:] if region is not None else (width, height)))
-        picture = target if target is not None else targets.picture
+        self.resources.programs.reload_changed()
         with self._timed("plan"):
             plan = self._plan(world, View.of(camera, width, height), selection, grid)
             if region is not None:  # planned as a whole, so that shadows are the same in all parts
                 plan = replace(plan, view=plan.view.of_region(region))
+        targets = self._targets_of(
+            plan.view.width, plan.view.height, to_screen=self._quality.writes_screen(plan.picture)
+        )
+        picture = target if target is not None else targets.picture
+        with self._timed("environment"):
+            if self._environment.is_needed(plan):
+                self._environment.draw(plan)
         with self._timed("upload"):
             self._upload(plan)
         with self._timed("shadow"):
             if self._shadow.is_needed(plan):
                 self._shadow.draw(plan)
+            if self._lamp_shadows.is_needed(plan):
+                self._lamp_shadows.draw(plan)
+        with self._timed("occlusion"):
+            if self._occlusion.is_needed(plan):
+                self._occlusion.draw(plan)
+                self._occlusion.use()
         self._shadow.use()
+        self._lamp_shadows.use()
+        self._environment.use(plan)
         targets.drawn.use()
         targets.drawn.clear()
         with self._timed("opaque"):
@@ -120,10 +140,17 @@ class Renderer:
                 self._transparent.draw(plan, targets.drawn)
         with self._timed("finish"):
             targets.resolve()
-            self._show(targets, picture)
+            if self._bloom.is_needed(plan):
+                self._bloom.draw(plan, targets.light)
+            if self._fxaa.is_needed(plan):
+                self._show(plan, targets, self._fxaa.source(plan))
+                self._fxaa.draw(plan, picture)
+            else:
+                self._show(plan, targets, picture)
             if self._outline.is_needed(plan):
                 self._outline.draw(plan, picture)
         self.context.collect()
+        self.context.check("drawing a picture")
         return picture
 
     def pick(
@@ -173,7 +200,7 @@ class Renderer:
 
         Of a Quality that goes to the screen directly: what the screen shows.
         """
-        light = self._targets_of(width, height).light.read()
+        light = next(kept for size, kept in reversed(self._targets.items()) if size[:2] == (width, height)).light.read()
         return np.ascontiguousarray(light[::-1].astype(np.float32))
 
     def settle(self, world: RenderWorld, *, timeout: float = 60.0) -> None:
@@ -182,7 +209,8 @@ class Renderer:
         for look in looks:
             self.resources.bind_textures(world, look)  # images take longest: they are asked for first
         for batch in world.batches:
-            self.resources.geometry(world, batch.mesh)
+            self.resources.geometry(world, batch)
+        world.surroundings(None)
         end = time.monotonic() + timeout
         # What has been decoded goes to the card while others are decoded still.
         while world.assets.wait_for_one(end - time.monotonic()):
@@ -190,31 +218,39 @@ class Renderer:
                 self.resources.bind_textures(world, look)
         world.place_if_assets_came()
 
-    def _show(self, targets: Targets, picture: Framebuffer) -> None:
+    def _show(self, plan: PicturePlan, targets: Targets, picture: Framebuffer) -> None:
         """Turns light into what the screen shows, unless the passes did so already."""
-        if not self._quality.to_screen:
-            self._tonemap.draw(targets.light, picture)
+        if not self._quality.writes_screen(plan.picture):
+            self._tonemap.draw(plan, targets.light, picture)
         elif picture is not targets.light:
             targets.light.resolve_into(picture)
 
     def _plan(self, world: RenderWorld, view: View, selection: tuple[int, ...], grid: bool) -> PicturePlan:
-        drawn = self._shadow.drawn if self._shadow_world is world else None
+        is_same = self._shadow_world is world
         self._shadow_world = world
         return plan_picture(
-            world, view, selection=selection, grid=grid, drawn_shadow=drawn, shadow_size=self._quality.shadow_size
+            world,
+            view,
+            selection=selection,
+            grid=grid,
+            drawn_shadow=self._shadow.drawn if is_same else None,
+            shadow_size=self._quality.shadow_size,
+            long_views=not self._quality.single_shadow_tap,
+            lamp_shadow_size=self._quality.lamp_shadow_size,
+            drawn_lamp_shadows=self._lamp_shadows.drawn if is_same else None,
         )
 
     def _upload(self, plan: PicturePlan) -> None:
         self.resources.instances.write(plan.instances)
         self.resources.forget_unused(plan.world)
-        self.resources.frame.write(frame_block(plan))
+        self.resources.frame.write(frame_block(plan, self._environment.harmonics, mirror_tiles()))
         self.resources.frame.bind_block(BLOCK_BINDINGS["Frame"])
 
-    def _targets_of(self, width: int, height: int) -> Targets:
-        targets = self._targets.pop((width, height), None)
+    def _targets_of(self, width: int, height: int, *, to_screen: bool) -> Targets:
+        targets = self._targets.pop((width, height, to_screen), None)
         if targets is None:
-            targets = Targets(self.context, width, height, self._quality)
-        self._targets[width, height] = targets  # the last one used stands last
+            targets = Targets(self.context, width, height, self._quality, to_screen=to_screen)
+        self._targets[width, height, to_screen] = targets  # the last one used stands last
         while len(self._targets) > KEPT_SIZES:
             del self._targets[next(iter(self._targets))]
         return targets

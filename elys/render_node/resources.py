@@ -9,11 +9,12 @@ import numpy as np
 
 from elys.common.assets import Mesh
 from elys.common.assets.images import placeholder_image
+from elys.common.assets.tangents import with_tangents
 from elys.common.assets.texture import Sampling, split_texture
-from elys.render_node.gpu import TEXTURE_UNITS, Buffer, Context, Format, Program, Texture, VertexArray
+from elys.render_node.gpu import TEXTURE_UNITS, Buffer, Context, Format, Program, ProgramCache, Texture, VertexArray
 from elys.render_node.images import decode_image
 from elys.render_node.look import TEXTURE_FIELDS, Look, texture_of, variant_of
-from elys.render_node.render_world import RenderWorld
+from elys.render_node.render_world import Batch, RenderWorld
 
 _log = logging.getLogger(__name__)
 TANGENTS: Final = "VERTEX_TANGENTS"  # compiled in where a mesh has them and a normal map is laid along them
@@ -70,26 +71,26 @@ class Resources:
         self.instances = Buffer(context, size=1 << 16)
         self.frame = Buffer(context, size=1 << 10)
         self._used_by: tuple[RenderWorld, int] | None = None  # a world and its scene, whose names are in use
-        self._geometries: dict[str, Geometry] = {}
+        self._geometries: dict[tuple[str, int | None], Geometry] = {}  # by mesh and uv set of computed tangents
         self._textures: dict[tuple[str, bool, Sampling], Texture] = {}
         self._checker: Texture | None = None
-        self._programs: dict[tuple[str, str, tuple[str, ...]], Program] = {}
+        self.programs = ProgramCache(context)
 
     def program(self, vertex: str, fragment: str, defines: tuple[str, ...] = ()) -> Program:
         """The program of two shader files, compiled with `defines` at its first use."""
-        key = (vertex, fragment, defines)
-        if key not in self._programs:
-            self._programs[key] = Program(self.context, vertex, fragment, defines=defines)
-        return self._programs[key]
+        return self.programs.program(vertex, fragment, defines)
 
-    def geometry(self, world: RenderWorld, mesh: str) -> Geometry | None:
-        """The mesh of that name on the card; None while it is not here, or if it has no triangles."""
-        geometry = self._geometries.get(mesh)
+    def geometry(self, world: RenderWorld, batch: Batch) -> Geometry | None:
+        """The mesh of a batch on the card; None while it is not here, or if it has no triangles."""
+        key = (batch.mesh, batch.look.tangent_uvs)
+        geometry = self._geometries.get(key)
         if geometry is None:
-            arrays = world.assets.mesh(mesh)
+            arrays = world.assets.mesh(batch.mesh)
             if arrays is None:
                 return None
-            geometry = self._geometries[mesh] = Geometry(self.context, arrays)
+            if arrays.tangents is None and key[1] is not None:
+                arrays = with_tangents(arrays, uv_set=key[1])
+            geometry = self._geometries[key] = Geometry(self.context, arrays)
         return None if geometry.is_empty else geometry
 
     def bind_textures(self, world: RenderWorld, look: Look) -> tuple[str, ...]:
@@ -125,8 +126,8 @@ class Resources:
         self._used_by = (world, world.scene_version)
         named = {split_texture(text)[0] for batch in world.batches for text in batch.look.textures}
         self._textures = {key: texture for key, texture in self._textures.items() if key[0] in named}
-        meshes = {batch.mesh for batch in world.batches}
-        self._geometries = {name: geometry for name, geometry in self._geometries.items() if name in meshes}
+        meshes = {(batch.mesh, batch.look.tangent_uvs) for batch in world.batches}
+        self._geometries = {key: geometry for key, geometry in self._geometries.items() if key in meshes}
 
     def _texture(self, world: RenderWorld, reference: str, is_color: bool, sampling: Sampling) -> Texture | None:
         """An image on the card; a checker for a colour that cannot be had, None for what is on its way or holds no colour."""

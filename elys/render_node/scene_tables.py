@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from elys.bus.messages.scene import ComponentRemoved, ComponentSet, Renamed
 from elys.bus.mirror import MirrorEntity, MirrorUpdate, SceneMirror
-from elys.common.components import Camera, Component, Light, Material, MeshRenderer, Transform
+from elys.common.components import Camera, Component, Environment, Light, Material, MeshRenderer, Transform
 from elys.common.math import quaternion
 from elys.common.math.matrix import compose_affine, depth_levels, propagate_affine
 from elys.common.scene import SceneSettings
@@ -19,7 +19,7 @@ from elys.common.scene import SceneSettings
 Rows = NDArray[np.intp]
 C = TypeVar("C", bound=Component)
 _STILL: Final = Transform()
-_DRAWN: Final = frozenset(kind.__name__ for kind in (MeshRenderer, Material, Light, Camera))
+_DRAWN: Final = frozenset(kind.__name__ for kind in (MeshRenderer, Material, Light, Camera, Environment))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,7 +32,7 @@ class SceneTables:
         local: position [N, 3], rotation [N, 4] and scale [N, 3], relative to the parent.
         world_from_local: [N, 3, 4] f64. rotation: [N, 4] f64, the world's, without what scales shear.
         levels: the rows of each depth.
-        meshes, materials, lights, cameras: row -> component, for rows that have one; in the order of the rows.
+        meshes, materials, lights, cameras, environments: row -> component, for rows that have one; in the order of the rows.
     """
 
     entity: NDArray[np.uint32]
@@ -48,6 +48,7 @@ class SceneTables:
     materials: dict[int, Material]
     lights: dict[int, Light]
     cameras: dict[int, Camera]
+    environments: dict[int, Environment]
     settings: SceneSettings
 
     def subtree(self, entities: Sequence[int]) -> NDArray[np.bool_]:
@@ -154,6 +155,7 @@ def tables_of(
         materials=_having(components, Material),
         lights=_having(components, Light),
         cameras=_having(components, Camera),
+        environments=_having(components, Environment),
         settings=settings or SceneSettings(),
     )
 

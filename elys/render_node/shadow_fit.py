@@ -16,6 +16,8 @@ from elys.render_node.scene_tables import Rows
 
 BORDER: Final = 4  # texels around what is covered: the filter looks over the edge
 REACH_BEHIND: Final = 500.0  # [m] behind the casters in which shadows are seen; 24 bits of depth resolve 0.03 mm of it
+NEAR_SHARE: Final = 1 / 16  # of the whole box' edge: how far from the eye the finer box reaches
+FINER: Final = 4.0  # times, at the least, are its texels smaller: else it is not worth a second drawing
 SIZE_STEPS: Final = 8  # sizes per doubling: small changes of the view leave the texels where they are
 
 
@@ -29,22 +31,45 @@ class ShadowFit:
     key: tuple[float, ...]  # equal keys cover the same part of the world in the same way
 
 
-def fit_shadow(world: RenderWorld, view: View, direction: NDArray[np.float64], *, map_size: int) -> ShadowFit | None:
+def fit_near_shadow(
+    world: RenderWorld, view: View, direction: NDArray[np.float64], whole: ShadowFit
+) -> ShadowFit | None:
+    """A second box around what is near the eye, where the view is so long that the one around all of it would be coarse there."""
+    distance = whole.texel * whole.map_size * NEAR_SHARE
+    if (np.linalg.norm(world.centre - view.eye, axis=1) - world.radius).min() > distance:
+        return None  # there is nothing to see a shadow on
+    near = fit_shadow(world, view, direction, map_size=whole.map_size, farthest=distance)
+    return near if near is not None and near.texel * FINER <= whole.texel else None
+
+
+def fit_shadow(
+    world: RenderWorld,
+    view: View,
+    direction: NDArray[np.float64],
+    *,
+    map_size: int,
+    farthest: float | None = None,
+) -> ShadowFit | None:
     """The box that covers the world's casters, as far as they can darken what is seen of light that goes along `direction`.
 
-    The map has `map_size` texels an edge.
+    The map has `map_size` texels an edge. What is seen counts up to `farthest` [m] if that is given.
     A floor below all others is drawn into the map but does not widen it: its shadow falls on nothing. None if nothing is left.
     """
-    casters = np.flatnonzero(world.casts)
-    if not len(casters):
+    casters = _some(world.casts)
+    if not world.casts.any():
         return None
     light_from_world = quaternion.to_matrix(look_rotation(direction)).T
     reach = world.radius[casters].astype(np.float64)
-    in_light = world.centre[casters] @ light_from_world.T
-    kept = ~_floors(world, casters)
-    lower = (in_light[kept, :2] - reach[kept, None]).min(axis=0)
-    upper = (in_light[kept, :2] + reach[kept, None]).max(axis=0)
-    seen = (frustum_corners(view.clip_from_relative) + view.eye) @ light_from_world.T
+    in_light = light_from_world @ world.centre[casters].T  # (3, N): numpy is quick along rows
+    kept = _some(~_floors(world, casters))
+    lower = (in_light[:2, kept] - reach[kept]).min(axis=1)
+    upper = (in_light[:2, kept] + reach[kept]).max(axis=1)
+    corners = frustum_corners(view.clip_from_relative)
+    if farthest is not None:
+        near, far = corners[0::2], corners[1::2]
+        depth = float(np.linalg.norm(far, axis=1).max())
+        corners = np.concatenate([near, far * min(farthest / depth, 1.0)])
+    seen = (corners + view.eye) @ light_from_world.T
     lower, upper = np.maximum(lower, seen[:, :2].min(axis=0)), np.minimum(upper, seen[:, :2].max(axis=0))
     if not (upper > lower).all():
         return None
@@ -53,8 +78,8 @@ def fit_shadow(world: RenderWorld, view: View, direction: NDArray[np.float64], *
     # Whole texels of the world: edges do not crawl while the camera moves.
     middle = np.floor((lower + upper) / 2 / texel) * texel
     # Light travels along -z. Neither end depends on the camera, so that a still scene keeps its map while somebody looks around.
-    nearest = float((in_light[:, 2] + reach).max())
-    farthest = float((in_light[kept, 2] - reach[kept]).min()) - REACH_BEHIND
+    nearest = float((in_light[2] + reach).max())
+    farthest = float((in_light[2, kept] - reach[kept]).min()) - REACH_BEHIND
     depth = max(nearest - farthest, 1e-3)
     map_from_light = np.eye(4)
     map_from_light[0, 0] = map_from_light[1, 1] = 2.0 / size
@@ -68,13 +93,19 @@ def fit_shadow(world: RenderWorld, view: View, direction: NDArray[np.float64], *
     return ShadowFit(map_from_relative=map_from_light @ light_from_relative, texel=texel, map_size=map_size, key=key)
 
 
-def _floors(world: RenderWorld, casters: Rows) -> NDArray[np.bool_]:
+def _some(chosen: NDArray[np.bool_]) -> Rows | slice:
+    """An index for those that are chosen; where all are, one that copies nothing."""
+    return slice(None) if chosen.all() else np.flatnonzero(chosen)
+
+
+def _floors(world: RenderWorld, casters: Rows | slice) -> NDArray[np.bool_]:
     """Which casters dwarf all others and lie below them."""
     giants = ~without_giants(world.centre[casters], world.radius[casters].astype(np.float64))
     if giants.any():
-        bottom = world.boxes(casters[~giants])[0][:, 1].min()
-        top = world.boxes(casters[giants])[1][:, 1]
-        giants[giants] = top <= bottom + 0.02 * world.radius[casters[giants]]  # things sink in a little
+        rows = np.arange(world.instance_count)[casters]
+        bottom = world.boxes(rows[~giants])[0][:, 1].min()
+        top = world.boxes(rows[giants])[1][:, 1]
+        giants[giants] = top <= bottom + 0.02 * world.radius[rows[giants]]  # things sink in a little
     return giants
 
 

@@ -45,8 +45,9 @@ class Guard:
         if found.deepest_overlap > SHALLOW * self._simulation.physics.settings.contact_overlap:
             self._look_for_sunk(found, wrong)
         if found.joint_error > APART:
-            text = f"the joint of entity {found.joint} is {found.joint_error:.3g} m apart: look for forces or masses that it "
-            wrong["joint_apart", found.joint, 0] = f"{text}cannot hold, or let it break there (break_force)"
+            text = f"the joint of {self._simulation.named(found.joint)} is {found.joint_error:.3g} m apart: "
+            remedy = "look for forces or masses that it cannot hold, or let it break there (break_force)"
+            wrong["joint_apart", found.joint, 0] = text + remedy
         self._since = {what: self._since.get(what, found.tick) for what in wrong}
         self._told &= wrong.keys()
         patience = PATIENCE * self._simulation.settings.tick_rate
@@ -84,5 +85,6 @@ class Guard:
             thinner = min(self._simulation.physics.thickness_of(entity) for entity in (a, b))
             self._thickness = (found.deepest, thinner)
         if found.deepest_overlap > SUNK * self._thickness[1]:
-            text = f"entity {a} stays {found.deepest_overlap:.3g} m deep in entity {b}, more than a quarter of its thickness: "
+            named = self._simulation.named
+            text = f"{named(a)} stays {found.deepest_overlap:.3g} m deep in {named(b)}, more than a quarter of its thickness: "
             wrong["sunk", a, b] = f"{text}look for extreme masses or for what presses them together, or raise substeps"

@@ -29,7 +29,8 @@ def needed_kernels(scene: OpenedScene, *, threads: int = 1) -> tuple[str, ...]:
         needs.append("physics.stop_at_impacts")
     is_jointed = any(True for _ in _all_of(entities, "Joint"))
     if is_jointed:
-        needs += ["physics.prepare_joints", "physics.finish_joints", "physics.solve_jointed_contacts"]
+        needs += ["physics.prepare_joints", "physics.finish_joints", "physics.measure_joints"]
+        needs.append("physics.solve_jointed_contacts")
     if threads > 1:
         needs.append("physics.solve_shared_jointed_contacts" if is_jointed else "physics.solve_shared_contacts")
     return tuple(needs)

@@ -28,6 +28,7 @@ from elys.common.scene import OpenedScene, SceneSettings
 from elys.sim_node.ecs.changes import WorldChanges
 from elys.sim_node.ecs.schedule import System, run
 from elys.sim_node.ecs.world import World
+from elys.sim_node.physics.checks import named
 from elys.sim_node.physics.settings import Attractor, PhysicsSettings
 from elys.sim_node.physics.states import WorldEvents
 from elys.sim_node.physics.world import PhysicsWorld
@@ -62,6 +63,7 @@ class Simulation:
         self.world = World()
         self._threads = threads
         self.physics = PhysicsWorld(physics_settings(self.settings, threads))
+        self.physics.named = self.named
         self.tick = 0
         self.systems: tuple[System, ...] = (self.follow_changes, self.simulate_physics, self.propagate_transforms)
         self.stage_times: dict[str, float] = {}
@@ -152,6 +154,11 @@ class Simulation:
             self._events.append(Event(kind="physics", entity=problem.entity, values=values))
 
     # What others ask
+
+    def named(self, entity: int) -> str:
+        """How an entity is called in a sentence: by its id and, where it lives and has one, its name."""
+        name = self.world.hierarchy.name_of(Entity(entity)) if self.world.is_alive(entity) else ""
+        return f"{named(entity)} '{name}'" if name else named(entity)
 
     def change_settings(self, settings: SceneSettings) -> None:
         """Gravity, substeps and the like, from the next tick on."""

@@ -132,6 +132,8 @@ def print_study(found: Study) -> None:
     print_table(columns, rows)
     for label, reason in {peer.label: peer.reason for peer in found.peers if peer.outcome is None}.items():
         print(f"  {label}: {reason}")
+    for label, names in found.untold.items():
+        print(f"  {label}: {', '.join(names)} unknown, not counted")
     print(f"  {len(found.outcomes)} settings tried; * nothing is cheaper and more exact, = the scene's own, > chosen")
     if found.chosen is None:
         best = min(outcome.error for outcome in found.outcomes)

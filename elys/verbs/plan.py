@@ -53,12 +53,12 @@ BUS: Final = (
 )
 
 
-def plan(scene: str, *, at: float, seconds: float, json: bool) -> None:
+def plan(scene: str, *, at: float, seconds: float, threads: int, json: bool) -> None:
     """Tells the plan of a scene after `at` seconds, measured over `seconds` (0: not measured)."""
     assets = AssetStore()
     opened = open_scene_or_sample(scene, assets)
-    compile_with_progress(opened)
-    simulation = Simulation.load(opened, assets)
+    compile_with_progress(opened, threads=threads)
+    simulation = Simulation.load(opened, assets, threads=threads)
     advance(simulation, at)
     if seconds:
         load_with_progress(kernels_of(forcible(simulation)))
@@ -83,7 +83,7 @@ def print_plan(found: ScenePlan) -> None:
         print_table(("what it takes", "ms a tick"), _spent_rows(physics))
         print()
         print_table(
-            ("what is saved", "ms a tick", "code", "if it were on"),
+            ("what is saved", "ms a tick", "code", "tables", "if it were on"),
             [_saved_row(stage.name, stage.proof, stage.saving) for stage in physics.stages if stage.saving is not None],
         )
         print()
@@ -108,7 +108,18 @@ def _saved_row(name: str, proof: str, saving: Saving) -> tuple[str, ...]:
     doubt = NOISE * saving.noise
     saved = "none" if abs(saving.time) <= doubt else f"{saving.time:.4f}"
     after = "same bits" if saving.is_same else f"{proof}: {saving.difference:.1e} m apart in the end"
-    return name, f"{saved} ±{doubt:.4f}", size_text(saving.code) if saving.code else "", after
+    return (
+        name,
+        f"{saved} ±{doubt:.4f}",
+        size_text(saving.code) if saving.code else "",
+        _tables_text(saving.tables),
+        after,
+    )
+
+
+def _tables_text(size: int) -> str:
+    """Of arrays; a stage that is off may need more of them than it would on."""
+    return ("" if size > 0 else "-") + size_text(abs(size)) if size else ""
 
 
 def _switch(is_on: bool) -> str:

@@ -7,7 +7,7 @@ import contextlib
 import re
 import tempfile
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal, cast
 
@@ -53,6 +53,7 @@ class Order:
     shows: Shows
     viewpoint: Viewpoint
     fps: float
+    environment: bool = True
 
 
 def render(
@@ -68,13 +69,17 @@ def render(
     path: Path | None = None,
     orbit: float = 0.0,
     connect: str | None = None,
+    environment: bool = True,
 ) -> None:
     """Draws `source`, or without one the session at `connect`, into `output`: a picture or a video, by its suffix.
 
     Raises:
         ElysError: the order or the output cannot be; SceneError, RecordingError, BusError: the source; DisplayError: no OpenGL.
     """
-    order = _order(output, size=size, view=view, viewpoint=Viewpoint.asked(camera, path, orbit), fps=fps)
+    order = replace(
+        _order(output, size=size, view=view, viewpoint=Viewpoint.asked(camera, path, orbit), fps=fps),
+        environment=environment,
+    )
     if source is None:
         if time:
             raise ElysError("a running session is drawn as it is now: leave --time out, or name a scene or a recording")
@@ -107,7 +112,12 @@ def _draw(footage: Footage, order: Order) -> None:
     if first is not None:
         footage.mirror.keep_frame(first)
     with OfflineRenderer(
-        footage.mirror, footage.fetch, width=order.width, height=order.height, shows=order.shows
+        footage.mirror,
+        footage.fetch,
+        width=order.width,
+        height=order.height,
+        shows=order.shows,
+        environment=order.environment,
     ) as renderer:
         renderer.look_through(entity)
         camera_at = order.viewpoint.camera_at(renderer, footage.origin)

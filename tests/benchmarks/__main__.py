@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from tests.benchmarks import latency, models, queries, rigid_bodies, scene_tree, starts, ticks
+from tests.benchmarks import latency, models, pictures, queries, rigid_bodies, scene_tree, starts, ticks
 from tests.benchmarks.machine import machine
 
 ROOT = Path(__file__).parents[2]
@@ -26,6 +26,7 @@ SUITES: dict[str, Callable[[], list[tuple[str, str]]]] = {
     "rigid": rigid_bodies.measure,
     "queries": queries.measure,
     "models": models.measure,
+    "pictures": pictures.measure,
 }
 
 

@@ -12,6 +12,7 @@ from elys.bus import topics
 from elys.bus.messages.commands import SetComponent
 from elys.bus.recording import Recording
 from tests.process.clients import client
+from tests.process.terminals import CTRL_C, HIDE_CURSOR, SHOW_CURSOR, Terminal
 
 pytestmark = pytest.mark.process
 
@@ -43,6 +44,31 @@ def test_top_tells_of_a_session_and_the_recording_keeps_it(elys, free_port, tmp_
     assert there.sum() > 10
     expected = MASS * (9.81 * heights.sum(1) + 0.5 * (speeds**2).sum((1, 2)))
     np.testing.assert_allclose(arrays["energy"][there], expected[there], rtol=1e-4)
+
+
+def test_top_in_a_terminal_is_live_says_when_the_session_ends_and_leaves_by_ctrl_c(
+    elys, environment, free_port, tmp_path
+):
+    endpoint = f"tcp/127.0.0.1:{free_port}"
+    run = elys("run", "stack", "--headless", "--listen", endpoint)
+    run.wait_for("first tick", seconds=250)
+    terminal = Terminal(("top", "--connect", endpoint), environment, tmp_path)
+    try:
+        first = terminal.wait_for(r"Stack of 10 \(simulation\), playing, tick (\d+)")
+        energy = terminal.wait_for(r"energy +(\S+) J, of it kinetic")
+        assert float(energy.group(1)) == pytest.approx(9.81 * TOWER, rel=0.2)
+        terminal.wait_for(r"physics\.finish step +\S+ ms")
+        terminal.wait_for(rf"playing, tick (?!{first.group(1)},)\d+, ", start=energy.end())  # it is live
+        run.end()
+        gone = terminal.wait_for("the session is gone; waiting for it to return")
+        terminal.wait_for("the session is gone", start=gone.end())  # and goes on saying so
+        terminal.press(CTRL_C)
+        assert terminal.wait() == 0
+        assert terminal.attributes == terminal.before
+        assert terminal.raw.rindex(SHOW_CURSOR) > terminal.raw.rindex(HIDE_CURSOR)
+        assert "Traceback" not in terminal.text
+    finally:
+        terminal.close()
 
 
 def test_what_went_wrong_is_named_and_its_last_seconds_are_playable(elys, free_port, tmp_path):

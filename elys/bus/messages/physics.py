@@ -50,7 +50,7 @@ class Diagnostics(msgspec.Struct, frozen=True, kw_only=True):
     """What a tick has left in the physics. Entities are 0 where there is nothing to name; a joint is named by who carries it.
 
     Energy and momentum are of all dynamic bodies; overlap and residual the worst of the last ticks in which every contact of
-    what is awake was looked at, at most 64.
+    what is awake was looked at, at most 128.
     """
 
     tick: int

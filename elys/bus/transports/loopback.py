@@ -6,6 +6,7 @@ reader, a host that closes takes the link of the others with it.
 
 from __future__ import annotations
 
+import functools
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -221,6 +222,7 @@ class LoopbackTransport:
             raise BusError("this transport is closed: open another one")
 
 
+@functools.lru_cache(maxsize=4096)  # asked for each topic in each tick, and always of the same few
 def intersects(left: str, right: str) -> bool:
     """Whether some key matches both expressions; each may hold `*` for one part and a final `**` for any rest."""
     left_parts, right_parts = left.split("/"), right.split("/")

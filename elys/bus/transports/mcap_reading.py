@@ -33,6 +33,7 @@ _FOOTER: Final = struct.Struct("<BQQQI")
 _CHUNK_HEAD: Final = struct.Struct("<QQQI")
 _MESSAGE: Final = struct.Struct("<HIQQ")
 _CACHED_CHUNKS: Final = 4
+NEAR: Final = 3  # recordings that are named beside one that is missing
 # What the library raises on bytes that are no MCAP.
 _UNREADABLE: Final = (
     McapError,
@@ -98,7 +99,8 @@ class McapReader:
         try:
             self._file = path.open("rb")
         except OSError as error:
-            raise RecordingError(f"the recording {path} cannot be opened: {error.strerror}") from error
+            text = f"the recording {path} cannot be opened: {error.strerror}{_remedy(path)}"
+            raise RecordingError(text) from error
         try:
             self.size = os.fstat(self._file.fileno()).st_size
             self._check_magic()
@@ -353,3 +355,17 @@ def _channels_in(data: bytes) -> Iterator[tuple[int, str]]:
         if opcode == Opcode.CHANNEL:
             record: Any = Channel.read(ReadDataStream(io.BytesIO(data[start:end])))
             yield record.id, record.topic
+
+
+def _remedy(path: Path) -> str:
+    """What to do about a recording that is not there: those that are, or how one is made."""
+    if path.exists():
+        return ""
+    try:
+        near = sorted(path.absolute().parent.glob("*.mcap"), key=lambda file: file.stat().st_mtime, reverse=True)
+    except OSError:  # one went while they were looked at
+        near = []
+    if near:
+        more = f" and {len(near) - NEAR} more" if len(near) > NEAR else ""
+        return f"; in {path.absolute().parent} there are {', '.join(file.name for file in near[:NEAR])}{more}, newest first"
+    return "; `elys run SCENE --record FILE.mcap` makes one"

@@ -13,12 +13,12 @@ import numpy as np
 from elys.common.assets.store import AssetStore
 from elys.common.errors import AssetError
 
-IMAGE_SUFFIXES: Final = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".hdr")
+IMAGE_SUFFIXES: Final = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".hdr", ".exr")
 MAX_FILE_SIZE: Final = 1 << 30  # [B]
 
 
 def image_format(data: bytes) -> str:
-    """What kind of image file the bytes are, by their first ones: "png", "jpeg", "webp", "bmp", "hdr", or "" for none."""
+    """What kind of image file the bytes are, by their first ones: "png", "jpeg", "webp", "bmp", "hdr", "exr", or "" for none."""
     if data[:8] == b"\x89PNG\r\n\x1a\n":
         return "png"
     if data[:3] == b"\xff\xd8\xff":
@@ -29,6 +29,8 @@ def image_format(data: bytes) -> str:
         return "bmp"
     if data[:10] == b"#?RADIANCE" or data[:6] == b"#?RGBE":
         return "hdr"
+    if data[:4] == b"\x76\x2f\x31\x01":
+        return "exr"
     return ""
 
 

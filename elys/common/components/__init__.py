@@ -3,6 +3,7 @@
 from elys.common.components.builtin import (
     Camera,
     Collider,
+    Environment,
     Joint,
     Light,
     Material,
@@ -31,6 +32,7 @@ __all__ = [
     "Collider",
     "Component",
     "ComponentDeclaration",
+    "Environment",
     "FieldDeclaration",
     "Joint",
     "Kind",

@@ -191,7 +191,13 @@ class MeshRenderer(Component, frozen=True):
         "box"
     )
     visible: Annotated[bool, about("Drawn at all.")] = True
-    cast_shadows: Annotated[bool, about("Stops the sun's light.")] = True
+    cast_shadows: Annotated[bool, about("Stops the light of the sun and of lamps.")] = True
+    tangents: Annotated[
+        Literal["auto", "vertices", "pixels"],
+        about(
+            "A normal map lies along tangents of vertices, computed if need be, or of pixels; auto: as the mesh has them."
+        ),
+    ] = "auto"
 
 
 @component
@@ -269,6 +275,35 @@ class Light(Component, frozen=True):
         float, about("No light outside.", unit="rad", minimum=0.0, maximum=1.5708, step=0.01)
     ] = 0.7853982
     cast_shadows: Annotated[bool, about("Throws shadows.")] = True
+
+
+@component
+class Environment(Component, frozen=True):
+    """Light from far away all around, instead of the scene's background and ambient colours; turned as its entity is."""
+
+    kind: Annotated[
+        Literal["image", "sky", "color"],
+        about("A picture of light from everywhere, a clear sky around the scene's sun, or the same from everywhere."),
+    ] = "sky"
+    image: Annotated[str, about("Equirectangular picture: .hdr or .exr, or any image in sRGB.", kind=Kind.ASSET)] = ""
+    color: Annotated[Vec3, about("What it is multiplied with, linear.", minimum=0.0, step=0.01, kind=Kind.COLOR)] = (
+        1.0,
+        1.0,
+        1.0,
+    )
+    intensity: Annotated[
+        float,
+        about(
+            "Radiance of a colour, factor on a picture; under a sky, radiance of a white level surface in the shade.",
+            minimum=0.0,
+            step=0.05,
+        ),
+    ] = 1.0
+    turbidity: Annotated[float, about("Haze of a sky: 2 is clear, 8 is milky.", minimum=1.8, maximum=10.0)] = 3.0
+    ground_color: Annotated[
+        Vec3, about("Below the horizon of a sky, as seen in its light.", minimum=0.0, step=0.01, kind=Kind.COLOR)
+    ] = (0.3, 0.28, 0.25)
+    visible: Annotated[bool, about("Seen behind everything; else it only lights.")] = True
 
 
 @component

@@ -16,6 +16,7 @@ from elys.editor_node.ui import Ui, centered_text, color_code, icon_button
 TITLE: Final = f"{icons.ICON_FA_SITEMAP}  Hierarchy###Hierarchy"
 _ICONS: Final = (  # the first component an entity has decides
     ("Light", icons.ICON_FA_LIGHTBULB),
+    ("Environment", icons.ICON_FA_CLOUD_SUN),
     ("Camera", icons.ICON_FA_VIDEO),
     ("MeshRenderer", icons.ICON_FA_CUBE),
     ("Collider", icons.ICON_FA_SHAPES),

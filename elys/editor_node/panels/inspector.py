@@ -29,6 +29,7 @@ _ICONS: Final = {
     "MeshRenderer": icons.ICON_FA_CUBE,
     "Material": icons.ICON_FA_PALETTE,
     "Light": icons.ICON_FA_LIGHTBULB,
+    "Environment": icons.ICON_FA_CLOUD_SUN,
     "Camera": icons.ICON_FA_VIDEO,
     "Script": icons.ICON_FA_CODE,
 }

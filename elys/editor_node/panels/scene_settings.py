@@ -9,28 +9,37 @@ import msgspec
 from imgui_bundle import imgui
 
 from elys.common.components import FieldDeclaration, Kind
-from elys.common.scene import SceneSettings
+from elys.common.scene import PictureSettings, SceneSettings
 from elys.editor_node.panels.field_rows import FieldRows
 from elys.editor_node.ui import Ui, dim_text
 
 _DEFAULTS: Final = SceneSettings()
+TONES: Final = ("neutral", "agx", "none")
 
 
 def _declare(
-    name: str, kind: Kind, text: str, *, unit: str = "", minimum: float | None = None, maximum: float | None = None
+    name: str,
+    kind: Kind,
+    text: str,
+    *,
+    unit: str = "",
+    minimum: float | None = None,
+    maximum: float | None = None,
+    choices: tuple[str, ...] = (),
+    defaults: SceneSettings | PictureSettings = _DEFAULTS,
 ) -> FieldDeclaration:
     return FieldDeclaration(
         name=name,
         kind=kind,
-        default=getattr(_DEFAULTS, name),
+        default=getattr(defaults, name),
         text=text,
         unit=unit,
         minimum=minimum,
         maximum=maximum,
         step=1.0 if kind is Kind.INT else 0.05,
-        choices=(),
+        choices=choices,
         dtype="f4",
-        width=1 if kind is Kind.INT else 3,
+        width=3 if kind in (Kind.VEC3, Kind.COLOR) else 1,
     )
 
 
@@ -40,6 +49,24 @@ _FIELDS: Final = (
     _declare("background", Kind.COLOR, "Colour behind everything, linear.", minimum=0.0),
     _declare("ambient", Kind.COLOR, "Light that reaches every surface from everywhere, linear.", minimum=0.0),
 )  # fmt: skip
+_picture = partial(_declare, defaults=_DEFAULTS.picture)
+_PICTURE_FIELDS: Final = (
+    _picture("exposure", Kind.FLOAT, "Stops by which pictures are brighter.", unit="EV", minimum=-32.0, maximum=32.0),
+    _picture(
+        "tone_mapping", Kind.CHOICE, "Neutral keeps colours, AgX is like film, none cuts at white.", choices=TONES
+    ),
+    _picture("bloom", Kind.FLOAT, "Share of light that is scattered around what is bright.", minimum=0.0, maximum=1.0),
+    _picture("ambient_occlusion", Kind.FLOAT, "How much corners lose of light from around.", minimum=0.0, maximum=1.0),
+    _picture("occlusion_radius", Kind.FLOAT, "How near things are that take it.", unit="m", minimum=0.01, maximum=1e3),
+    _picture(
+        "fog_density", Kind.FLOAT, "Share of light that fog takes a metre.", unit="1/m", minimum=0.0, maximum=100.0
+    ),
+    _picture("fog_falloff", Kind.FLOAT, "How fast fog thins with height.", unit="1/m", minimum=0.0, maximum=100.0),
+    _picture("fog_color", Kind.COLOR, "Radiance of thick fog, linear.", minimum=0.0),
+    _picture("fxaa", Kind.BOOL, "Smooths edges of the finished picture."),
+    _picture("multiple_scattering", Kind.BOOL, "Gives rough metals back what a single bounce loses."),
+    _picture("specular_antialiasing", Kind.BOOL, "Keeps highlights from sparkling."),
+)
 
 
 def draw_scene_settings(ui: Ui, rows: FieldRows) -> None:
@@ -63,7 +90,22 @@ def draw_scene_settings(ui: Ui, rows: FieldRows) -> None:
         )
         if change is not None:
             _set(ui, name, change.value, change.stroke)
+    for declared in _PICTURE_FIELDS:
+        name = declared.name
+        change = rows.draw(
+            ui,
+            declared,
+            f"inspector/settings/picture/{name}",
+            (getattr(scene.settings.picture, name),),
+            reset=partial(_set_picture, ui, name, declared.default, None),
+        )
+        if change is not None:
+            _set_picture(ui, name, change.value, change.stroke)
     imgui.end_table()
+
+
+def _set_picture(ui: Ui, name: str, value: Any, stroke: object) -> None:
+    _set(ui, "picture", msgspec.structs.replace(ui.model.scene.settings.picture, **{name: value}), stroke)
 
 
 def _set(ui: Ui, name: str, value: Any, stroke: object) -> None:

@@ -116,7 +116,7 @@ def _run(job: PeerJob, simulation: Simulation, scene: RigidScene) -> Motion:
         overlap_between=("",) * (count + 1),
         joint_error=np.zeros(count + 1),
         joint=("",) * (count + 1),
-        first_contacts={},
+        first_contacts=None,  # the peers tell of none
         state_hash=0,
         cost=cost,
     )

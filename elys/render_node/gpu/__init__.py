@@ -7,6 +7,7 @@ from elys.render_node.gpu.buffer import INSTANCE_DTYPE, VERTEX_ATTRIBUTES, Buffe
 from elys.render_node.gpu.context import Context, offscreen_context, window_context
 from elys.render_node.gpu.framebuffer import Framebuffer
 from elys.render_node.gpu.program import BLOCK_BINDINGS, TEXTURE_UNITS, Program
+from elys.render_node.gpu.program_cache import ProgramCache
 from elys.render_node.gpu.texture import Format, Texture
 
 __all__ = [
@@ -19,6 +20,7 @@ __all__ = [
     "Format",
     "Framebuffer",
     "Program",
+    "ProgramCache",
     "Texture",
     "VertexArray",
     "offscreen_context",

@@ -34,6 +34,12 @@ _REMEDIES: Final = (
     ),
 )
 
+# What GL says when it cannot go on. moderngl has no name for a lost context (0x0507): it is the one that it calls unknown.
+_FAILURES: Final = {
+    "GL_OUT_OF_MEMORY": "the graphics card has no memory left; draw smaller pictures, or use fewer and smaller images",
+    "GL_UNKNOWN_ERROR": "the driver has lost the context, as when a graphics card is reset; start the render node again",
+}
+
 
 class Context:
     """Owns everything made in it. One thread draws; what other threads drop is released at the next `collect`."""
@@ -123,6 +129,20 @@ class Context:
         else:
             self.gl.disable(moderngl.CULL_FACE)
         self.gl.front_face = "cw" if mirrored else "ccw"
+
+    def check(self, what: str) -> None:
+        """Raises DisplayError if the driver has given up on something since the last call; `what` was being done."""
+        error = self.gl.error
+        if error == "GL_NO_ERROR" or error not in _FAILURES:
+            return  # what a program does wrong is ours to find in tests, and no reason to stop
+        raise DisplayError(f"{what} failed: {_FAILURES[error]}")
+
+    def check_size(self, what: str, width: int, height: int) -> None:
+        """Raises DisplayError for images that this driver cannot hold."""
+        if not (1 <= width <= self._max_size and 1 <= height <= self._max_size):
+            raise DisplayError(
+                f"{what} of {width} x {height} pixels cannot be made: this driver takes edges from 1 to {self._max_size}"
+            )
 
     def finish(self) -> None:
         """Waits until everything is drawn."""

@@ -30,6 +30,7 @@ class Framebuffer:
         compare: bool = False,
     ) -> None:
         """`samples` of 0 is one sample a pixel; more cannot be read by shaders, only resolved."""
+        context.check_size("a framebuffer", width, height)
         self.width, self.height, self.samples = width, height, samples
         self._context = context
         self._forms = tuple(colors)
@@ -60,10 +61,10 @@ class Framebuffer:
         framebuffer.raw = context.gl.screen
         return framebuffer
 
-    def use(self, *, depth_write: bool = True) -> None:
-        """Draws go here from now on."""
+    def use(self, *, depth_write: bool = True, region: tuple[int, int, int, int] | None = None) -> None:
+        """Draws go here from now on, or into `region` of it: x, y, width, height from the lower left."""
         self.raw.use()
-        self.raw.viewport = (0, 0, self.width, self.height)
+        self.raw.viewport = region or (0, 0, self.width, self.height)
         self.raw.scissor = None
         self.raw.depth_mask = depth_write
 

@@ -24,6 +24,12 @@ TEXTURE_UNITS: Final[Mapping[str, int]] = {
     "occlusion_texture": 3,
     "emissive_texture": 4,
     "shadow_map": 5,
+    "surroundings": 6,
+    "albedo_table": 7,
+    "sky_map": 8,
+    "depths": 9,
+    "lamp_shadow_map": 9,  # what is seen is drawn after the depths were read
+    "ambient_openness": 10,
     "specular_texture": 11,
     "specular_color_texture": 12,
     "clearcoat_texture": 13,
@@ -53,6 +59,7 @@ class Program:
             places = fragment_places if "fragment_shader" in message else vertex_places
             source = fragment_source if "fragment_shader" in message else vertex_source
             raise DisplayError(_explain(message, source, places)) from error
+        self.files = frozenset(file for file, _ in (*vertex_places, *fragment_places))
         self._finalizer = context.adopt(self, "program", self.raw)
         for name, binding in BLOCK_BINDINGS.items():
             if name in self.raw:

@@ -49,7 +49,11 @@ class Texture:
         repeat: bool = False,
         compare: bool = False,
     ) -> None:
-        """`compare` makes a depth texture answer "is this nearer?" instead of its value, as shadow samplers want it."""
+        """`compare` makes a depth texture answer "is this nearer?" instead of its value, as shadow samplers want it.
+
+        Raises DisplayError where the driver cannot hold it.
+        """
+        context.check_size("a texture", *size)
         self.size = size
         self.form = form
         payload = None if data is None else np.ascontiguousarray(data)
@@ -62,6 +66,7 @@ class Texture:
         self._finalizer = context.adopt(self, "texture", self.raw)
         self._context = context
         self._has_mipmaps = mipmaps
+        context.check(f"making a texture of {size[0]} x {size[1]} pixels")
         if mipmaps:
             self.raw.build_mipmaps()
             self.raw.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
@@ -80,6 +85,10 @@ class Texture:
         self.raw.filter = (_FILTERS[minify], _FILTERS[magnify])
         smooth = minify == "linear-mipmap-linear" and magnify == "linear" and not self._context.is_software
         self.raw.anisotropy = ANISOTROPY if smooth else 1.0
+
+    def wrap_around(self) -> None:
+        """Lets its left and right edges meet, as a map of all directions does."""
+        self.raw.repeat_x = True
 
     def use(self, unit: int) -> None:
         """Shows it to the sampler of that unit."""

@@ -11,24 +11,27 @@ GRID_REACH = 120.0  # [m] as far as lines are told apart
 
 
 class SkyPass:
-    """A gradient around the scene's background colour, wherever nothing was drawn."""
+    """What surrounds the scene, wherever nothing was drawn."""
 
     def __init__(self, resources: Resources, quality: Quality) -> None:
         self._context = resources.context
-        self._program = resources.program("screen.vert", "sky.frag", quality.defines)
-        self._program.set("depth", 1.0)
-        self._triangle = full_screen(resources, self._program)
+        self._quality = quality
+        self._screen = ScreenShader(resources, "sky.frag")
 
     @staticmethod
     def is_needed(plan: PicturePlan) -> bool:
-        """Whether the background is anything but black."""
-        return any(plan.world.settings.background)
+        """Whether what is behind everything is anything but black."""
+        return plan.surroundings.is_seen
 
     def draw(self, plan: PicturePlan, target: Framebuffer) -> None:
         """Fills what is still as far away as can be."""
         target.use(depth_write=False)
         self._context.set_state(depth_test="less_equal")
-        self._triangle.draw()
+        program, triangle = self._screen.compiled(self._quality.light_defines(plan.picture))
+        program.set("depth", 1.0)
+        program.set("map_from_world", plan.surroundings.map_from_world)
+        program.set("shown", plan.surroundings.shown)
+        triangle.draw()
 
 
 class GridPass:
@@ -36,8 +39,9 @@ class GridPass:
 
     def __init__(self, resources: Resources, quality: Quality) -> None:
         self._context = resources.context
-        self._program = resources.program("grid.vert", "grid.frag", quality.defines)
-        self._square = VertexArray(resources.context, self._program, {}, None, 4, strip=True)
+        self._resources = resources
+        self._quality = quality
+        self._squares: dict[Program, VertexArray] = {}
 
     @staticmethod
     def is_needed(plan: PicturePlan) -> bool:
@@ -50,9 +54,28 @@ class GridPass:
         self._context.set_state(depth_test="less_equal", blend="over", polygon_offset=(-1.0, -8.0))
         eye = plan.view.eye
         height = abs(float(eye[1]))
-        self._program.set("reach", min(GRID_REACH + 12.0 * height, plan.view.camera.far))
-        self._program.set("axes", (-float(eye[0]), -float(eye[2])))
-        self._square.draw()
+        program = self._resources.program("grid.vert", "grid.frag", self._quality.light_defines(plan.picture))
+        if program not in self._squares:
+            self._squares[program] = VertexArray(self._context, program, {}, None, 4, strip=True)
+        program.set("reach", min(GRID_REACH + 12.0 * height, plan.view.camera.far))
+        program.set("axes", (-float(eye[0]), -float(eye[2])))
+        self._squares[program].draw()
+
+
+class ScreenShader:
+    """A fragment shader over the whole picture, compiled for whatever definitions it is drawn with."""
+
+    def __init__(self, resources: Resources, fragment: str) -> None:
+        self._resources = resources
+        self._fragment = fragment
+        self._triangles: dict[Program, VertexArray] = {}
+
+    def compiled(self, defines: tuple[str, ...] = ()) -> tuple[Program, VertexArray]:
+        """The program, and what draws with it."""
+        program = self._resources.program("screen.vert", self._fragment, defines)
+        if program not in self._triangles:
+            self._triangles[program] = full_screen(self._resources, program)
+        return program, self._triangles[program]
 
 
 def full_screen(resources: Resources, program: Program) -> VertexArray:

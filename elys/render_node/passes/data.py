@@ -12,6 +12,7 @@ from typing import Any, Final, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from elys.common.scene import PictureSettings
 from elys.render_node.gpu import Format, Framebuffer, Program
 from elys.render_node.look import Look
 from elys.render_node.passes.drawing import ChooseProgram, depth_program, draw_calls
@@ -41,8 +42,7 @@ class _Shown(Quality):
 
     expression: str
 
-    @property
-    def defines(self) -> tuple[str, ...]:
+    def surface_defines(self, picture: PictureSettings) -> tuple[str, ...]:
         return (f"SHOWN {self.expression}",)
 
 
@@ -125,7 +125,14 @@ class DataPass:
     def _shade(self, plan: PicturePlan, kind: DataKind, target: Framebuffer) -> None:
         shading = self._shading.get(kind)
         if shading is None:
-            quality = _Shown(samples=0, single_shadow_tap=True, shadow_size=0, to_screen=False, expression=_SHOWN[kind])
+            quality = _Shown(
+                samples=0,
+                single_shadow_tap=True,
+                shadow_size=0,
+                lamp_shadow_size=0,
+                to_screen=True,
+                expression=_SHOWN[kind],
+            )
             shading = self._shading[kind] = OpaquePass(self._resources, quality)
         shading.draw(plan, target)
 

@@ -17,7 +17,7 @@ def draw_calls(
 ) -> None:
     """Draws each call with the program that `choose` picks for its mesh and look. State but culling is the pass' own."""
     for batch, first, count in calls:
-        geometry = resources.geometry(plan.world, batch.mesh)
+        geometry = resources.geometry(plan.world, batch)
         if geometry is None:
             continue
         program = choose(geometry, batch.look)

@@ -4,28 +4,56 @@ from __future__ import annotations
 
 from elys.render_node.gpu import TEXTURE_UNITS, Framebuffer, Program
 from elys.render_node.look import Look
-from elys.render_node.passes.backdrop import full_screen
+from elys.render_node.passes.backdrop import ScreenShader
 from elys.render_node.passes.drawing import depth_program, draw_calls
 from elys.render_node.picture_plan import PicturePlan
+from elys.render_node.quality import tone_defines
 from elys.render_node.resources import Geometry, Resources
 
 OUTLINE_COLOR = (1.0, 0.55, 0.1, 1.0)  # sRGB and opacity
 
 
 class TonemapPass:
-    """Linear light to sRGB, highlights brought down by Khronos PBR Neutral. Always needed."""
+    """Exposed linear light to sRGB, highlights brought down as the scene wants it. Needed unless passes did so already."""
 
     def __init__(self, resources: Resources) -> None:
         self._context = resources.context
-        self._program = resources.program("screen.vert", "tonemap.frag")
-        self._triangle = full_screen(resources, self._program)
+        self._screen = ScreenShader(resources, "tonemap.frag")
 
-    def draw(self, light: Framebuffer, target: Framebuffer) -> None:
+    def draw(self, plan: PicturePlan, light: Framebuffer, target: Framebuffer) -> None:
         """Fills `target` from the light of a picture of the same size."""
         target.use(depth_write=False)
         self._context.set_state()
         light.colors[0].use(TEXTURE_UNITS["picture"])
-        self._triangle.draw()
+        self._screen.compiled(tone_defines(plan.picture))[1].draw()
+
+
+class FxaaPass:
+    """Smooths the edges of what is otherwise finished."""
+
+    def __init__(self, resources: Resources) -> None:
+        self._context = resources.context
+        self._screen = ScreenShader(resources, "fxaa.frag")
+        self._rough: Framebuffer | None = None
+
+    @staticmethod
+    def is_needed(plan: PicturePlan) -> bool:
+        """Whether the scene asks for it."""
+        return plan.picture.fxaa
+
+    def source(self, plan: PicturePlan) -> Framebuffer:
+        """Where the picture is to be put that `draw` smooths."""
+        size = (plan.view.width, plan.view.height)
+        if self._rough is None or (self._rough.width, self._rough.height) != size:
+            self._rough = Framebuffer(self._context, *size, ("rgba8",))
+        return self._rough
+
+    def draw(self, plan: PicturePlan, target: Framebuffer) -> None:
+        """Fills `target` from what stands in `source`."""
+        target.use(depth_write=False)
+        self._context.set_state()
+        self.source(plan).colors[0].use(TEXTURE_UNITS["picture"])
+        self._screen.compiled()[1].draw()
 
 
 class OutlinePass:
@@ -33,9 +61,7 @@ class OutlinePass:
 
     def __init__(self, resources: Resources) -> None:
         self._resources = resources
-        self._program = resources.program("screen.vert", "outline.frag")
-        self._program.set("outline_color", OUTLINE_COLOR)
-        self._triangle = full_screen(resources, self._program)
+        self._screen = ScreenShader(resources, "outline.frag")
         self._mask: Framebuffer | None = None
 
     @staticmethod
@@ -61,4 +87,6 @@ class OutlinePass:
         target.use(depth_write=False)
         context.set_state(blend="over")
         self._mask.colors[0].use(TEXTURE_UNITS["mask"])
-        self._triangle.draw()
+        program, triangle = self._screen.compiled()
+        program.set("outline_color", OUTLINE_COLOR)
+        triangle.draw()

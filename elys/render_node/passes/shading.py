@@ -5,6 +5,7 @@ from __future__ import annotations
 from elys.render_node.gpu import Framebuffer, Program
 from elys.render_node.look import Look
 from elys.render_node.passes.drawing import ChooseProgram, draw_calls
+from elys.render_node.passes.occlusion import OcclusionPass
 from elys.render_node.picture_plan import PicturePlan
 from elys.render_node.quality import Quality
 from elys.render_node.resources import TANGENTS, Geometry, Resources
@@ -28,7 +29,12 @@ class OpaquePass:
         """Shades it with depth."""
         target.use()
         self._resources.context.set_state(depth_test="less", cull="back")
-        draw_calls(self._resources, plan, plan.opaque, _shaded(self._resources, plan, self._quality))
+        draw_calls(
+            self._resources,
+            plan,
+            plan.opaque,
+            _shaded(self._resources, plan, self._quality, occluded=OcclusionPass.is_needed(plan)),
+        )
 
 
 class TransparentPass:
@@ -50,13 +56,17 @@ class TransparentPass:
         draw_calls(self._resources, plan, plan.transparent, _shaded(self._resources, plan, self._quality))
 
 
-def _shaded(resources: Resources, plan: PicturePlan, quality: Quality) -> ChooseProgram:
-    shared = quality.defines + (quality.shadow_defines if plan.shadow is not None else ())
+def _shaded(resources: Resources, plan: PicturePlan, quality: Quality, *, occluded: bool = False) -> ChooseProgram:
+    shared = quality.surface_defines(plan.picture) + (quality.shadow_defines if plan.shadow is not None else ())
+    shared += ("NEAR_SHADOW",) if plan.near_shadow is not None else ()
+    shared += ("LAMP_SHADOWS",) if plan.lamp_shadows is not None else ()
+    shared += ("SURROUNDINGS",) if plan.surroundings.gives_light else ()
+    shared += ("AMBIENT_OCCLUSION",) if occluded else ()
 
     def choose(geometry: Geometry, look: Look) -> Program:
         textures = resources.bind_textures(plan.world, look)
-        mapped = not NORMAL_MAPS.isdisjoint(textures)
-        vertices = tuple(define for define in geometry.defines if define != TANGENTS or mapped)
+        along_vertices = not NORMAL_MAPS.isdisjoint(textures) and look.tangents != "pixels"
+        vertices = tuple(define for define in geometry.defines if define != TANGENTS or along_vertices)
         program = resources.program("shaded.vert", "shaded.frag", (*vertices, *textures, *shared))
         resources.set_look(program, look, textures)
         return program

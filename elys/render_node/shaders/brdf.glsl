@@ -15,6 +15,11 @@ float visibility(float normal_light, float normal_view, float a2) {
     return 0.5 / max(towards_view + towards_light, 1e-7);
 }
 
+// What light that bounces more than once between facets adds to a lobe: Turquin, "Practical multiple scattering compensation for
+// microfacet models" (2019). 1 where it is not asked for.
+vec3 metal_gain = vec3(1.0);
+float dielectric_gain = 1.0;
+
 // Reflected share of light from `to_light`, times n.l: [1/sr].
 vec3 reflected(vec3 normal, vec3 to_view, vec3 to_light, vec3 color, float metallic, float roughness) {
     float normal_light = dot(normal, to_light);
@@ -29,15 +34,6 @@ vec3 reflected(vec3 normal, vec3 to_view, vec3 to_light, vec3 color, float metal
     grazing = (grazing * grazing) * (grazing * grazing) * grazing;  // Schlick
     float dielectric_fresnel = DIELECTRIC_F0 + (1.0 - DIELECTRIC_F0) * grazing;
     vec3 metal_fresnel = color + (1.0 - color) * grazing;
-    vec3 dielectric = (1.0 - dielectric_fresnel) * color / PI + dielectric_fresnel * specular;
-    return mix(dielectric, metal_fresnel * specular, metallic) * normal_light;
-}
-
-// The specular share of light from everywhere, as scale and bias of F0. Karis, "Physically Based Shading on Mobile" (2014).
-vec2 directional_albedo(float normal_view, float roughness) {
-    const vec4 c0 = vec4(-1.0, -0.0275, -0.572, 0.022);
-    const vec4 c1 = vec4(1.0, 0.0425, 1.04, -0.04);
-    vec4 r = roughness * c0 + c1;
-    float a = min(r.x * r.x, exp2(-9.28 * normal_view)) * r.x + r.y;
-    return vec2(-1.04, 1.04) * a + r.zw;
+    vec3 dielectric = (1.0 - dielectric_fresnel) * color / PI + dielectric_fresnel * specular * dielectric_gain;
+    return mix(dielectric, metal_fresnel * specular * metal_gain, metallic) * normal_light;
 }

@@ -4,6 +4,7 @@ struct Lamp {
     vec4 position_range;   // relative [m]; range [m], 0 for no end
     vec4 color_scale;      // intensity [cd]; scale of the cone
     vec4 direction_offset; // the way it shines; offset of the cone
+    vec4 shadow;           // first square in the atlas, -1 for none; 1 for a bulb's six; normal offset a metre; texel
 };
 
 layout(std140) uniform Frame {
@@ -12,12 +13,16 @@ layout(std140) uniform Frame {
     mat4 shadow_from_relative;  // to 0..1 in the shadow map
     vec4 sun_direction;         // towards the sun; w: 1 where it shines
     vec4 sun_illuminance;       // [lx]; w: 1 where it throws shadows
-    vec4 shadow_scale;          // x: normal offset [m], y: texel of the map in its 0..1
-    vec4 background;            // radiance
-    vec4 ambient;               // radiance
+    vec4 shadow_scale;          // x: normal offset [m], y: texel of the map in its 0..1; z, w: the same of the near one, w 0 for none
+    mat4 near_shadow_from_relative;
+    vec4 irradiance[9];         // per pi, see irradiance_from
+    vec4 mirror_tiles[6];       // where the squares of each roughness are: lower left corner and edges
     vec4 grid_origin;           // xyz of the eye, x and z wrapped to the grid's period; w: exposure
     vec4 viewport;              // width, height [pixels]; z: number of lamps; w: far [m]
+    vec4 fog_color;             // radiance; w: density at the eye's height [1/m]
+    vec4 fog_shape;             // x: falloff with height [1/m]
     Lamp lamps[8];
+    mat4 lamp_maps[16];         // to 0..1 in the atlas of lamps' shadows, before the division
 };
 
 // From a point to the eye, or, where the view has none, against the way it looks: the eye is what goes to (0, 0, 1, 0).

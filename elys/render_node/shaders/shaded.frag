@@ -6,9 +6,26 @@
 #define LAYERED
 #include "layers.glsl"
 #endif
+#ifdef SURROUNDINGS
 #include "environment.glsl"
+#elif defined(MULTIPLE_SCATTERING)
+#include "albedo.glsl"
+#endif
+#ifdef FOG
+#include "fog.glsl"
+#endif
+#ifdef AMBIENT_OCCLUSION
+uniform sampler2D ambient_openness;
+#endif
+#if defined(SURROUNDINGS) && defined(LEAN) && !defined(NORMAL_TEXTURE)
+#define IRRADIANCE_OF_VERTICES
+in vec3 vertex_irradiance;
+#endif
 #ifdef SHADOWS
 #include "shadow.glsl"
+#endif
+#ifdef LAMP_SHADOWS
+#include "lamp_shadow.glsl"
 #endif
 #ifdef TO_SCREEN
 #include "tonemap.glsl"
@@ -106,30 +123,50 @@ vec3 lamplight(vec3 normal, vec3 to_view, vec3 color, float metallic, float roug
         float ratio = range > 0.0 ? distance_squared / (range * range) : 0.0;
         float attenuation = clamp(1.0 - ratio * ratio, 0.0, 1.0) / distance_squared;  // KHR_lights_punctual
         float cone = clamp(dot(-to_lamp, lamps[i].direction_offset.xyz) * lamps[i].color_scale.w + lamps[i].direction_offset.w, 0.0, 1.0);
-        sum += lit(normal, to_view, to_lamp, color, metallic, roughness) * lamps[i].color_scale.rgb * (attenuation * cone * cone);
+        vec3 light = lit(normal, to_view, to_lamp, color, metallic, roughness) * lamps[i].color_scale.rgb * (attenuation * cone * cone);
+#ifdef LAMP_SHADOWS
+        if (light != vec3(0.0)) light *= lamplight_at(i, relative, smooth_normal());
+#endif
+        sum += light;
     }
     return sum;
 }
 
+#ifdef SURROUNDINGS
 vec3 surrounding_light(vec3 normal, vec3 to_view, vec3 color, float metallic, float roughness) {
     float normal_view = clamp(dot(normal, to_view), 0.0, 1.0);
-    vec2 albedo = directional_albedo(normal_view, roughness);
+    vec3 albedo = directional_albedo(normal_view, roughness);
     vec3 dielectric_f0 = vec3(DIELECTRIC_F0);
     float dielectric_f90 = 1.0;
 #ifdef SPECULAR_LAYER
     dielectric_f0 = layers.dielectric_f0;
     dielectric_f90 = layers.dielectric_f90;
 #endif
-    vec3 dielectric = dielectric_f0 * albedo.x + dielectric_f90 * albedo.y;
-    vec3 specular = mix(dielectric, color * albedo.x + albedo.y, metallic);
-    vec3 diffuse = color * (1.0 - metallic) * (1.0 - max(dielectric.r, max(dielectric.g, dielectric.b)));
-    vec3 sum = diffuse * ambient_from(normal.y) + specular * mirrored_surroundings(reflect(-to_view, normal), roughness);
+    vec3 dielectric = (dielectric_f0 * albedo.x + dielectric_f90 * albedo.y) * dielectric_gain;
+    vec3 specular = mix(dielectric, (color * albedo.x + albedo.y) * metal_gain, metallic);
+#ifdef MULTIPLE_SCATTERING
+    vec3 below = vec3(1.0 - max(dielectric.r, max(dielectric.g, dielectric.b)));  // all that is not mirrored
+#else
+    float strongest = max(dielectric_f0.r, max(dielectric_f0.g, dielectric_f0.b));
+    vec3 below = vec3((1.0 - strongest) * (1.0 - dielectric_f90 * albedo.z));
+#endif
+    vec3 diffuse = color * (1.0 - metallic) * below;
+    // What is rough mirrors more of what is above it. Lagarde and de Rousiers, "Moving Frostbite to PBR" (2014).
+    float smoothness = 1.0 - roughness * roughness;
+    vec3 mirrored = mix(normal, reflect(-to_view, normal), smoothness * (sqrt(smoothness) + roughness * roughness));
+#ifdef IRRADIANCE_OF_VERTICES
+    vec3 around = vertex_irradiance;
+#else
+    vec3 around = irradiance_from(normal);
+#endif
+    vec3 sum = diffuse * around + specular * mirrored_surroundings(mirrored, roughness);
 #ifdef CLEARCOAT_LAYER
     vec3 coat = mirrored_surroundings(reflect(-to_view, layers.coat_normal), layers.coat_roughness);
     sum = mix(coat, sum, below_coat(to_view, layers));
 #endif
     return sum;
 }
+#endif
 
 void main() {
     vec4 color = surface_color();
@@ -155,7 +192,26 @@ void main() {
 #ifdef CLEARCOAT_LAYER
     glow *= below_coat(to_view, layers);
 #endif
-    vec3 light = surrounding_light(normal, to_view, color.rgb, metallic, roughness) * occlusion + glow;
+#ifdef SPECULAR_ANTIALIASING
+    // Tokuyoshi and Kaplanyan, "Improved Geometric Specular Antialiasing" (2019): how normals differ within a pixel is roughness.
+    vec3 nx = dFdx(normal), ny = dFdy(normal);
+    float spread = min(0.5 * (dot(nx, nx) + dot(ny, ny)), 0.18);
+    float alpha = roughness * roughness;
+    roughness = sqrt(sqrt(clamp(alpha * alpha + spread, 0.0, 1.0)));
+#endif
+#ifdef MULTIPLE_SCATTERING
+    vec3 reach = directional_albedo(clamp(dot(normal, to_view), 0.0, 1.0), roughness);
+    float lost = 1.0 / max(reach.x + reach.y, 1e-3) - 1.0;
+    metal_gain = 1.0 + color.rgb * lost;
+    dielectric_gain = 1.0 + DIELECTRIC_F0 * lost;
+#endif
+    vec3 light = glow;
+#ifdef AMBIENT_OCCLUSION
+    occlusion *= texelFetch(ambient_openness, ivec2(gl_FragCoord.xy), 0).r;
+#endif
+#ifdef SURROUNDINGS
+    light += surrounding_light(normal, to_view, color.rgb, metallic, roughness) * occlusion;
+#endif
     if (sun_direction.w > 0.0) {
         vec3 sun = lit(normal, to_view, sun_direction.xyz, color.rgb, metallic, roughness) * sun_illuminance.rgb;
 #ifdef SHADOWS
@@ -164,6 +220,9 @@ void main() {
         light += sun;
     }
     light += lamplight(normal, to_view, color.rgb, metallic, roughness);
+#endif
+#ifdef FOG
+    light = seen_through_fog(light, relative);
 #endif
 #ifdef TO_SCREEN
     light = display_from_light(light);

@@ -15,6 +15,10 @@ vec3 neutral(vec3 light) {
     return mix(light, vec3(new_peak), g);
 }
 
+#ifdef AGX
+#include "agx.glsl"
+#endif
+
 vec3 srgb_from_linear(vec3 light) {
     vec3 low = light * 12.92;
     vec3 high = 1.055 * pow(max(light, vec3(0.0)), vec3(1.0 / 2.4)) - 0.055;
@@ -23,5 +27,11 @@ vec3 srgb_from_linear(vec3 light) {
 
 // What the screen shows for linear light.
 vec3 display_from_light(vec3 light) {
-    return srgb_from_linear(neutral(max(light, vec3(0.0)) * grid_origin.w));
+    light = max(light, vec3(0.0)) * grid_origin.w;
+#if defined(AGX)
+    light = agx(light);
+#elif !defined(UNMAPPED)
+    light = neutral(light);
+#endif
+    return srgb_from_linear(min(light, vec3(1.0)));
 }

@@ -40,7 +40,12 @@ SWITCH_FACTS: Final[dict[SwitchName, SwitchFacts]] = {
     "solver": SwitchFacts(stages=("build_islands", "colour_contacts", "prepare_bodies", "solve_contacts")),
     "joints": SwitchFacts(
         stages=("prepare_joints", "finish_joints"),
-        kernels=("physics.prepare_joints", "physics.finish_joints", "physics.solve_jointed_contacts"),
+        kernels=(
+            "physics.prepare_joints",
+            "physics.finish_joints",
+            "physics.measure_joints",
+            "physics.solve_jointed_contacts",
+        ),
     ),
     "shared_solver": SwitchFacts(kernels=("physics.solve_shared_contacts",)),
     "strong_solver": SwitchFacts(proof="approximation"),

@@ -50,6 +50,7 @@ class PhysicsWorld(WorldJoints):
 
     def __init__(self, settings: PhysicsSettings | None = None) -> None:
         self.settings = settings or PhysicsSettings()
+        self.named: diagnostics.Named = checks.named  # whoever knows names puts them here
         super().__init__()
         self._switches = Switches(self._bodies, self._colliders, self._contacts, self._joints)
         self._room = SolverRoom()
@@ -471,19 +472,21 @@ class PhysicsWorld(WorldJoints):
         slots, depths = step.take_deep()
         if len(slots):
             pairs = self._contacts.pairs[slots]
-            self._problems += diagnostics.deep_overlaps(self._bodies, self._colliders.rows["body"], pairs, depths)
+            self._problems += diagnostics.deep_overlaps(
+                self._bodies, self._colliders.rows["body"], pairs, depths, self.named
+            )
         fast_count = int(self._bodies.report["fast_count"][0])
         if fast_count:
             room = self._bodies.faulty_room
             rows = np.sort(room[len(room) - fast_count :])
-            self._problems += diagnostics.too_fast(self._bodies, rows, self.settings)
-        self._problems += diagnostics.explosion(self._bodies, self.settings, dt)
+            self._problems += diagnostics.too_fast(self._bodies, rows, self.settings, self.named)
+        self._problems += diagnostics.explosion(self._bodies, self.settings, dt, self.named)
 
     def _stop(self, rows: Array) -> None:
         """Takes bodies that are not finite any more out of motion, where they were last seen."""
         table = self._bodies.rows
         poses = self._bodies.poses[rows]
-        self._problems += diagnostics.not_finite(self._bodies, rows)
+        self._problems += diagnostics.not_finite(self._bodies, rows, self.named)
         self._joints.calm()
         self._forget_pairs(rows)
         table["motion"][rows] = STATIC
@@ -510,8 +513,8 @@ class PhysicsWorld(WorldJoints):
     def watch(self) -> StepDiagnostics:
         """The same for under a fiftieth of what a step costs, where it is asked for after each step.
 
-        Bodies and joints are measured all, of contacts a part in turn: the worst is told of the last steps in which all of
-        them had their turn, at most 64. Up to 16 contacts are all looked at each time.
+        Bodies and joints are measured all, of contacts a part in turn: the worst is told of this round and the one before,
+        a round being the steps, at most 64, in which all have their turn. Up to 16 contacts are all looked at each time.
         """
         return self._measuring.part(*self._measured_state())
 

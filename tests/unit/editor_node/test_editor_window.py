@@ -229,3 +229,27 @@ def test_saving_and_closing_with_edits_that_were_not(at_the_editor, tmp_path, mo
         await person.until(lambda: editor.application.is_closing)
 
     at_the_editor(scenario)
+
+
+def test_pictures_are_exposed_and_fogged_in_the_inspector(at_the_editor, screenshot_directory):
+    async def scenario(person):
+        editor, host = person.editor, person.stage.host
+        before = host.mirror.settings.picture
+        await person.click("inspector/settings/picture/exposure", times=2)  # nothing is selected: the scene's settings
+        await person.press(Key.A, CTRL)
+        await person.type("1.5")
+        await person.press(Key.ENTER)
+        await person.until(lambda: host.mirror.settings.picture.exposure == 1.5)
+        await person.click("inspector/settings/picture/bloom", times=2)
+        await person.press(Key.A, CTRL)
+        await person.type("0.25")
+        await person.press(Key.ENTER)
+        await person.until(lambda: host.mirror.settings.picture.bloom == 0.25)
+        assert host.mirror.settings.picture.exposure == 1.5
+        await editor.model.history.settle()
+        editor.screenshot(screenshot_directory / "editor-picture-settings.png")
+        await person.press(Key.Z, CTRL)
+        await person.press(Key.Z, CTRL)
+        await person.until(lambda: host.mirror.settings.picture == before)
+
+    at_the_editor(scenario)

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 
+import msgspec
 import numpy as np
 import pytest
 
 from elys.common.errors import ElysError
 from elys.lab.motion import Motion
 from elys.lab.observables import divergence_time, errors_of, require_observables, scales_of
+from elys.lab.pareto import Judge, _beside
+from elys.lab.peers.running import PACKAGES
+from elys.lab.reference import Reference
 from elys.lab.setting import Setting
 
 TIMES = np.arange(0.0, 4.001, 0.1)
@@ -119,6 +123,23 @@ def test_a_contact_is_in_time_within_its_tick_and_late_beyond():
     for told, error in ((0.4, 0.0), (0.5, 0.099), (0.2, 0.1)):
         motion = motion_of(standing(), setting=coarse, first_contacts={("A", "B"): told})
         assert errors(motion, reference)["contact timing"].value == pytest.approx(error, abs=2e-3)
+
+
+def test_contact_timing_of_a_motion_that_tells_no_contacts_is_unknown_and_does_not_count(monkeypatch):
+    reference = motion_of(standing(), first_contacts={("A", "B"): 0.3})
+    silent = motion_of(standing(), first_contacts=None)
+    found = errors(silent, reference)
+    assert [name for name, error in found.items() if not error.is_known] == ["contact timing"]
+    assert math.isnan(found["contact timing"].value) and not found["contact timing"].is_finite
+    assert msgspec.json.decode(msgspec.json.encode(found["contact timing"]))["value"] is None
+    judge = Judge(Reference(reference, {}, True), scales_of(reference))
+    outcome = judge.outcome(silent)
+    assert outcome.unknown == ("contact timing",) and outcome.dominant != "contact timing" and outcome.error == 0.0
+    monkeypatch.setitem(PACKAGES, "numpy", "numpy")  # an installed package in the place of an engine
+    asked = Judge(judge.reference, judge.scales, only=("contact timing",))
+    assert _beside(asked, "numpy", 60, silent).reason == "tells nothing of contact timing"
+    beside = _beside(judge, "numpy", 60, silent).outcome
+    assert beside is not None and beside.dominant == outcome.dominant
 
 
 def test_trajectories_part_at_a_twentieth_of_a_body():

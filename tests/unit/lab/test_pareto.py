@@ -13,6 +13,7 @@ import pytest
 from elys.common.assets.store import AssetStore
 from elys.common.scene import SceneSettings, open_scene, read_scene, write_scene
 from elys.common.scene_document import EntityNode, SceneDocument
+from elys.lab.answers import _worst
 from elys.lab.calibrate import CalibrationError, calibrated
 from elys.lab.observables import ObservableError
 from elys.lab.pareto import Outcome, Study, cheapest, study, with_front
@@ -160,3 +161,8 @@ def test_calibrate_writes_the_scene_and_keeps_the_rest(falling, capsys):
     assert after.entities == before.entities and after.settings.tick_rate == before.settings.tick_rate
     assert after.settings.calibration == msgspec.convert(told["calibration"], type(after.settings.calibration))
     assert math.isfinite(after.settings.calibration.cost)
+
+
+@pytest.mark.parametrize("errors", [[math.nan, 1.0], [1.0, math.nan]])
+def test_an_answer_that_is_no_number_is_as_wrong_as_can_be(errors):
+    assert _worst(errors) == math.inf

@@ -134,3 +134,25 @@ def test_damaged_images_are_one_sentence(noise: bytes, cut: int) -> None:
             assert decode_image(data).shape[2] == 4  # decoders make something of files whose end alone is missing
         except AssetError as error:
             assert "\n" not in str(error)
+
+
+def test_hdr_pictures_in_runs_are_read_and_damaged_ones_refused() -> None:
+    """By hand: 8 pixels of one colour, each channel a run; 128 with the exponent 129 is 128 / 256 * 2."""
+    from elys.render_node.radiance_files import decode_radiance, fitted
+
+    head = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 8\n"
+    row = bytes((2, 2, 0, 8, 136, 128, 136, 64, 8, 0, 1, 2, 3, 4, 5, 6, 7, 136, 129))
+    radiance = decode_radiance(head + row)
+    assert radiance.shape == (1, 8, 3)
+    np.testing.assert_allclose(radiance[0, :, 0], 1.0)
+    np.testing.assert_allclose(radiance[0, :, 1], 0.5)
+    np.testing.assert_allclose(radiance[0, :, 2], np.arange(8) / 128)
+    assert fitted(radiance, 4).shape == (1, 2, 3)
+    for damaged in (
+        head + row[:-3],
+        head + row[:4] + bytes((255,)) + row[5:],
+        head[:30],
+        head.replace(b"-Y 1", b"-Y 999999"),
+    ):
+        with pytest.raises(AssetError, match=r"hdr"):
+            decode_radiance(damaged)

@@ -3,15 +3,33 @@
 from __future__ import annotations
 
 import gc
+import os
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import moderngl
+import msgspec
 import numpy as np
 import pytest
 
+from elys.bus.messages.views import ViewCamera
+from elys.common.components import Environment, Light, Material, MeshRenderer, Transform
 from elys.common.errors import DisplayError
-from elys.render_node.gpu import Buffer, Context, Framebuffer, Program, Texture, offscreen_context
+from elys.common.scene import PictureSettings
+from elys.render_node.gpu import (
+    Buffer,
+    Context,
+    Framebuffer,
+    Program,
+    ProgramCache,
+    Texture,
+    VertexArray,
+    offscreen_context,
+)
 from elys.render_node.gpu.program import expand
+from elys.render_node.quality import FULL
+from elys.render_node.renderer import Renderer
 
 
 @pytest.mark.gl
@@ -87,7 +105,7 @@ def test_a_refused_shader_names_file_line_and_source(context: Context, monkeypat
 
     def broken(name: str, defines: Any = ()) -> Any:
         source, places = expand(name, defines)
-        return source.replace("sky(-direction_to_eye(", "sky(-direction_to_eyes("), places
+        return source.replace("vec3 direction = -direction_to_eye(", "vec3 direction = -direction_to_eyes("), places
 
     monkeypatch.setattr(module, "expand", broken)
     with pytest.raises(DisplayError) as caught:
@@ -159,5 +177,99 @@ def test_a_renderer_leaves_nothing_behind(context: Context) -> None:
     settled = counts[2 * KEPT_SIZES :]
     assert max(settled) - min(settled) < 12  # shadow, mask and one mesh come and go; nothing piles up
     del renderer, world
+    gc.collect()
+    assert context.live_object_count == before
+
+
+@pytest.mark.gl
+def test_what_is_larger_than_the_driver_takes_is_said(context: Context) -> None:
+    for make in (lambda edge: Texture(context, (edge, 4), "rgba8"), lambda edge: Framebuffer(context, 4, edge)):
+        with pytest.raises(DisplayError, match=f"takes edges from 1 to {context.max_size}"):
+            make(context.max_size + 1)
+    with pytest.raises(DisplayError, match="0 x 4"):
+        Texture(context, (0, 4), "rgba8")
+
+
+@pytest.mark.parametrize(
+    ("error", "said"), [("GL_OUT_OF_MEMORY", "no memory left"), ("GL_UNKNOWN_ERROR", "lost the context")]
+)
+def test_a_driver_that_gives_up_is_explained(error: str, said: str) -> None:
+    class Driver:
+        """As moderngl's context tells it."""
+
+        info = {"GL_MAX_TEXTURE_SIZE": 64, "GL_RENDERER": "a card"}
+
+        def __init__(self) -> None:
+            self.error = "GL_NO_ERROR"
+
+    driver = Driver()
+    made = Context(driver)
+    made.check("drawing")
+    driver.error = error
+    with pytest.raises(DisplayError, match=f"drawing failed: .*{said}"):
+        made.check("drawing")
+
+
+@pytest.mark.gl
+def test_changed_shaders_are_compiled_anew_and_broken_ones_are_not_taken(
+    context: Context, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    for name in ("whole.vert", "half.glsl", "whole.frag"):
+        (tmp_path / name).touch()
+    (tmp_path / "whole.vert").write_text(
+        "#version 330 core\n"
+        "void main() { gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0, 1); }\n"
+    )
+    (tmp_path / "half.glsl").write_text("float level() { return 0.25; }\n")
+    (tmp_path / "whole.frag").write_text(
+        '#version 330 core\n#include "half.glsl"\nout vec4 color;\nvoid main() { color = vec4(level()); }\n'
+    )
+    monkeypatch.setattr("elys.render_node.gpu.program.resources", SimpleNamespace(files=lambda _: tmp_path))
+    monkeypatch.setattr("elys.render_node.gpu.program_cache.resources", SimpleNamespace(files=lambda _: tmp_path))
+    cache, target = ProgramCache(context, reload=True), Framebuffer(context, 2, 2, ("rgba32f",))
+
+    def level() -> float:
+        target.use()
+        context.set_state()
+        VertexArray(context, cache.program("whole.vert", "whole.frag"), {}, None, 3).draw()
+        return float(target.read()[0, 0, 0])
+
+    assert level() == 0.25
+    assert cache.reload_changed() == []
+    _write_later(tmp_path / "half.glsl", "float level() { return 0.75; }\n")
+    assert cache.reload_changed() == ["half.glsl"]
+    assert level() == 0.75
+    _write_later(tmp_path / "half.glsl", "float level() { return nothing; }\n")
+    assert cache.reload_changed() == ["half.glsl"]
+    assert level() == 0.75
+    assert "half.glsl, line 1" in caplog.text and "return nothing" in caplog.text
+    _write_later(tmp_path / "half.glsl", "float level() { return 0.5; }\n")
+    cache.reload_changed()
+    assert level() == 0.5
+
+
+def _write_later(path: Path, text: str) -> None:
+    """Writes a file with a later time than it had, without waiting for the clock."""
+    later = path.stat().st_mtime_ns + 1_000_000_000
+    path.write_text(text)
+    os.utime(path, ns=(later, later))
+
+
+@pytest.mark.gl
+def test_a_renderer_with_all_effects_leaves_nothing_behind(context: Context, stage: Any) -> None:
+    stage.add(Transform(), MeshRenderer(), Material())
+    stage.add(Transform(rotation=(-0.5, 0.0, 0.0, 0.866)), Light())
+    stage.add(Transform(), Environment(kind="sky"))
+    picture = PictureSettings(bloom=0.1, ambient_occlusion=1.0, fxaa=True, fog_density=0.1, multiple_scattering=True)
+    stage.settings = msgspec.structs.replace(stage.settings, picture=picture)
+    camera = ViewCamera(position=(0.0, 1.0, 4.0), rotation=(0.0, 0.0, 0.0, 1.0))
+    gc.collect()
+    before = context.live_object_count
+    renderer, world = Renderer(context, quality=FULL), stage.world()
+    for size in (32, 48, 32):
+        renderer.draw(world, camera, size, size, selection=(1,), grid=True)
+    renderer.pick(world, camera, 32, 32, 16, 16)
+    assert context.live_object_count > before
+    del renderer
     gc.collect()
     assert context.live_object_count == before

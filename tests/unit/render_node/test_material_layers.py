@@ -14,6 +14,7 @@ from elys.common.assets.texture import Sampling, Texture, texture_text
 from elys.common.components import Light, Material, MeshRenderer, Transform
 from elys.common.math.matrix import look_rotation
 from elys.render_node.drawable_assets import DrawableAssets
+from elys.render_node.look import look_of
 
 pytestmark = pytest.mark.gl
 
@@ -336,3 +337,40 @@ def test_a_colour_that_cannot_be_had_is_a_checker(stage, renderer) -> None:
     magenta = (light[..., 0] > 0.9) & (light[..., 1] < 0.05)
     assert 0.3 < magenta.mean() < 0.6
     assert "cannot be read" in world.assets.failed[damaged]
+
+
+def test_tangents_are_computed_where_a_normal_map_asks_for_them_alone() -> None:
+    bumpy = Material(normal_texture="bumps.png?uv=1")
+    assert look_of(bumpy, False, "vertices").tangent_uvs == 1
+    assert look_of(bumpy, False, "pixels").tangent_uvs is None
+    assert look_of(bumpy, False).tangent_uvs is None
+    assert look_of(Material(), False, "vertices") == look_of(Material(), False)  # parts no batch
+
+
+@pytest.mark.parametrize("tangents", ["vertices", "pixels"])
+@pytest.mark.parametrize(
+    "uvs, along_u, along_rise",  # where growing u and falling v point in the world
+    [
+        (UVS, (1, 0, 0), (0, 0, -1)),
+        (np.array(((1, 0), (1, 1), (0, 1), (0, 0))), (-1, 0, 0), (0, 0, -1)),  # mirrored
+        (np.array(((0, 1), (1, 1), (1, 0), (0, 0))), (0, 0, 1), (1, 0, 0)),  # turned
+    ],
+)
+def test_normal_maps_lie_along_tangents_however_they_are_had(
+    stage, renderer, tangents, uvs, along_u, along_rise
+) -> None:
+    store = AssetStore()
+    lean = np.array((190, 160, 220)) / 255 * 2 - 1
+    bump = store.put(png(np.full((2, 2, 3), (190, 160, 220), np.uint8)), kind="image")
+    name = store.put(encode_mesh(square(uvs)), kind="mesh")
+    sun = np.array((0.5, -0.8, 0.3)) / np.linalg.norm((0.5, -0.8, 0.3))
+    material = Material(roughness=1.0, specular=0.0, normal_texture=bump)
+    stage.add(Transform(), MeshRenderer(mesh=name, cast_shadows=False, tangents=tangents), material)
+    stage.add(Transform(rotation=tuple(look_rotation(sun).tolist())), Light(intensity=np.pi))
+    world = stage.world(DrawableAssets(store.get))
+    renderer.settle(world)
+    renderer.draw(world, ABOVE, 16, 16)
+    normal = lean[0] * np.array(along_u) + lean[1] * np.array(along_rise) + lean[2] * UP
+    cosine = -(normal / np.linalg.norm(normal)) @ sun
+    np.testing.assert_allclose(renderer.read_light(16, 16)[2:14, 2:14, 0] / 0.8, cosine, atol=0.01)
+    world.assets.close()

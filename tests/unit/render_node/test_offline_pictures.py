@@ -124,3 +124,26 @@ def test_what_cannot_be_written_is_said_before_anything_is_drawn(tmp_path: Path)
         VideoWriter(tmp_path / "a.mp4", 16, 16, fps=0.0)
     with pytest.raises(ElysError, match="cannot be drawn"):
         OfflineRenderer(SceneMirror(), width=0, height=5)
+
+
+@pytest.mark.gl
+def test_linear_light_is_written_as_it_is(context, mirror, tmp_path: Path) -> None:
+    with OfflineRenderer(mirror, width=65, height=49, environment=False, context=context) as renderer:
+        renderer.write_picture(tmp_path / "light.npy")
+        shown = renderer.picture()
+    light = np.load(tmp_path / "light.npy")
+    assert light.shape == (49, 65, 3)
+    assert light.dtype == np.float32
+    # What it glows with, and not what a screen makes of it; the sun's mirror image is white.
+    assert light[24, 32, 0] - light[24, 32, 2] == pytest.approx(0.8, abs=1e-6)
+    np.testing.assert_array_equal(light[0, 0], 0.0)  # no sky
+    assert shown[24, 32, 0] < 255
+
+
+@pytest.mark.gl
+def test_light_that_cannot_be_written_is_said(context, mirror, tmp_path: Path) -> None:
+    with (
+        OfflineRenderer(mirror, width=8, height=8, context=context) as renderer,
+        pytest.raises(ElysError, match="light"),
+    ):
+        renderer.write_picture(tmp_path / "absent" / "light.npy")

@@ -47,7 +47,7 @@ def test_the_plan_follows_the_scene(stage):
     stage.settings = msgspec.structs.replace(stage.settings, background=(0.2, 0.3, 0.4))
     passes = told(stage.world())
     assert passes["transparent"] == (True, "1 see-through thing seen, in 1 draw call")
-    assert passes["shadow"][0] and passes["sky"] == (True, "the background has a colour")
+    assert passes["shadow"][0] and passes["sky"] == (True, "something is behind everything")
 
 
 @pytest.mark.gl

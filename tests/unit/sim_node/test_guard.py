@@ -90,6 +90,7 @@ def test_what_is_pressed_into_the_ground_is_named_and_can_be_looked_at(tmp_path)
     assert causes(said)[0][0] == "sunk" and len(paths) == 1
     named = next(event for event in said["events"] if event.kind == "physics")
     assert crate in (named.entity, named.other)
+    assert f"entity {crate} 'Crate'" in named.values["text"] and f"entity {press}" in named.values["text"]
     with Recording(paths[0]) as kept:
         ticks = np.unique(kept.tick)
         assert f"problem-{ticks[-1]}.mcap" == paths[0].name
@@ -97,6 +98,14 @@ def test_what_is_pressed_into_the_ground_is_named_and_can_be_looked_at(tmp_path)
         assert kept.mirror_at(0).entities[crate].name == "Crate"
         heights = [kept.frame(k).position[kept.frame(k).entity == press][0, 1] for k in range(len(kept))]
     assert heights[0] - heights[-1] > 0.5
+
+
+def test_what_a_step_finds_is_named_as_people_call_it(tmp_path):
+    simulation, crate = small_world()
+    simulation.world.set(crate, RigidBody(linear_velocity=(0.0, 1e5, 0.0)))
+    _, said = run_guarded(simulation, tmp_path, 2)
+    texts = [event.values["text"] for event in said["events"] if event.kind == "physics"]
+    assert texts and texts[0].startswith(f"entity {crate} 'Crate' became faster than max_linear_speed")
 
 
 def test_files_are_few_and_hold_different_seconds(tmp_path):
@@ -131,6 +140,10 @@ def test_a_joint_that_is_torn_apart_is_named(tmp_path):
     paths, said = run_guarded(simulation, tmp_path, 300)
     cause, joint = causes(said)[0]
     assert cause == "joint_apart" and joint in (crate, puller)
+    told = next(event for event in said["events"] if event.kind == "physics")
+    assert told.values["text"].startswith(
+        f"the joint of entity {joint} '{'Crate' if joint == crate else 'Puller'}' is "
+    )
     assert said["diagnostics"][-1].joint_error > 1.0
     assert paths and paths[0].is_file()
 

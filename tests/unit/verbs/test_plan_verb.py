@@ -20,5 +20,11 @@ def test_a_program_reads_json(elys):
     assert bool(found["pictures"]) != bool(found["pictures_missing"])
 
 
+def test_threads_are_those_of_run(elys):
+    found = json.loads(elys("plan", "stack", "--no-measure", "--threads", "2", "--json").out)
+    why = {stage["name"]: stage["why"] for stage in found["physics"]["stages"]}
+    assert "one thread" not in why["shared_solver"]
+
+
 def test_a_scene_that_is_not_there_is_one_sentence(elys):
     assert "no sample called 'nowhere'" in elys("plan", "nowhere").sentence

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -57,6 +58,15 @@ def test_what_is_no_recording(elys, tmp_path: Path, verb: str, content: bytes | 
     assert expected in sentence
     assert not (tmp_path / "out.npz").exists()
     assert not (tmp_path / "out.png").exists()
+
+
+def test_a_recording_that_is_missing_has_a_remedy(elys, tmp_path: Path) -> None:
+    assert elys("info", "it.mcap").sentence.endswith("`elys run SCENE --record FILE.mcap` makes one")
+    for moment in range(5):
+        foreign(tmp_path / f"other{moment}.mcap")
+        os.utime(tmp_path / f"other{moment}.mcap", (moment, moment))
+    said = elys("info", "it.mcap").sentence
+    assert said.endswith(f"in {tmp_path} there are other4.mcap, other3.mcap, other2.mcap and 2 more, newest first")
 
 
 @pytest.mark.parametrize("output", ["it.mcap", "out.txt", "out", "."])

@@ -20,7 +20,7 @@ from elys.sim_node.physics.kernels.integrator import finish_step, publish_poses
 from elys.sim_node.physics.kernels.islands import build_islands
 from elys.sim_node.physics.kernels.joint_preparation import prepare_joints
 from elys.sim_node.physics.kernels.joints import finish_joints
-from elys.sim_node.physics.kernels.measuring import measure_step, sleeping_potential
+from elys.sim_node.physics.kernels.measuring import measure_joints, measure_step, sleeping_potential
 from elys.sim_node.physics.kernels.narrow_phase import update_manifolds, update_simple_manifolds
 from elys.sim_node.physics.kernels.nearby import find_closest, find_overlaps
 from elys.sim_node.physics.kernels.overlaps import find_deep_overlaps
@@ -60,6 +60,7 @@ LATER: tuple[Any, ...] = (
     describe_contacts,
     prepare_joints,
     finish_joints,
+    measure_joints,
     solve_jointed_contacts,
     solve_shared_contacts,
     solve_shared_jointed_contacts,
@@ -82,6 +83,7 @@ DIRECT: tuple[Any, ...] = (
     finish_step,
     put_to_sleep,
     measure_step,
+    measure_joints,
 )
 
 
@@ -210,8 +212,8 @@ def _kernels() -> tuple[Kernel, ...]:
         (
             measure_step,
             (
-                *(bodies, numbers, vectors, indices, 0, True, indices, True, *touching[1:4], 0, 0, manifolds),
-                *(joints.rows, numbers, glances, 0, 0, measures, constants),
+                *(bodies, numbers, vectors, indices, 0, True, indices, True, *touching[1:4], 0, 0, 0, manifolds),
+                *(numbers, glances, measures, constants),
             ),
         ),
         (list_awake, (bodies, colliders, proxies, indices, indices)),
@@ -250,6 +252,7 @@ def _kernels() -> tuple[Kernel, ...]:
     listed += [
         (prepare_joints, (joints, drives, strengths)),
         (finish_joints, (joints, solver, constants, indices)),
+        (measure_joints, (bodies, joints.rows, numbers, measures)),
         (solve_jointed_contacts, (work, 0, joints, strengths, constants)),
         (solve_shared_contacts, (work, 0, strengths, constants, team, 0, 1)),
         (solve_shared_jointed_contacts, (work, 0, joints, strengths, constants, team, 0, 1)),

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 
 from elys.sim_node.compilation import inlined, inner, kernel
+from elys.sim_node.physics.kernels.quads import axes_of, next_axes, quad, quad_at
 from elys.sim_node.physics.kernels.rotation import cross, multiplied, rotated
 from elys.sim_node.physics.kernels.tables import BALL, CONE, DISTANCE, DYNAMIC, FIXED, HINGE, SLIDER
 from elys.sim_node.physics.kernels.trigonometry import arc_tangent
@@ -29,18 +30,24 @@ def attraction_energy(x, y, z, constants):
 
 
 @inlined
-def turned_momentum(q, wx, wy, wz, ix, iy, iz):
-    """The angular momentum in world axes of what turns at w, with principal moments of inertia."""
-    x, y, z = rotated(-q[0], -q[1], -q[2], q[3], wx, wy, wz)
-    return rotated(q[0], q[1], q[2], q[3], ix * x, iy * y, iz * z)
+def crossed(a, b):
+    """Of two vectors, each in the first three of four numbers."""
+    return next_axes(a * next_axes(b) - next_axes(a) * b)
 
 
 @inlined
+def turned(axis, w, v):
+    """A vector turned by the quaternion (axis, w): v + w t + axis x t with t = 2 axis x v."""
+    t = crossed(axis, v)
+    t = t + t
+    return v + quad(w, w, w) * t + crossed(axis, t)
+
+
+@inner
 def measure_bodies(bodies, masses, inertia, listed, count, is_listed, measures, constants):
-    """Adds up energy and momentum of dynamic bodies, and counts those that are awake."""
-    linear = turning = 0.0
-    wx = wy = wz = 0.0  # weights times places
-    px = py = pz = lx = ly = lz = 0.0
+    """Adds up energy and momentum of dynamic bodies, and counts those that are awake: three axes at a time."""
+    none = quad(0.0, 0.0, 0.0)
+    work = weighed = momentum = angular = none  # twice the kinetic energy; weights times places
     awake = 0
     for index in range(count):
         i = listed[index] if is_listed else index
@@ -49,33 +56,30 @@ def measure_bodies(bodies, masses, inertia, listed, count, is_listed, measures, 
             continue
         awake += 1 if body.asleep == 0 else 0
         mass = masses[i]
-        p = body.position
-        v = body.velocity
-        x, y, z = p[0], p[1], p[2]
-        vx, vy, vz, sx, sy, sz = v[0], v[1], v[2], v[3], v[4], v[5]
         weight = mass * body.gravity_scale
-        wx += weight * x
-        wy += weight * y
-        wz += weight * z
-        ix, iy, iz = mass * inertia[i, 0], mass * inertia[i, 1], mass * inertia[i, 2]
+        p = quad_at(body.position, 0)
+        v = quad_at(body.velocity, 0)
+        w = quad_at(body.velocity, 3)
+        ix, iy, iz = inertia[i, 0], inertia[i, 1], inertia[i, 2]
+        spin = quad(mass, mass, mass) * quad(ix, iy, iz)
         if ix == iy and ix == iz:
-            ox, oy, oz = ix * sx, ix * sy, ix * sz
+            spin = spin * w
         else:
-            ox, oy, oz = turned_momentum(body.rotation, sx, sy, sz, ix, iy, iz)
-        mx, my, mz = mass * vx, mass * vy, mass * vz
-        linear += mx * vx + my * vy + mz * vz
-        turning += ox * sx + oy * sy + oz * sz
-        px += mx
-        py += my
-        pz += mz
-        lx += y * mz - z * my + ox
-        ly += z * mx - x * mz + oy
-        lz += x * my - y * mx + oz
+            axis = quad_at(body.rotation, 0)
+            real = body.rotation[3]
+            spin = turned(axis, real, spin * turned(axis, -real, w))
+        push = quad(mass, mass, mass) * v
+        weighed = weighed + quad(weight, weight, weight) * p
+        momentum = momentum + push
+        angular = angular + (crossed(p, push) + spin)
+        work = work + (push * v + spin * w)
     g = constants.gravity
-    measures.kinetic = 0.5 * (linear + turning)
-    measures.potential = -(g[0] * wx + g[1] * wy + g[2] * wz)
-    measures.momentum_x, measures.momentum_y, measures.momentum_z = px, py, pz
-    measures.angular_x, measures.angular_y, measures.angular_z = lx, ly, lz
+    x, y, z = axes_of(work)
+    measures.kinetic = 0.5 * (x + y + z)
+    x, y, z = axes_of(weighed)
+    measures.potential = -(g[0] * x + g[1] * y + g[2] * z)
+    measures.momentum_x, measures.momentum_y, measures.momentum_z = axes_of(momentum)
+    measures.angular_x, measures.angular_y, measures.angular_z = axes_of(angular)
     measures.awake_count = awake
 
 
@@ -126,14 +130,20 @@ def approach_at(rates, r, at):
 
 
 @inner
+def clear_glance(glance):
+    glance.deepest_overlap = glance.residual = 0.0
+    glance.deepest_a = glance.deepest_b = glance.restless_a = glance.restless_b = 0
+
+
+@inner
 def measure_contacts(bodies, colliders, pairs, touching, begin, end, manifolds, rates, glance):
-    """Finds the deepest overlap, and the fastest approach that the solver left, among touching[begin:end].
+    """Notes the deepest overlap, and the fastest approach that the solver left, where they are worse among touching[begin:end].
 
     A contact shall let its surfaces come no nearer than to touch: where they overlap by d after a substep h, and approach at
     u, then of u the part min(u, d / h) should not be.
     """
-    deepest = worst = 0.0
-    glance.deepest_a = glance.deepest_b = glance.restless_a = glance.restless_b = 0
+    deepest = glance.deepest_overlap
+    worst = glance.residual
     for t in range(begin, end):
         pair = pairs[touching[t]]
         manifold = manifolds[touching[t]]
@@ -159,20 +169,14 @@ def measure_contacts(bodies, colliders, pairs, touching, begin, end, manifolds, 
 
 
 @inner
-def sum_up(glances, last, count, measures):
-    """Writes the worst of `count` glances, of which row `last` is the newest."""
-    measures.deepest_overlap = measures.residual = 0.0
-    measures.deepest_a = measures.deepest_b = measures.restless_a = measures.restless_b = 0
-    row = last
-    for _ in range(count):
-        glance = glances[row]
-        row = row - 1 if row > 0 else glances.shape[0] - 1
-        if glance.deepest_overlap > measures.deepest_overlap:
-            measures.deepest_overlap = glance.deepest_overlap
-            measures.deepest_a, measures.deepest_b = glance.deepest_a, glance.deepest_b
-        if glance.residual > measures.residual:
-            measures.residual = glance.residual
-            measures.restless_a, measures.restless_b = glance.restless_a, glance.restless_b
+def write_worst(glances, measures):
+    """Writes the worst of both glances."""
+    glance = glances[0] if glances[0].deepest_overlap >= glances[1].deepest_overlap else glances[1]
+    measures.deepest_overlap = glance.deepest_overlap
+    measures.deepest_a, measures.deepest_b = glance.deepest_a, glance.deepest_b
+    glance = glances[0] if glances[0].residual >= glances[1].residual else glances[1]
+    measures.residual = glance.residual
+    measures.restless_a, measures.restless_b = glance.restless_a, glance.restless_b
 
 
 @inner
@@ -235,9 +239,10 @@ def is_awake(bodies, joint):
     return awake
 
 
-@inner
-def measure_joints(bodies, joints, ends, measures):
-    """Finds the joints that hold an awake body and are farthest off."""
+@kernel
+def measure_joints(bodies, joints, ends, all_measures):
+    """Finds the joints (J,) that hold an awake body and are farthest off; `ends` (14,) is for work."""
+    measures = all_measures[0]
     distance = angle = 0.0
     measures.joint = measures.turned_joint = 0
     for j in range(joints.shape[0]):
@@ -273,18 +278,16 @@ def measure_step(
     colliders,
     pairs,
     touching,
+    touching_count,
     begin,
     end,
     manifolds,
-    joints,
     room,
     glances,
-    turn,
-    turns,
     all_measures,
     all_constants,
 ):
-    """Measures what a step has left, into the one row of `all_measures`.
+    """Measures what a step has left of bodies and contacts, into the one row of `all_measures`.
 
     Parameters:
 
@@ -292,9 +295,9 @@ def measure_step(
     - listed (N,) int32: rows of bodies, of which the first `listed_count` are summed; without `is_listed` so many rows from
       the first on are;
     - parent (N,) int32 as `build_islands` left it: with `has_new_islands` they are counted, else their number stays;
-    - pairs touching[begin:end] are looked at: the worst of them becomes row `turn` of glances (G,), and the worst of the last
-      `turns` rows is told;
-    - joints (J,) JOINT; room (14,) is for work.
+    - pairs touching[begin:end] of `touching_count` are looked at. The worst is told of those and of what glances (2,) hold: of
+      the round that is going on, which begins with `begin` 0, and of the one before;
+    - room (7,) is for work.
     """
     measures, constants = all_measures[0], all_constants[0]
     measure_bodies(bodies, masses, inertia, listed, listed_count, is_listed, measures, constants)
@@ -302,9 +305,13 @@ def measure_step(
         measure_attraction(bodies, masses, listed, listed_count, is_listed, measures, constants)
     if has_new_islands:
         count_islands(bodies, listed, listed_count, is_listed, parent, measures)
-    measure_contacts(bodies, colliders, pairs, touching, begin, end, manifolds, room, glances[turn])
-    sum_up(glances, turn, turns, measures)
-    measure_joints(bodies, joints, room, measures)
+    if begin == 0:
+        glances[1] = glances[0]
+        clear_glance(glances[0])
+    if end - begin == touching_count:
+        clear_glance(glances[1])
+    measure_contacts(bodies, colliders, pairs, touching, begin, end, manifolds, room, glances[0])
+    write_worst(glances, measures)
 
 
 @kernel

@@ -100,7 +100,7 @@ STEP_REPORT = np.dtype(
     align=True,
 )
 
-# The worst contacts among those that `measure_step` has looked at; entities of their bodies, 0 where there are none.
+# The worst contacts among those that `measure_step` has looked at in a round; entities of their bodies, 0 where there are none.
 GLANCE = np.dtype(
     [
         ("deepest_overlap", "f8"),  # [m]

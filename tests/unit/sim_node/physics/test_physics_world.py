@@ -143,6 +143,50 @@ def test_a_kinematic_platform_carries_what_stands_on_it():
     np.testing.assert_allclose(world.bodies.linear_velocity[1], [1.0, 0.5, 0.0], atol=2e-3)
 
 
+@pytest.mark.parametrize("spin", [0.3, -2.0])  # slowly enough to keep manifolds over many ticks, and not
+@pytest.mark.parametrize("platform", [1, 2])  # on either side of the pair
+def test_a_turning_platform_carries_its_rider_on_a_circle(spin, platform):
+    rider, radius, seconds = 3 - platform, 0.9, 5.0
+    world = PhysicsWorld()
+    world.add_bodies([platform], motion=KINEMATIC, position=[0, -0.25, 0], angular_velocity=[0, spin, 0])
+    world.add_bodies(
+        [rider], position=[radius, 0.1, 0], angular_velocity=[0, spin, 0], linear_velocity=[0, 0, -spin * radius]
+    )
+    world.add_colliders([platform, rider], size=[[4, 0.5, 4], [0.3, 0.2, 0.3]], friction=0.6)
+    for _ in range(round(seconds / DT)):
+        world.step(DT)
+    angle = spin * seconds
+    wanted = [radius * math.cos(angle), 0.1, -radius * math.sin(angle)]
+    np.testing.assert_allclose(world.bodies.position[world.bodies.entity == rider][0], wanted, atol=5e-4)
+
+
+def test_a_platform_carries_whatever_way_is_up():
+    world = PhysicsWorld(PhysicsSettings(gravity=(0.0, 0.0, -9.81)))
+    world.add_bodies([1], motion=KINEMATIC, position=[0, 0, -0.25], angular_velocity=[0, 0, 1.5])
+    world.add_bodies([2], position=[0, 1.0, 0.1], angular_velocity=[0, 0, 1.5], linear_velocity=[-1.5, 0, 0])
+    world.add_colliders([1, 2], size=[[4, 4, 0.5], [0.3, 0.3, 0.2]], friction=0.6)
+    for _ in range(240):
+        world.step(DT)
+    angle = 1.5 * 240 * DT
+    wanted = [-math.sin(angle), math.cos(angle), 0.1]
+    np.testing.assert_allclose(world.bodies.position[1], wanted, atol=5e-4)
+
+
+@pytest.mark.parametrize("size", [(2.0, 0.02, 2.0), (3.0, 0.05, 0.4), (0.5, 0.5, 0.5)])
+@pytest.mark.parametrize("height", [0.7, 1.9, 3.0])
+def test_what_falls_flat_without_restitution_stays_down(size, height):
+    world = PhysicsWorld()
+    world.add_bodies([1, 2], motion=[STATIC, DYNAMIC], position=[[0, -0.5, 0], [0, height, 0]])
+    world.add_colliders([1, 2], size=[[20, 1, 20], size])
+    highest = 0.0
+    for tick in range(150):
+        world.step(DT)
+        if tick * DT > math.sqrt(2.0 * height / 9.81) + 2.0 * DT:
+            highest = max(highest, world.bodies.position[1, 1] - 0.5 * size[1])
+    assert highest < 4e-3  # [m]; a few sweeps over its points leave that much of a beam's 7.7 m/s
+    assert abs(world.bodies.position[1, 1] - 0.5 * size[1]) < 1e-3
+
+
 def test_damping_is_exponential():
     world = PhysicsWorld(WEIGHTLESS)
     world.add_bodies(

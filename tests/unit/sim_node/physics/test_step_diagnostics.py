@@ -261,3 +261,55 @@ def test_islands_are_counted_anew_after_the_step_that_made_them():
     world.remove_bodies([2, 5])
     world.step(DT)
     assert world.diagnostics.islands == 3
+
+
+def test_what_sleeps_is_measured_once_and_anew_after_every_change():
+    world = PhysicsWorld()
+    world.add_bodies(
+        [9, 1, 2, 3], motion=[STATIC, 0, 0, 0], position=[[0, -1, 0], [0, 0.5, 0], [0, 1.5, 0], [4, 0.5, 0]]
+    )
+    world.add_colliders([9, 1, 2, 3], size=[(40.0, 2.0, 40.0), (1.0, 1.0, 1.0), (1.0, 1.0, 1.0), (1.0, 1.0, 1.0)])
+    for _ in range(240):
+        world.step(DT)
+        world.watch()
+    assert world.watch().awake == 0
+    last = world.watch()
+    world.step(DT)
+    assert world.watch() is last and last == world.diagnostics
+    changes = (
+        lambda: world.set_properties([1], mass=3.0),
+        lambda: world.set_velocities([2], linear=(0.0, 0.0, 0.5)),
+        lambda: world.set_poses([3], position=[4.0, 0.49, 0.0], rotation=[0.0, 0.0, 0.0, 1.0]),
+        lambda: world.add_bodies([5], position=[9, 7, 0]),
+        lambda: world.remove_bodies([5]),
+        lambda: world.add_joints([7], kind="ball", entity_a=1, entity_b=3, anchor_a=[1, 0, 0], anchor_b=[0, 0, 0]),
+        lambda: world.remove_bodies([9]),
+    )
+    for change in changes:
+        last = world.watch()
+        change()
+        seen = world.watch()
+        assert seen[:4] == world.diagnostics[:4]
+        assert seen is not last
+        for _ in range(3):
+            world.step(DT)
+            seen, whole = world.watch(), world.diagnostics
+            assert (*seen[:4], *seen[8:]) == (*whole[:4], *whole[8:])
+        for _ in range(240):
+            world.step(DT)
+
+
+@pytest.mark.parametrize("size", [(1.0, 1.0, 1.0), (1.0, 0.2, 2.0)])
+def test_a_spinning_body_keeps_its_angular_momentum(size):
+    world = PhysicsWorld(PhysicsSettings(gravity=(0.0, 0.0, 0.0)))
+    world.add_bodies(
+        [1], position=[3, -2, 1], mass=2.5, linear_velocity=(0.4, 1.0, -2.0), angular_velocity=(1.0, 2.0, -0.5)
+    )
+    world.add_colliders([1], size=size)
+    moments = (
+        2.5 / 12.0 * np.array([size[1] ** 2 + size[2] ** 2, size[0] ** 2 + size[2] ** 2, size[0] ** 2 + size[1] ** 2])
+    )
+    expected = np.cross([3, -2, 1], 2.5 * np.array([0.4, 1.0, -2.0])) + moments * [1.0, 2.0, -0.5]
+    for _ in range(60):
+        assert world.watch().angular_momentum == pytest.approx(expected, rel=1e-6)
+        world.step(DT)

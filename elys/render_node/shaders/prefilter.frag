@@ -1,0 +1,60 @@
+#version 330 core
+// What a surface of one roughness mirrors of the light around, for every direction: the first factor of the split sum.
+// Karis, "Real Shading in Unreal Engine 4" (2013); samples from smaller versions of the map by their density, as in
+// Krivanek and Colbert, "Real-time Shading with Filtered Importance Sampling" (2008).
+#include "octahedron.glsl"
+#include "sky_map.glsl"
+
+uniform vec3 tile;        // lower left corner and edge of the directions' square [texels], without its border
+uniform float alpha;      // roughness squared
+uniform int sample_count; // 0: a mirror
+uniform vec3 light;
+layout(location = 0) out vec4 radiance;
+
+const float PI = 3.14159265359;
+
+// Hammersley's points.
+vec2 point_of(int i) {
+    uint bits = uint(i);
+    bits = (bits << 16u) | (bits >> 16u);
+    bits = ((bits & 0x55555555u) << 1u) | ((bits & 0xAAAAAAAAu) >> 1u);
+    bits = ((bits & 0x33333333u) << 2u) | ((bits & 0xCCCCCCCCu) >> 2u);
+    bits = ((bits & 0x0F0F0F0Fu) << 4u) | ((bits & 0xF0F0F0F0u) >> 4u);
+    bits = ((bits & 0x00FF00FFu) << 8u) | ((bits & 0xFF00FF00u) >> 8u);
+    return vec2((float(i) + 0.5) / float(sample_count), float(bits) * 2.3283064365386963e-10);
+}
+
+// From the map, averaged over about that solid angle.
+vec3 light_from(vec3 direction, float angle) {
+    vec2 size = vec2(textureSize(sky_map, 0));
+    vec2 place = map_place(direction);
+    float texel = 2.0 * PI * PI * max(sin(place.y * PI), 0.02) / (size.x * size.y);
+    return textureLod(sky_map, place, max(0.5 * log2(angle / texel), 0.0)).rgb;
+}
+
+void main() {
+    vec3 axis = direction_from_square((gl_FragCoord.xy - tile.xy) / tile.z * 2.0 - 1.0);
+    if (sample_count == 0) {
+        radiance = vec4(light * light_from(axis, 4.0 * PI / (tile.z * tile.z)), 1.0);
+        return;
+    }
+    vec3 across = normalize(cross(axis, abs(axis.y) < 0.9 ? vec3(0.0, 1.0, 0.0) : vec3(1.0, 0.0, 0.0)));
+    vec3 along = cross(axis, across);
+    vec3 sum = vec3(0.0);
+    float weight = 0.0;
+    float a2 = alpha * alpha;
+    for (int i = 0; i < sample_count; ++i) {
+        vec2 p = point_of(i);
+        float cosine2 = (1.0 - p.x) / (1.0 + (a2 - 1.0) * p.x);  // of the half vector, as GGX spreads them
+        float cosine = sqrt(cosine2), sine = sqrt(max(1.0 - cosine2, 0.0));
+        float normal_light = 2.0 * cosine2 - 1.0;  // seen along the normal
+        if (normal_light <= 0.0) continue;
+        float turn = 2.0 * PI * p.y;
+        vec3 half_way = (across * cos(turn) + along * sin(turn)) * sine + axis * cosine;
+        float f = cosine2 * (a2 - 1.0) + 1.0;
+        float density = a2 / (PI * f * f) * 0.25;
+        sum += light_from(2.0 * cosine * half_way - axis, 1.0 / (float(sample_count) * density)) * normal_light;
+        weight += normal_light;
+    }
+    radiance = vec4(light * sum / max(weight, 1e-6), 1.0);
+}
