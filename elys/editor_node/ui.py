@@ -7,6 +7,7 @@ from typing import Literal
 
 from imgui_bundle import imgui
 
+from elys.bus.messages.views import Shows
 from elys.editor_node.model import EditorModel
 from elys.editor_node.theme import ACCENT, Fonts, Rgba
 
@@ -20,6 +21,7 @@ class Tools:
     tool: Tool = "move"
     is_local: bool = False  # along the entity's own axes instead of the world's
     shows_grid: bool = True
+    shows: Shows = "shaded"
     move_snap: float = 0.25  # [m]
     rotate_snap: float = 15.0  # [degrees]
     scale_snap: float = 0.1

@@ -10,14 +10,14 @@ import logging
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 import simplejpeg
 
 from elys.bus import topics
-from elys.bus.messages.views import PickReply, PickRequest, ViewCamera, ViewFrame, ViewRequest
+from elys.bus.messages.views import PickReply, PickRequest, Shows, ViewCamera, ViewFrame, ViewRequest
 from elys.bus.picture_ring import MAX_HEIGHT, MAX_WIDTH, PictureRing
 from elys.bus.session import Node, Session
 from elys.common.errors import BusError
@@ -37,6 +37,7 @@ class View:
     height: int
     selection: tuple[int, ...] = ()
     grid: bool = True
+    shows: Shows = "shaded"
 
 
 class ViewStream:
@@ -66,7 +67,7 @@ class ViewStream:
         """Says what should be seen from now on; call it each frame."""
         width = min(max(view.width, 16), MAX_WIDTH)
         height = min(max(view.height, 16), MAX_HEIGHT)
-        self._wanted = View(view.camera, width, height, view.selection, view.grid)
+        self._wanted = replace(view, width=width, height=height)
         self._ask_if_useful()
 
     def upload(self, picture: ViewportPicture) -> bool:
@@ -145,6 +146,7 @@ class ViewStream:
             height=view.height,
             selection=view.selection,
             grid=view.grid,
+            shows=view.shows,
             ring=self._ring.address if self._ring is not None else None,
             newer_than_tick=newer_than_tick,
         )

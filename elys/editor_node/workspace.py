@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final
+from typing import Final, get_args
 
 from imgui_bundle import imgui
 
+from elys.bus.messages.views import Shows
 from elys.editor_node.panels import console, diagnostics, hierarchy, inspector, keys_help, profiler, timeline, viewport
 from elys.editor_node.panels.hierarchy import HierarchyPanel, draw_add_menu
 from elys.editor_node.panels.keys_help import draw_help
@@ -149,13 +150,24 @@ class Workspace:
 
     def _draw_view_menu(self) -> None:
         if not imgui.begin_menu("View###View"):
+            self.ui.landmarks.note("menu/view")
             return
         for name in self._panels:
             pressed, _ = imgui.menu_item(name, "", name not in self._hidden)
             if pressed:
                 self._hidden ^= {name}
         imgui.separator()
-        pressed, self.ui.tools.shows_grid = imgui.menu_item("Grid", "", self.ui.tools.shows_grid)
+        tools = self.ui.tools
+        pressed, tools.shows_grid = imgui.menu_item("Grid", "", tools.shows_grid)
+        is_open = imgui.begin_menu("Show###Show")
+        if not is_open:
+            self.ui.landmarks.note("menu/show")
+        else:
+            for view in get_args(Shows):
+                if imgui.menu_item(view.capitalize(), "", tools.shows == view)[0]:
+                    tools.shows = view
+                self.ui.landmarks.note(f"show/{view}")
+            imgui.end_menu()
         if imgui.menu_item("Reset layout", "", False)[0]:
             self.reset_layout()
         imgui.end_menu()

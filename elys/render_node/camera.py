@@ -13,6 +13,7 @@ from elys.common.math import quaternion
 from elys.common.math.matrix import look_rotation, orthographic, perspective
 
 Vector = NDArray[np.float64]
+Region = tuple[int, int, int, int]  # of a picture: x, y of its upper left corner, width, height [pixels]
 # Where an automatic camera looks: down onto the scene, from the front right.
 FRAMING_DIRECTION: Final = (-0.55, -0.42, -0.72)
 
@@ -52,11 +53,16 @@ class View:
 
     def of_pixel(self, x: int, y: int) -> View:
         """What is seen in one pixel, counted from the upper left, as a picture of that pixel alone."""
-        pixel_from_clip = np.eye(4)
-        pixel_from_clip[0, 0], pixel_from_clip[1, 1] = self.width, self.height
-        pixel_from_clip[0, 3] = self.width - 2.0 * x - 1.0
-        pixel_from_clip[1, 3] = 2.0 * y + 1.0 - self.height
-        return replace(self, width=1, height=1, clip_from_relative=pixel_from_clip @ self.clip_from_relative)
+        return self.of_region((x, y, 1, 1))
+
+    def of_region(self, region: Region) -> View:
+        """What is seen in a part of the picture, as a picture of that part alone."""
+        x, y, width, height = region
+        part_from_clip = np.eye(4)
+        part_from_clip[0, 0], part_from_clip[1, 1] = self.width / width, self.height / height
+        part_from_clip[0, 3] = (self.width - 2.0 * x - width) / width
+        part_from_clip[1, 3] = (2.0 * y + height - self.height) / height
+        return replace(self, width=width, height=height, clip_from_relative=part_from_clip @ self.clip_from_relative)
 
 
 def frustum_planes(clip_from_space: NDArray[np.floating]) -> Vector:

@@ -17,11 +17,12 @@ from elys.bus import topics
 from elys.bus.asset_service import AssetClient, open_asset_cache
 from elys.bus.following import follow_scene, follow_state
 from elys.bus.messages.state_frame import StateFrame
-from elys.bus.messages.views import PickReply, PickRequest, ViewFrame, ViewRequest
+from elys.bus.messages.views import PickReply, PickRequest, ViewCamera, ViewFrame, ViewRequest
 from elys.bus.mirror import MirrorUpdate, SceneMirror
 from elys.bus.session import Node, Session
 from elys.common.assets import AssetStore
 from elys.common.errors import ElysError, RequestError
+from elys.render_node.data_colors import data_pixels, depth_unit_of
 from elys.render_node.drawable_assets import DrawableAssets
 from elys.render_node.gpu import Context, offscreen_context
 from elys.render_node.quality import Quality, interactive_quality
@@ -201,15 +202,7 @@ class _ViewServer:
         try:
             self._follower.refresh(self._moment())
             camera = sane_camera(request.camera)
-            picture = renderer.draw(
-                self._follower.world,
-                camera,
-                view.width,
-                view.height,
-                selection=request.selection,
-                grid=request.grid,
-            )
-            slot, jpeg = view.put(picture)
+            slot, jpeg = self._draw_into(view, renderer, camera)
         except ElysError as error:
             _log.error("view %s cannot be drawn: %s", request.view, error)
             view.answered(revision, time.monotonic())
@@ -231,13 +224,25 @@ class _ViewServer:
         if self._measure is not None:
             self._measure(frame)
 
+    def _draw_into(self, view: View, renderer: Renderer, camera: ViewCamera) -> tuple[int, bytes]:
+        """Draws what a view shows; where the picture was put, see `View.put`."""
+        request, world = view.request, self._follower.world
+        if request.shows == "shaded":
+            picture = renderer.draw(
+                world, camera, view.width, view.height, selection=request.selection, grid=request.grid
+            )
+            return view.put(picture)
+        values = renderer.draw_data(world, camera, view.width, view.height, request.shows)
+        unit = depth_unit_of(values) if request.shows == "depth" else 1.0
+        return view.put_pixels(data_pixels(values, request.shows, depth_unit=unit))
+
     def _moment(self) -> float | None:
         """When to show: the newest state, or between two that come too seldom to look like motion."""
         return time.monotonic() if self._follower.world.timeline.interval > SLOW_STATES else None
 
     def _is_gliding(self, now: float) -> bool:
         timeline = self._follower.world.timeline
-        return timeline.interval > SLOW_STATES and timeline.fraction(now) < 1.0
+        return timeline.interval > SLOW_STATES and timeline.is_moving(now)
 
 
 def _asset_store() -> AssetStore:

@@ -85,6 +85,7 @@ class RenderWorld:
         self._assets_version = -1
         self._placed = (-1, -1.0)
         self._rests = False  # placed as the newest frame says, not on the way there
+        self._preferred_camera = 0
         self._rebuild()
 
     # --- feeding ---------------------------------------------------------------------------------------------------
@@ -133,7 +134,7 @@ class RenderWorld:
         if moment == self._placed:
             return
         self._placed = moment
-        rested, self._rests = self._rests, self.timeline.is_still or fraction >= 1.0
+        rested, self._rests = self._rests, self.timeline.is_still or fraction == 1.0
         if rested and self.timeline.is_still:
             return  # everything stands where it was placed last
         self._placement.follow(self.timeline, fraction)
@@ -144,6 +145,11 @@ class RenderWorld:
         """Takes the size of meshes that have come since."""
         if self._assets_version != self.assets.version:
             self._rebuild()
+
+    def prefer_camera(self, entity: int) -> None:
+        """Chooses an entity whose camera, while there is one that is on, goes before all others; 0 for none."""
+        self._preferred_camera = entity
+        self._rebuild()
 
     # --- asking ----------------------------------------------------------------------------------------------------
 
@@ -239,7 +245,7 @@ class RenderWorld:
         lights = [row for row in tables.lights if tables.enabled[row]]
         cameras = [row for row in tables.cameras if tables.enabled[row]]
         # max keeps the first of equals: the one that stands first in the scene.
-        chosen = [max(cameras, key=lambda row: tables.cameras[row].priority)] if cameras else []
+        chosen = [max(cameras, key=self._camera_rank)] if cameras else []
         around = [row for row in tables.environments if tables.enabled[row] and self._has_environment][:1]
         self._environment: Environment | None = tables.environments[around[0]] if around else None
         self._lights = [tables.lights[row] for row in lights]
@@ -247,6 +253,10 @@ class RenderWorld:
         self._items = np.concatenate([self._rows, np.array(lights + chosen + around, np.intp)])
         self.scene_version += 1
         self._place_anew()
+
+    def _camera_rank(self, row: int) -> tuple[bool, float]:
+        tables = self._tables
+        return int(tables.entity[row]) == self._preferred_camera, tables.cameras[row].priority
 
     def _place_anew(self) -> None:
         self._bodies = self.timeline.newest.entity if self.timeline.newest is not None else np.zeros(0, np.uint32)

@@ -8,17 +8,19 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Final
+from dataclasses import replace
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from elys.bus.messages.views import ViewCamera
-from elys.render_node.camera import View
+from elys.render_node.camera import Region, View
 from elys.render_node.frame_block import frame_block
 from elys.render_node.gpu import BLOCK_BINDINGS, Context, Format, Framebuffer
 from elys.render_node.passes.backdrop import GridPass, SkyPass
 from elys.render_node.passes.bloom import BloomPass
+from elys.render_node.passes.data import DataKind, DataPass
 from elys.render_node.passes.environment import EnvironmentPass, mirror_tiles
 from elys.render_node.passes.finishing import FxaaPass, OutlinePass, TonemapPass
 from elys.render_node.passes.occlusion import OcclusionPass
@@ -78,6 +80,7 @@ class Renderer:
         self._tonemap = TonemapPass(self.resources)
         self._outline = OutlinePass(self.resources)
         self._picking: PickingPass | None = None
+        self._data: DataPass | None = None
 
     def draw(
         self,
@@ -89,15 +92,21 @@ class Renderer:
         selection: tuple[int, ...] = (),
         grid: bool = False,
         target: Framebuffer | None = None,
+        region: Region | None = None,
     ) -> Framebuffer:
         """Draws the world as it is placed now; returns the picture, which the next one of that size overwrites.
 
-        `target` is where it goes instead, a framebuffer of that size, such as a window's.
+        `target` is where it goes instead, a framebuffer of that size, such as a window's. With a `region` only that part of the
+        picture is drawn, into a framebuffer of its size.
         """
         self.resources.programs.reload_changed()
         with self._timed("plan"):
             plan = self._plan(world, View.of(camera, width, height), selection, grid)
-        targets = self._targets_of(width, height, to_screen=self._quality.writes_screen(plan.picture))
+            if region is not None:  # planned as a whole, so that shadows are the same in all parts
+                plan = replace(plan, view=plan.view.of_region(region))
+        targets = self._targets_of(
+            plan.view.width, plan.view.height, to_screen=self._quality.writes_screen(plan.picture)
+        )
         picture = target if target is not None else targets.picture
         with self._timed("environment"):
             if self._environment.is_needed(plan):
@@ -160,6 +169,26 @@ class Renderer:
             return 0, (0.0, 0.0, 0.0)
         place = view.eye + relative
         return entity, (float(place[0]), float(place[1]), float(place[2]))
+
+    def draw_data(
+        self,
+        world: RenderWorld,
+        camera: ViewCamera,
+        width: int,
+        height: int,
+        kind: DataKind,
+        *,
+        region: Region | None = None,
+    ) -> NDArray[Any]:
+        """Values (H, W, C) of what is seen in a picture or a region of it, the upper row first, as `DataPass.draw` tells."""
+        view = View.of(camera, width, height)
+        plan = plan_picture(world, view if region is None else view.of_region(region))
+        self._upload(plan)
+        if self._data is None:
+            self._data = DataPass(self.resources)
+        values = self._data.draw(plan, kind)
+        self.context.collect()
+        return values
 
     def read_pixels(self, picture: Framebuffer) -> NDArray[np.uint8]:
         """RGBA (H, W, 4) of a picture, the upper row first."""

@@ -8,18 +8,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elys.bus.messages.state_frame import StateFrame
-from elys.common.math import quaternion
+from elys.render_node.rotation_path import rotations_between
 
+LONGEST_LOOKAHEAD: Final = 0.1  # [s] of wall clock for which things go on as they did when the next frame comes late
+LONGEST_DELAY: Final = 0.5  # [s] by which a frame waits more than others; beyond, somebody has set a clock
+DELAY_FOLLOWING: Final = 0.01  # of a longer delay, from frame to frame
+SHORTEST_WAY: Final = 0.3  # of an interval, for what is left of the way to a frame that came very late
 LONGEST_GAP: Final = 0.5  # [s] of simulation between two frames; over longer ones things jump instead of gliding
 
 
 class Timeline:
-    """The newest two frames. By default a picture shows what was one frame ago, moving towards the newest one."""
+    """The newest two frames. By default a picture shows what was one frame ago, moving towards the newest one.
+
+    When the next frame comes late things go on as they did, for one interval and LONGEST_LOOKAHEAD at most. When it comes at
+    last they go on from where they are seen, to be where it says when they would be had it come in time: frames that only
+    waited on their way do not disturb an even motion.
+    """
 
     def __init__(self) -> None:
         self.newest: StateFrame | None = None
         self._previous: StateFrame | None = None
         self._arrived = 0.0  # [s]
+        self._first_fraction = 0.0  # where things were seen when the newest frame came
+        self._delay = 0.0  # [s] from the sender's clock to this one's, of frames that do not wait
+        self._reached = 0.0  # [s] when things are where the newest frame says
         self._interval = 1.0 / 60.0  # [s] in which the newest frame came after the one before
         self.is_still = False  # the newest frame shows every body where the one before did
 
@@ -42,12 +54,22 @@ class Timeline:
             self.newest = frame  # a pause's edit: the same tick, told again
             self._previous, self.is_still = None, False
             return True
+        seen_time = self.seen_time(now)
         self._previous = newest if newest is not None and self._follows(newest, frame) else None
+        self._first_fraction = 0.0
+        delay = now - frame.published_at * 1e-9
+        is_known = self._previous is not None and self._delay <= delay <= self._delay + LONGEST_DELAY
+        # Creeps up where all frames have become slower.
+        self._delay = self._delay + DELAY_FOLLOWING * (delay - self._delay) if is_known else delay
         if self._previous is not None:
             # By the sender's clock: messages that waited arrive in bunches.
             between = (frame.published_at - self._previous.published_at) * 1e-9
             self._interval = min(max(between, 1e-3), 0.25)
+            gap = frame.simulation_time - self._previous.simulation_time
+            self._first_fraction = min(max((seen_time - self._previous.simulation_time) / gap, 0.0), 1.0)
         self.is_still = self._previous is not None and _same_poses(self._previous, frame)
+        in_time = frame.published_at * 1e-9 + self._delay + self._interval
+        self._reached = max(in_time, now + SHORTEST_WAY * self._interval)
         self.newest, self._arrived = frame, now
         return True
 
@@ -57,10 +79,34 @@ class Timeline:
         self.is_still = False
 
     def fraction(self, now: float) -> float:
-        """How far things have gone from the frame before (0) to the newest (1)."""
+        """How far things have gone from the frame before (0) to the newest (1), or beyond while the next one is late."""
         if self._previous is None:
             return 1.0
-        return min(max((now - self._arrived) / self._interval, 0.0), 1.0)
+        if now < self._reached:
+            share = max(now - self._arrived, 0.0) / (self._reached - self._arrived)
+            return self._first_fraction + (1.0 - self._first_fraction) * share
+        return min(1.0 + (now - self._reached) / self._interval, self._last_fraction)
+
+    def seen_time(self, now: float) -> float:
+        """The simulation time [s] of what is seen at `now`; 0 before there is anything."""
+        if self.newest is None:
+            return 0.0
+        if self._previous is None:
+            return self.newest.simulation_time
+        gap = self.newest.simulation_time - self._previous.simulation_time
+        return self._previous.simulation_time + gap * self.fraction(now)
+
+    def seen_age(self, now: float) -> float:
+        """How long ago [s] what is seen at `now` was so: since the newest frame came, and what of the way to it is left."""
+        return max(now - self._arrived + (1.0 - self.fraction(now)) * self._interval, 0.0)
+
+    def is_moving(self, now: float) -> bool:
+        """Whether a picture a little later would differ even if no frame came."""
+        return self._previous is not None and not self.is_still and self.fraction(now) < self._last_fraction - 1e-9
+
+    @property
+    def _last_fraction(self) -> float:
+        return 1.0 + min(1.0, LONGEST_LOOKAHEAD / self._interval)
 
     def fraction_at(self, simulation_time: float) -> float:
         """The same at a time [s] of the simulation."""
@@ -79,14 +125,16 @@ class Timeline:
             return np.zeros((len(entities), 3)), np.zeros((len(entities), 4), np.float32), known
         position, rotation = self.newest.position[rows], self.newest.rotation[rows]
         previous = self._previous
-        if previous is None or fraction >= 1.0 or not len(previous.entity):
+        if previous is None or fraction == 1.0 or not len(previous.entity):
             return position, rotation, known
         rows_before, known_before = rows_in(previous.entity, entities)
         # Who came with the newest frame stands where it says.
         share = np.where(known_before, fraction, 1.0)
         position_before, rotation_before = previous.position[rows_before], previous.rotation[rows_before]
         between = position_before + (position - position_before) * share[:, None]
-        return between, quaternion.nlerp(rotation_before, rotation, share.astype(np.float32)).astype(np.float32), known
+        gap = np.float32(self.newest.simulation_time - previous.simulation_time)
+        turn = (previous.angular_velocity[rows_before] + self.newest.angular_velocity[rows]) * (gap / 2)
+        return between, rotations_between(rotation_before, rotation, share, turn=turn), known
 
     @staticmethod
     def _follows(before: StateFrame, after: StateFrame) -> bool:

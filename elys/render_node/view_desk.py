@@ -10,6 +10,7 @@ from typing import Final
 import msgspec
 import numpy as np
 import simplejpeg
+from numpy.typing import NDArray
 
 from elys.bus.messages.views import SharedRing, ViewCamera, ViewRequest
 from elys.bus.picture_ring import RingWriter
@@ -71,6 +72,19 @@ class View:
         rows = np.ascontiguousarray(picture.read()[::-1])
         return -1, simplejpeg.encode_jpeg(rows, quality=JPEG_QUALITY, colorspace="RGBX", fastdct=True)
 
+    def put_pixels(self, pixels: NDArray[np.uint8]) -> tuple[int, bytes]:
+        """The same for RGB pixels (H, W, 3) of the view's size, the upper row first."""
+        if self._ring is not None and self._ring.holds(self.width, self.height):
+            slot = self._ring.next_slot()
+            opaque = np.full((self.height, self.width, 4), 255, np.uint8)
+            opaque[..., :3] = pixels[::-1]
+            with self._ring.pixels(slot, self.width, self.height) as target:
+                target[:] = opaque.tobytes()
+            return slot, b""
+        return -1, simplejpeg.encode_jpeg(
+            np.ascontiguousarray(pixels), quality=JPEG_QUALITY, colorspace="RGB", fastdct=True
+        )
+
     def close(self) -> None:
         """Lets go of the ring."""
         if self._ring is not None:
@@ -79,7 +93,7 @@ class View:
 
     def _wanted(self) -> tuple[object, ...]:
         request = self.request
-        return (request.camera, self.width, self.height, request.selection, request.grid, request.ring)
+        return (request.camera, self.width, self.height, request.selection, request.grid, request.shows, request.ring)
 
     def _open_ring(self, address: SharedRing | None) -> None:
         self.close()

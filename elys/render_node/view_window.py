@@ -88,7 +88,9 @@ class _Viewer:
             return f"ELYS  {name}  ·  {LOST}"
         state = "playing" if self._status is None or self._status.playing else "paused"
         tick = self._status.tick if self._status is not None else follower.mirror.tick
-        age = f"  ·  {max(now - follower.state_arrived_at, 0.0) * 1e3:.0f} ms old" if state == "playing" else ""
+        timeline = follower.world.timeline
+        is_aging = state == "playing" and timeline.newest is not None
+        age = f"  ·  {timeline.seen_age(now) * 1e3:.0f} ms old" if is_aging else ""
         return f"ELYS  {name}  ·  tick {tick}  ·  {state}{age}"
 
     def _draw_if_changed(self, now: float, *, always: bool) -> bool:
@@ -108,7 +110,7 @@ class _Viewer:
 
     async def _wait(self, start: float) -> None:
         await asyncio.sleep(max(0.0, start + FRAME_TIME - time.monotonic()))
-        if self._is_dirty or self._follower.world.timeline.fraction(time.monotonic()) < 1.0:
+        if self._is_dirty or self._follower.world.timeline.is_moving(time.monotonic()):
             return
         try:  # idle: only input and news wake us
             async with asyncio.timeout(IDLE_TIME if not self._follower.changed.is_set() else 0.0):

@@ -16,9 +16,11 @@ from elys.common.components import Camera, Component, Light, Material, MeshRende
 from elys.common.errors import DisplayError
 from elys.common.math.matrix import look_rotation
 from elys.common.scene import expand
+from elys.render_node.data_colors import data_pixels, depth_unit_of
 from elys.render_node.drawable_assets import DrawableAssets
 from elys.render_node.gpu import Context, offscreen_context
 from elys.render_node.offline import load_picture, save_picture
+from elys.render_node.passes.data import DATA_KINDS, DataKind
 from elys.render_node.quality import FAST, FULL, Quality
 from elys.render_node.render_world import RenderWorld
 from elys.render_node.renderer import Renderer
@@ -166,3 +168,22 @@ def test_a_changed_scene_would_be_noticed(context: Context) -> None:
     world.assets.close()
     difference = np.abs(picture.astype(int) - load_picture(FOLDER / "still_life.png").astype(int))
     assert (difference.max(axis=-1) > FAR_OFF).mean() > FAR_OFF_SHARE
+
+
+@pytest.mark.parametrize("kind", DATA_KINDS)
+def test_pictures_of_data_stay_as_they_are(context: Context, request: pytest.FixtureRequest, kind: DataKind) -> None:
+    store = AssetStore()
+    world = RenderWorld(DrawableAssets(store.get))
+    world.set_scene(still_life(store))
+    renderer = Renderer(context, quality=FULL)
+    renderer.settle(world)
+    world.place()
+    values = renderer.draw_data(world, world.camera(SIZE[0] / SIZE[1]), *SIZE, kind)
+    world.assets.close()
+    picture = data_pixels(values, kind, depth_unit=depth_unit_of(values) if kind == "depth" else 1.0)
+    path = FOLDER / f"still_life_{kind}.png"
+    if request.config.getoption("--draw-golden"):
+        save_picture(path, picture)
+    difference = np.abs(picture.astype(int) - load_picture(path).astype(int))
+    assert difference.mean() <= MEAN_TOLERANCE, f"{kind} differs by {difference.mean():.2f} on average"
+    assert (difference.max(axis=-1) > FAR_OFF).mean() <= FAR_OFF_SHARE

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 pytestmark = pytest.mark.process
-DRAWING = ("moderngl", "glcontext", "glfw", "imgui_bundle", "PIL", "simplejpeg", "av")
+DRAWING = ("moderngl", "glcontext", "glfw", "imgui_bundle", "PIL", "simplejpeg", "av", "OpenEXR")
 # A module that is None in sys.modules cannot be imported: as if it had never been installed.
 WITHOUT_DRAWING = f"""
 import sys

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import msgspec
 
 from elys.common.components import Quat, Vec3
+
+# What a picture says of the surfaces seen: the light they send, or their data. See docs/picture-output.md.
+Shows = Literal["shaded", "normals", "albedo", "roughness", "depth", "entity", "wireframe", "overdraw"]
 
 
 class ViewCamera(msgspec.Struct, frozen=True, kw_only=True):
@@ -41,6 +46,7 @@ class ViewRequest(msgspec.Struct, frozen=True, kw_only=True):
     height: int
     selection: tuple[int, ...] = ()
     grid: bool = True
+    shows: Shows = "shaded"  # anything else is drawn without grid and outlines
     ring: SharedRing | None = None
     newer_than_tick: int = -1  # the picture may wait until there is a later tick than this (or the scene changed)
 

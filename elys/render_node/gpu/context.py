@@ -105,6 +105,7 @@ class Context:
         blend: Blend = "none",
         cull: Literal["none", "back", "front"] = "none",
         polygon_offset: tuple[float, float] = (0.0, 0.0),
+        wireframe: bool = False,
     ) -> None:
         """All the state a pass depends on: nothing is inherited from what was drawn before."""
         flags = _FLAGS[blend]
@@ -118,7 +119,7 @@ class Context:
         self.gl.blend_func = _BLEND_FUNCTIONS[blend]
         self.gl.front_face = "ccw"
         self.gl.polygon_offset = polygon_offset
-        self.gl.wireframe = False
+        self.gl.wireframe = wireframe
 
     def set_culling(self, enabled: bool, *, mirrored: bool = False) -> None:
         """Whether back faces are left out of what is drawn next, and whether a negative scale has turned it inside out."""

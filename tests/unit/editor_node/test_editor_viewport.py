@@ -148,3 +148,20 @@ def test_the_picture_shown_is_the_one_that_was_sent(at_the_editor, screenshot_di
             await person.until(lambda: editor.stream.renderer is None)
 
     at_the_editor(scenario)
+
+
+def test_the_menu_chooses_what_pictures_show(at_the_editor):
+    async def scenario(person):
+        editor = person.editor
+        source = await person.stage.picture_source(entity=0)
+        await person.until(lambda: editor.stream.shown is not None)
+        assert source.requests[-1].shows == "shaded"
+        for view in ("depth", "shaded"):
+            await person.click("menu/view")
+            await person.frames(3)
+            await person.click("menu/show")
+            await person.frames(3)
+            await person.click(f"show/{view}")
+            await person.until(lambda view=view: source.requests[-1].shows == view)
+
+    at_the_editor(scenario)

@@ -7,7 +7,7 @@ import sys
 
 SCRIPT = """
 import sys
-FORBIDDEN = ("moderngl", "glcontext", "glfw", "imgui_bundle", "PIL", "simplejpeg", "av")
+FORBIDDEN = ("moderngl", "glcontext", "glfw", "imgui_bundle", "PIL", "simplejpeg", "av", "OpenEXR")
 
 class Refuse:
     def find_spec(self, name, path=None, target=None):

@@ -208,6 +208,33 @@ def test_picking_answers_with_place_and_tick(context) -> None:
 
 
 @pytest.mark.gl
+def test_a_view_shows_data_when_asked(context) -> None:
+    slot_size = 40 * 30 * 4
+    descriptor = os.memfd_create("elys-test")
+    os.ftruncate(descriptor, 3 * slot_size)
+
+    async def act(made: Play) -> None:
+        assert middle(await made.picture())[0] > 180
+        normal = middle(await made.picture(shows="normals"))  # of the box' front, which looks at the camera
+        np.testing.assert_allclose(normal, (128, 128, 255), atol=6)
+        assert max(middle(await made.picture(shows="albedo"))) < 8  # it only glows
+        ring = SharedRing(
+            machine=boot_id(), process=os.getpid(), descriptor=descriptor, slot_count=3, slot_size=slot_size
+        )
+        frame = await made.picture(ring=ring, shows="normals")
+        with mmap.mmap(descriptor, 3 * slot_size) as memory:
+            pixels = np.frombuffer(memory[frame.slot * slot_size :][:slot_size], np.uint8).reshape(30, 40, 4)
+        np.testing.assert_array_equal(pixels[15, 20], (128, 128, 255, 255))
+        assert not pixels[0, 0, :3].any()
+        assert middle(await made.picture())[0] > 180
+
+    try:
+        run(context, act)
+    finally:
+        os.close(descriptor)
+
+
+@pytest.mark.gl
 def test_pictures_go_into_a_ring_and_never_where_the_last_one_is(context) -> None:
     slot_size = 40 * 30 * 4
     descriptor = os.memfd_create("elys-test")
