@@ -9,7 +9,7 @@ Instances stand in the order of their batches, opaque ones first, so that what i
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,7 +73,7 @@ class RenderWorld:
         self.scene_version = 0
         self.pose_version = 0
         self._tables = tables_of([], [], [])
-        self._bodies = np.zeros(0, np.uint32)
+        self._bodies = self._animated = np.zeros(0, np.uint32)
         self._assets_version = -1
         self._placed = (-1, -1.0)
         self._rests = False  # placed as the newest frame says, not on the way there
@@ -101,7 +101,7 @@ class RenderWorld:
         """Takes where bodies are, as it came at `now` [s]; False if it told nothing new."""
         if not self.timeline.take(frame, now):
             return False
-        if not np.array_equal(frame.entity, self._bodies):
+        if not (np.array_equal(frame.entity, self._bodies) and np.array_equal(frame.local_entity, self._animated)):
             self._place_anew()
         return True
 
@@ -232,8 +232,10 @@ class RenderWorld:
         self._place_anew()
 
     def _place_anew(self) -> None:
-        self._bodies = self.timeline.newest.entity if self.timeline.newest is not None else np.zeros(0, np.uint32)
-        self._placement = Placement(self._tables, self._items, self._bodies)
+        newest, nobody = self.timeline.newest, np.zeros(0, np.uint32)
+        self._bodies = newest.entity if newest is not None else nobody
+        self._animated = newest.local_entity if newest is not None else nobody
+        self._placement = Placement(self._tables, self._items, self._bodies, self._animated)
         self._placement.follow(self.timeline, 1.0)
         self._placed, self._rests = (-1, -1.0), False
         self._measure_instances()
@@ -270,19 +272,26 @@ class RenderWorld:
         self._lower = np.array([extent.lower for extent in extents], np.float32).reshape(-1, 3)[of_batch]
         self._upper = np.array([extent.upper for extent in extents], np.float32).reshape(-1, 3)[of_batch]
         self._is_measured = np.array([extent is not UNKNOWN_EXTENT for extent in extents], np.bool_)[of_batch]
-        radius = np.array([extent.radius for extent in extents], np.float32)[of_batch]
-        linear = self._tables.world_from_local[self._rows, :, :3]
+        self._extent_radius = np.array([extent.radius for extent in extents], np.float32)[of_batch]
+        self.radius = self._radii(np.arange(len(of_batch)), self._tables.world_from_local[self._rows, :, :3])
+
+    def _radii(self, rows: Rows, linear: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
+        """Of spheres around instances (N,) that are scaled and sheared so (N, 3, 3)."""
         gram = np.einsum("nki,nkj->nij", linear, linear)
         # A scale alone leaves the Gram matrix diagonal; with shear its row sums bound the largest eigenvalue (Gershgorin).
         stretch = np.sqrt(np.abs(gram).sum(axis=2).max(axis=1, initial=0.0))
         # What is long and thin is better enclosed by its box; four of the corners do, the others lie opposite.
-        half = (self._upper - self._lower) / 2
+        half = (self._upper[rows] - self._lower[rows]) / 2
         corners = np.einsum("nij,nkj->nki", linear, half[:, None, :] * _CORNER_SIGNS)
         corner = np.sqrt(np.einsum("nki,nki->nk", corners, corners).max(axis=1, initial=0.0))
-        corner = np.where(self._is_measured, corner, np.inf)
-        self.radius = np.minimum(radius * stretch, corner).astype(np.float32)
+        corner = np.where(self._is_measured[rows], corner, np.inf)
+        return np.minimum(self._extent_radius[rows] * stretch, corner).astype(np.float32)
 
     def _centre(self) -> None:
+        articulated = self._placement.articulated
+        articulated = articulated[articulated < self.instance_count]
+        if len(articulated):  # their scale may be animated
+            self.radius[articulated] = self._radii(articulated, self.linear[articulated])
         offset = np.einsum("nij,nj->ni", self.linear, (self._lower + self._upper) / 2)
         self.centre = self.position + offset
 

@@ -39,6 +39,7 @@ class ModelImport:
     materials: dict[int | None, dict[str, Any]] = field(default_factory=dict)
     drawings: dict[tuple[int, int], ComponentValues] = field(default_factory=dict)
     records: list[EntityRecord] = field(default_factory=list)
+    rows: dict[int, int] = field(default_factory=dict)  # of the records, by node
 
 
 def import_nodes(job: ModelImport) -> None:
@@ -56,9 +57,18 @@ def import_nodes(job: ModelImport) -> None:
             raise AssetError(f"nodes[{index}] has two parents or is its own ancestor")
         reached.add(index)
         name = _unique(node.name or f"Node {index}", names.setdefault(parent, {}))
-        row = len(job.records)
+        row = job.rows[index] = len(job.records)
         _append_node(job, node, name, parent, f"nodes[{index}]", names.setdefault(row, {}))
         waiting.extend((child, row) for child in reversed(node.children))
+
+
+def path_below_root(job: ModelImport, row: int) -> tuple[str, ...]:
+    """Names from below the model's root down to a record."""
+    names: list[str] = []
+    while row > 0:
+        names.append(job.records[row].name)
+        row = job.records[row].parent
+    return tuple(reversed(names))
 
 
 def _root_nodes(document: Document) -> list[int]:

@@ -6,7 +6,7 @@ https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html
 from __future__ import annotations
 
 import struct
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Final, Literal
 
 import msgspec
 from msgspec import Meta
@@ -302,6 +302,28 @@ class Node(_Part, frozen=True):
     extensions: NodeExtensions = NodeExtensions()
 
 
+class ChannelTarget(_Part, frozen=True):
+    path: str
+    node: Index | None = None
+
+
+class AnimationChannel(_Part, frozen=True):
+    sampler: Index
+    target: ChannelTarget
+
+
+class AnimationSampler(_Part, frozen=True):
+    input: Index
+    output: Index
+    interpolation: Literal["STEP", "LINEAR", "CUBICSPLINE"] = "LINEAR"
+
+
+class Animation(_Part, frozen=True):
+    channels: list[AnimationChannel]
+    samplers: list[AnimationSampler]
+    name: str = ""
+
+
 class Scene(_Part, frozen=True):
     nodes: list[Index] = []
     name: str = ""
@@ -325,7 +347,7 @@ class Document(_Part, frozen=True):
     samplers: list[Sampler] = []
     images: list[Image] = []
     cameras: list[Camera] = []
-    animations: list[Any] = []
+    animations: list[Animation] = []
     extensions: RootExtensions = RootExtensions()
 
 

@@ -1,6 +1,7 @@
 """Components: declared once, known everywhere."""
 
 from elys.common.components.builtin import (
+    Animation,
     Camera,
     Collider,
     Joint,
@@ -27,6 +28,7 @@ from elys.common.components.declaration import (
 from elys.common.components.values import check_value, component_from, values_of
 
 __all__ = [
+    "Animation",
     "Camera",
     "Collider",
     "Component",

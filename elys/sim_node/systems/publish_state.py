@@ -27,8 +27,8 @@ def is_heard(session: Session, topic: Topic[Any]) -> bool:
 
 
 def state_frame(simulation: Simulation, *, epoch: int, delta_sequence: int, playing: bool) -> StateFrame:
-    """Where the moving bodies are now."""
-    bodies = simulation.moving_bodies()
+    """Where the moving bodies are now, and what animations make of others."""
+    bodies, animated = simulation.moving_bodies(), simulation.animated()
     return StateFrame(
         epoch=epoch,
         tick=simulation.tick,
@@ -42,6 +42,7 @@ def state_frame(simulation: Simulation, *, epoch: int, delta_sequence: int, play
         linear_velocity=bodies.linear_velocity,
         angular_velocity=bodies.angular_velocity,
         entity=bodies.entity,
+        **animated._asdict(),
     )
 
 
