@@ -151,6 +151,7 @@ def _append_model(job: _Expansion, model: ImportedModel, parent: int) -> None:
                 parent=parent if record.parent < 0 else start + record.parent,
                 enabled=record.enabled,
                 components={name: dict(values) for name, values in record.components.items()},
+                references={key: start + target for key, target in record.references.items()},
             )
         )
 
@@ -305,6 +306,7 @@ def _part_of_model(model: ImportedModel, name: str, fragment: str, place: _Place
     if not fragment and len(parts) == 1:
         return next(iter(parts.values()))
     parts |= {f"image/{index}": reference for index, reference in model.images.items()}
+    parts |= {f"skin/{index}": reference for index, reference in model.skins.items()}
     if model.clips:
         parts["clips"] = model.clips
     if fragment not in parts:

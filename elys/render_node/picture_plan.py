@@ -159,6 +159,7 @@ def _instances(world: RenderWorld, rows: Rows, eye: NDArray[np.float64]) -> NDAr
     instances["affine"][:, :, 3] = world.position[rows] - eye  # in 64 bits, before what is left fits into 32
     instances["surface"] = world.surface[rows]
     instances["entity"] = world.entity[rows]
+    instances["pose"] = world.pose[rows]
     return instances
 
 

@@ -21,6 +21,7 @@ from elys.common.math import quaternion
 from elys.common.math.aabb import transform_bounds
 from elys.common.scene import SceneSettings
 from elys.render_node.camera import framing_camera
+from elys.render_node.deformation import Deformation, bent_rows, morphed_rows
 from elys.render_node.drawable_assets import UNKNOWN_EXTENT, DrawableAssets
 from elys.render_node.look import Look, look_of
 from elys.render_node.placement import Placement
@@ -62,7 +63,8 @@ class RenderWorld:
 
     Attributes:
         entity: [M] u32. radius: [M] f32 m, around `centre`. casts: [M] throws shadows. surface: [M, 3, 4] f32, the numbers of the
-            materials as `instance.glsl` has them. Of the M instances.
+            materials as `instance.glsl` has them. pose: [M, 2] i4, where joints and weights begin in `pose_texels`. Of the M
+            instances.
         batches: runs of the instances.
         scene_version: rises when batches change; pose_version when anything stands elsewhere.
     """
@@ -129,6 +131,7 @@ class RenderWorld:
         if rested and self.timeline.is_still:
             return  # everything stands where it was placed last
         self._placement.follow(self.timeline, fraction)
+        self._deform(fraction)
         self._centre()
         self.pose_version += 1
 
@@ -158,6 +161,11 @@ class RenderWorld:
     def instance_count(self) -> int:
         """How many things can be drawn."""
         return len(self.entity)
+
+    @property
+    def pose_texels(self) -> NDArray[np.float32]:
+        """What bends and morphs meshes (K, 4), see `deformation.py`."""
+        return self._deformation.texels
 
     @property
     def position(self) -> NDArray[np.float64]:
@@ -227,7 +235,8 @@ class RenderWorld:
         chosen = [max(cameras, key=lambda row: tables.cameras[row].priority)] if cameras else []
         self._lights = [tables.lights[row] for row in lights]
         self._camera: Camera | None = tables.cameras[chosen[0]] if chosen else None
-        self._items = np.concatenate([self._rows, np.array(lights + chosen, np.intp)])
+        others = np.array(lights + chosen, np.intp)
+        self._items = np.concatenate([self._stand_rows, others, self._deformation.joint_rows])
         self.scene_version += 1
         self._place_anew()
 
@@ -239,12 +248,14 @@ class RenderWorld:
         self._placement.follow(self.timeline, 1.0)
         self._placed, self._rests = (-1, -1.0), False
         self._measure_instances()
+        self._deform(1.0)
         self._centre()
         self.pose_version += 1
 
     def _gather_instances(self, tables: SceneTables) -> None:
         """Finds the visible, sorts them into batches and keeps what does not change with time."""
         mirrored = _is_mirrored(tables)
+        bent, morphed = bent_rows(tables, self.assets), morphed_rows(tables, self.assets)
         grouped: dict[tuple[str, Look], list[tuple[int, Material]]] = {}
         for row, renderer in tables.meshes.items():
             if not (renderer.visible and tables.enabled[row]):
@@ -252,7 +263,10 @@ class RenderWorld:
             mesh, material = renderer.mesh, tables.materials.get(row, PLAIN)
             if mesh in self.assets.failed:
                 mesh, material = "box", MISSING
-            grouped.setdefault((mesh, look_of(material, bool(mirrored[row]))), []).append((row, material))
+            look = look_of(material, bool(bent[row].is_mirrored if row in bent else mirrored[row]))
+            if row in bent or row in morphed:
+                look = look._replace(is_skinned=row in bent, is_morphed=row in morphed)
+            grouped.setdefault((mesh, look), []).append((row, material))
         batches: list[Batch] = []
         members: list[tuple[int, Material]] = []
         for mesh, look in sorted(grouped, key=lambda key: key[1].alpha_mode == "blend"):
@@ -261,6 +275,9 @@ class RenderWorld:
         rows = [row for row, _ in members]
         self.batches = tuple(batches)
         self._rows = np.array(rows, np.intp)
+        self._deformation = Deformation(tables, rows, bent, morphed, self.assets)
+        self.pose = self._deformation.pose
+        self._stand_rows = np.array([bent[row].root if row in bent else row for row in rows], np.intp)
         self.entity = tables.entity[self._rows]
         self.batch_of = np.repeat(np.arange(len(batches)), [batch.instance_count for batch in batches])
         self.surface = _surfaces([material for _, material in members])
@@ -271,6 +288,7 @@ class RenderWorld:
         of_batch = self.batch_of
         self._lower = np.array([extent.lower for extent in extents], np.float32).reshape(-1, 3)[of_batch]
         self._upper = np.array([extent.upper for extent in extents], np.float32).reshape(-1, 3)[of_batch]
+        self._rest_lower, self._rest_upper = self._lower.copy(), self._upper.copy()
         self._is_measured = np.array([extent is not UNKNOWN_EXTENT for extent in extents], np.bool_)[of_batch]
         self._extent_radius = np.array([extent.radius for extent in extents], np.float32)[of_batch]
         self.radius = self._radii(np.arange(len(of_batch)), self._tables.world_from_local[self._rows, :, :3])
@@ -287,9 +305,33 @@ class RenderWorld:
         corner = np.where(self._is_measured[rows], corner, np.inf)
         return np.minimum(self._extent_radius[rows] * stretch, corner).astype(np.float32)
 
+    def _deform(self, fraction: float) -> None:
+        """Brings joints and weights, and the boxes around what they move, to where things are placed."""
+        deformation = self._deformation
+        if deformation.is_none:
+            return
+        morphed, bent = deformation.morphed, deformation.bent
+        if len(morphed):
+            deformation.morph(self.timeline, fraction)
+            reach = deformation.reach[morphed]
+            self._lower[morphed], self._upper[morphed] = (
+                self._rest_lower[morphed] - reach,
+                self._rest_upper[morphed] + reach,
+            )
+            self._extent_radius[morphed] = np.inf  # the box tells
+            self.radius[morphed] = self._radii(morphed, self.linear[morphed])
+        if len(bent):
+            joints = slice(len(self._items) - len(deformation.joint_rows), None)
+            boxes = deformation.bend(self._placement.linear[joints], self._placement.position[joints], self.position)
+            self.linear[bent] = np.eye(3)
+            self._lower[bent], self._upper[bent] = boxes
+            self._extent_radius[bent] = np.inf
+            self.radius[bent] = self._radii(bent, self.linear[bent])
+
     def _centre(self) -> None:
         articulated = self._placement.articulated
         articulated = articulated[articulated < self.instance_count]
+        articulated = np.setdiff1d(articulated, self._deformation.bent, assume_unique=True)
         if len(articulated):  # their scale may be animated
             self.radius[articulated] = self._radii(articulated, self.linear[articulated])
         offset = np.einsum("nij,nj->ni", self.linear, (self._lower + self._upper) / 2)

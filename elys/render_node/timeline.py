@@ -117,6 +117,14 @@ class Timeline:
             known,
         )
 
+    def weights(self, fraction: float) -> NDArray[np.float32]:
+        """Of morph targets (W,), in the order of the newest frame."""
+        assert self.newest is not None
+        weight, before = self.newest.weight, self._previous
+        if before is None or fraction >= 1.0 or not _same_weights(before, self.newest):
+            return weight
+        return np.asarray(before.weight + (weight - before.weight) * np.float32(fraction))
+
     @staticmethod
     def _follows(before: StateFrame, after: StateFrame) -> bool:
         gap = after.simulation_time - before.simulation_time
@@ -129,6 +137,13 @@ def _same_poses(before: StateFrame, after: StateFrame) -> bool:
         and np.array_equal(before.position, after.position)
         and np.array_equal(before.rotation, after.rotation)
         and all(np.array_equal(getattr(before, name), getattr(after, name)) for name in _ANIMATED)
+    )
+
+
+def _same_weights(before: StateFrame, after: StateFrame) -> bool:
+    """Whether both tell of the same targets of the same entities."""
+    return np.array_equal(before.weight_entity, after.weight_entity) and np.array_equal(
+        before.weight_target, after.weight_target
     )
 
 

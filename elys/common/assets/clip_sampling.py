@@ -46,6 +46,7 @@ class ClipSampler:
 
     Attributes:
         targets: of each property whose value each of its columns is, in the order of `Samples`; of weights one for each number.
+        weight_numbers: of the columns of weights, which morph target of its entity each is.
     """
 
     def __init__(self, clip: Clip) -> None:
@@ -62,6 +63,10 @@ class ClipSampler:
                 columns = self.targets[channel.property]
                 members.setdefault((channel.property, channel.interpolation), []).append((len(columns), track, values))
                 columns.append(channel.target)
+        seen: dict[tuple[str, ...], int] = {}
+        self.weight_numbers = np.zeros(len(self.targets["weights"]), np.uint32)
+        for column, target in enumerate(self.targets["weights"]):
+            self.weight_numbers[column] = seen[target] = seen.get(target, -1) + 1
         self._groups = [_group(*key, found) for key, found in members.items()]
 
     def sample(self, times: NDArray[np.float64]) -> Samples:

@@ -2,7 +2,7 @@
 
     file -> Document (gltf_schema) -> arrays (gltf_accessors) -> meshes (gltf_meshes) ┐
                                    -> materials (gltf_materials) ─────────────────────┴> records (gltf_nodes)
-                                                              records -> clips (gltf_animations)
+                                                              records -> skins (gltf_skins), clips (gltf_animations)
 
 docs/gltf.md says what is read, how it maps to components, and what is left out with a warning.
 """
@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import logging
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
@@ -22,6 +22,7 @@ from elys.common.assets.gltf_animations import import_animations
 from elys.common.assets.gltf_meshes import read_primitive
 from elys.common.assets.gltf_nodes import ModelImport, import_nodes
 from elys.common.assets.gltf_schema import Document, Image, parse_gltf
+from elys.common.assets.gltf_skins import import_skins
 from elys.common.assets.images import image_format, placeholder_image, read_asset_file
 from elys.common.assets.mesh import encode_mesh
 from elys.common.assets.store import AssetStore
@@ -68,7 +69,8 @@ MAX_MESH_BYTES: Final = 1 << 31  # of all meshes of a model: accessors are named
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportedModel:
-    """What came out of a model: records with one root (first), and references by place: mesh and primitive, image index.
+    """What came out of a model: records with one root (first), and references by place: mesh and primitive, image or skin
+    index.
 
     `clips` refers to all clips together, empty if there are none.
     """
@@ -77,6 +79,7 @@ class ImportedModel:
     meshes: dict[tuple[int, int], str]
     images: dict[int, str]
     clips: str = ""
+    skins: dict[int, str] = field(default_factory=dict)
 
 
 def import_gltf(path: str | Path, assets: AssetStore) -> list[EntityRecord]:
@@ -103,12 +106,13 @@ def import_model(path: str | Path, assets: AssetStore) -> ImportedModel:
             _import_meshes(job)
             images.result()
         import_nodes(job)
+        skins = import_skins(job)
         clips = import_animations(job)
     except AssetError as error:
         raise AssetError(f"{path}: {error}") from error
     except (OverflowError, MemoryError) as error:
         raise AssetError(f"{path}: the model asks for impossible amounts of data") from error
-    return ImportedModel(records=job.records, meshes=job.meshes, images=job.images, clips=clips)
+    return ImportedModel(records=job.records, meshes=job.meshes, images=job.images, clips=clips, skins=skins)
 
 
 def _check_extensions(document: Document, path: Path) -> None:

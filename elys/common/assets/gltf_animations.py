@@ -12,6 +12,7 @@ from elys.common.assets.clip import WIDTHS, Channel, Clip, Interpolation, Proper
 from elys.common.assets.gltf_accessors import pick
 from elys.common.assets.gltf_nodes import ModelImport, path_below_root
 from elys.common.assets.gltf_schema import Animation, AnimationChannel
+from elys.common.assets.morph_weights import MAX_TARGETS
 from elys.common.errors import AssetError
 
 logger = logging.getLogger(__name__)
@@ -21,6 +22,7 @@ _PROPERTIES: Final[dict[str, Property]] = {
     "translation": "position",
     "rotation": "rotation",
     "scale": "scale",
+    "weights": "weights",
 }
 _INTERPOLATIONS: Final[dict[str, Interpolation]] = {"STEP": "step", "LINEAR": "linear", "CUBICSPLINE": "cubic"}
 
@@ -50,7 +52,7 @@ def import_animations(job: ModelImport) -> str:
 
 
 def _clip(job: ModelImport, animation: Animation, name: str, place: str) -> Clip:
-    channels: dict[tuple[int, Property], Channel] = {}
+    channels: dict[tuple[int, Property], list[Channel]] = {}
     for number, channel in enumerate(animation.channels):
         here = f"{place}.channels[{number}]"
         node, path = channel.target.node, channel.target.path
@@ -62,26 +64,37 @@ def _clip(job: ModelImport, animation: Animation, name: str, place: str) -> Clip
         if key in channels:
             raise AssetError(f"{here} moves what another channel moves already")
         if node in job.rows:  # else it is in none of the scenes, or in one that is not opened
-            channels[key] = _channel(job, animation, channel, here)
-    return Clip(name=name.encode(errors="replace").decode(), channels=tuple(channels.values()))
+            channels[key] = _channels(job, animation, channel, here)
+    together = tuple(channel for several in channels.values() for channel in several)
+    return Clip(name=name.encode(errors="replace").decode(), channels=together)
 
 
-def _channel(job: ModelImport, animation: Animation, channel: AnimationChannel, place: str) -> Channel:
+def _channels(job: ModelImport, animation: Animation, channel: AnimationChannel, place: str) -> list[Channel]:
+    """One channel; of weights one for each entity that draws a part of the node's mesh."""
     sampler = pick(animation.samplers, channel.sampler, place, "sampler")
     name, interpolation = _PROPERTIES[channel.target.path], _INTERPOLATIONS[sampler.interpolation]
     times = job.buffers.floats(sampler.input, f"{place}.input")
     values = job.buffers.floats(sampler.output, f"{place}.output")
-    width = WIDTHS[name]
     if times.ndim != 1 or times[0] < 0 or (np.diff(times) <= 0).any():
         raise AssetError(f"{place}.input must be times that rise from 0 on")
-    parts = 3 if interpolation == "cubic" else 1
-    if values.ndim != 2 or values.shape != (parts * len(times), width):
-        raise AssetError(f"{place}.output must hold {parts * len(times)} vectors of {width} numbers")
     assert channel.target.node is not None
-    return Channel(
-        target=path_below_root(job, job.rows[channel.target.node]),
-        property=name,
-        interpolation=interpolation,
-        times=times,
-        values=values.reshape(-1, 3, width) if interpolation == "cubic" else values,
-    )
+    rows = [job.rows[channel.target.node]]
+    count = len(times) * (3 if interpolation == "cubic" else 1)
+    if name == "weights":
+        if values.ndim != 1 or len(values) % count or not 0 < len(values) // count <= MAX_TARGETS:
+            raise AssetError(f"{place}.output must hold numbers for each of {count} keys and tangents")
+        rows, width = job.drawn.get(channel.target.node, []), len(values) // count
+    elif values.shape != (count, WIDTHS[name]):
+        raise AssetError(f"{place}.output must hold {count} vectors of {WIDTHS[name]} numbers")
+    else:
+        width = WIDTHS[name]
+    return [
+        Channel(
+            target=path_below_root(job, row),
+            property=name,
+            interpolation=interpolation,
+            times=times,
+            values=values.reshape((-1, 3, width) if interpolation == "cubic" else (-1, width)),
+        )
+        for row in rows
+    ]

@@ -114,6 +114,7 @@ class Primitive(_Part, frozen=True):
 
 class Mesh(_Part, frozen=True):
     primitives: list[Primitive]
+    weights: list[Coordinate] = []
     name: str = ""
 
 
@@ -295,11 +296,17 @@ class Node(_Part, frozen=True):
     mesh: Index | None = None
     camera: Index | None = None
     skin: Index | None = None
+    weights: list[Coordinate] = []
     matrix: Annotated[list[Float], Meta(min_length=16, max_length=16)] | None = None
     translation: Vec3 = (0.0, 0.0, 0.0)
     rotation: Vec4 = (0.0, 0.0, 0.0, 1.0)
     scale: Vec3 = (1.0, 1.0, 1.0)
     extensions: NodeExtensions = NodeExtensions()
+
+
+class Skin(_Part, frozen=True):
+    joints: Annotated[list[Index], Meta(min_length=1, max_length=1 << 16)]
+    inverse_bind_matrices: Index | None = None
 
 
 class ChannelTarget(_Part, frozen=True):
@@ -348,6 +355,7 @@ class Document(_Part, frozen=True):
     images: list[Image] = []
     cameras: list[Camera] = []
     animations: list[Animation] = []
+    skins: list[Skin] = []
     extensions: RootExtensions = RootExtensions()
 
 

@@ -8,8 +8,10 @@ from elys.common.components.builtin import (
     Light,
     Material,
     MeshRenderer,
+    Morph,
     RigidBody,
     Script,
+    Skin,
     Transform,
 )
 from elys.common.components.declaration import (
@@ -39,9 +41,11 @@ __all__ = [
     "Light",
     "Material",
     "MeshRenderer",
+    "Morph",
     "Quat",
     "RigidBody",
     "Script",
+    "Skin",
     "Transform",
     "Vec3",
     "about",

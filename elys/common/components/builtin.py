@@ -249,6 +249,23 @@ class Material(Component, frozen=True):
 
 
 @component
+class Skin(Component, frozen=True):
+    """Lets the mesh be bent by other entities, its joints; where the entity itself stands does not matter then."""
+
+    skin: Annotated[
+        str, about("Which joints, and where they were when bound, as model.glb#skin/0.", kind=Kind.ASSET)
+    ] = ""
+    root: Annotated[int, about("The entity below which the joints are, by name.", kind=Kind.ENTITY)] = 0
+
+
+@component
+class Morph(Component, frozen=True):
+    """How far the mesh is drawn towards each of its morph targets."""
+
+    weights: Annotated[str, about("A number for each target, as 0.5 0 1; those not named are 0.")] = ""
+
+
+@component
 class Animation(Component, frozen=True):
     """Plays a clip on the entities below it: what the clip names moves as the clip says, at the time of the simulation."""
 

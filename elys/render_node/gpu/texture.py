@@ -81,6 +81,10 @@ class Texture:
         smooth = minify == "linear-mipmap-linear" and magnify == "linear" and not self._context.is_software
         self.raw.anisotropy = ANISOTROPY if smooth else 1.0
 
+    def write(self, data: NDArray[Any]) -> None:
+        """Replaces all texels."""
+        self.raw.write(np.ascontiguousarray(data))
+
     def use(self, unit: int) -> None:
         """Shows it to the sampler of that unit."""
         self.raw.use(unit)

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elys.common.assets.clip import Clip, Property, decode_clips
-from elys.common.assets.clip_sampling import ClipSampler
+from elys.common.assets.clip_sampling import PROPERTIES, ClipSampler
 from elys.common.assets.store import AssetStore
-from elys.common.components import Animation, RigidBody, Transform
+from elys.common.components import Animation, Morph, RigidBody, Transform
 from elys.common.errors import AssetError
 from elys.common.ids import Entity
 from elys.sim_node.ecs.changes import WorldChanges
@@ -26,7 +26,6 @@ from elys.sim_node.physics.states import Problem
 REPEAT, PING_PONG, ONCE = range(3)  # as the column of Animation.loop has them
 _MOVED: Final[tuple[Property, ...]] = ("position", "rotation", "scale")
 _NOWHERE: Final = -1
-_NONE: Final = np.zeros(0, np.uint32)
 
 
 class Animated(NamedTuple):
@@ -46,11 +45,13 @@ class _Players(NamedTuple):
 
     Attributes:
         entities: [N]. places: of each property [N C] the place of the entity that each channel of each player moves, -1 for none.
+        weights: [N, W] of morph targets, as they are now.
     """
 
     sampler: ClipSampler
     entities: Entities
     places: dict[Property, Indices]
+    weights: NDArray[np.float64]
 
 
 class Animations:
@@ -109,6 +110,7 @@ class Animations:
                 values = getattr(samples, name)
                 flat = values.reshape(-1, values.shape[-1])
                 transform.column(name)[transform.row_of[places[found]]] = flat[found]
+            players.weights[:] = samples.weights
         if len(self._moved):
             self._world.transforms.mark_dirty(self._moved)
 
@@ -121,12 +123,21 @@ class Animations:
             table.column("rotation")[rows],
             table.column("scale")[rows],
             self._world.allocator.ids[self._moved],
-            np.zeros(0, np.float32),
-            _NONE,
-            _NONE,
+            *self._weights(),
         )
 
     # --- inside ----------------------------------------------------------------------------------------------------
+
+    def _weights(self) -> tuple[NDArray[np.float32], Entities, Entities]:
+        values, places, numbers = [np.zeros(0)], [np.zeros(0, np.intp)], [np.zeros(0, np.uint32)]
+        for players in self._players:
+            flat = players.places["weights"]
+            found = np.flatnonzero(flat != _NOWHERE)
+            values.append(players.weights.ravel()[found])
+            places.append(flat[found])
+            numbers.append(np.tile(players.sampler.weight_numbers, len(players.entities))[found])
+        ids = self._world.allocator.ids[np.concatenate(places)]
+        return np.concatenate(values).astype(np.float32), ids, np.concatenate(numbers)
 
     def _clip_times(self, players: _Players, rows: NDArray[np.int32]) -> NDArray[np.float64]:
         """[N] times in the clip itself: on the way back of a ping-pong they run backwards."""
@@ -142,7 +153,7 @@ class Animations:
             if animation.clips and self._sampler(entity, animation) is not None:
                 together.setdefault((animation.clips, animation.clip), []).append(entity)
         self._players = [self._players_of(self._samplers[key], entities) for key, entities in together.items()]
-        places = [part for players in self._players for part in players.places.values()]
+        places = [players.places[name] for players in self._players for name in _MOVED]
         moved = np.unique(np.concatenate(places)) if places else np.zeros(0, np.intp)
         self._moved = moved[moved != _NOWHERE]
 
@@ -171,24 +182,28 @@ class Animations:
         return self._clips[reference]
 
     def _players_of(self, sampler: ClipSampler, entities: list[int]) -> _Players:
-        places: dict[Property, list[int]] = {name: [] for name in _MOVED}
+        places: dict[Property, list[int]] = {name: [] for name in PROPERTIES}
         for entity in entities:
             below = self._places_below(entity)
-            lost = {
-                target for name in _MOVED for target in sampler.targets[name] if target not in below
-            }  # told of once, below
-            for name in _MOVED:
-                places[name] += [self._movable(below.get(target, _NOWHERE)) for target in sampler.targets[name]]
+            lost = {target for targets in sampler.targets.values() for target in targets if target not in below}
+            for name in PROPERTIES:
+                can = self._can_morph if name == "weights" else self._can_move
+                found = (below.get(target, _NOWHERE) for target in sampler.targets[name])
+                places[name] += [place if place != _NOWHERE and can(place) else _NOWHERE for place in found]
             if lost:
                 some = ", ".join(sorted("'" + "/".join(target) + "'" for target in lost)[:4])
                 self._tell(entity, f"has nobody below it at {some}, which its clip moves")
         columns = {name: np.array(found, np.intp) for name, found in places.items()}
-        return _Players(sampler, np.array(entities, np.uint32), columns)
+        weights = np.zeros((len(entities), len(sampler.weight_numbers)))
+        return _Players(sampler, np.array(entities, np.uint32), columns, weights)
 
-    def _movable(self, place: int) -> int:
-        """The place, or none where physics moves the entity or nothing says where it stands."""
-        has_transform = place != _NOWHERE and self._world.table(Transform).row_of[place] != NO_ROW
-        return place if has_transform and self._world.table(RigidBody).row_of[place] == NO_ROW else _NOWHERE
+    def _can_move(self, place: int) -> bool:
+        """Whether something says where the entity stands, and physics does not."""
+        world = self._world
+        return bool(world.table(Transform).row_of[place] != NO_ROW and world.table(RigidBody).row_of[place] == NO_ROW)
+
+    def _can_morph(self, place: int) -> bool:
+        return bool(self._world.table(Morph).row_of[place] != NO_ROW)
 
     def _places_below(self, entity: int) -> dict[tuple[str, ...], int]:
         """Everybody below an entity, and itself, by the names that lead there; the first of equal ones."""

@@ -9,6 +9,7 @@ import pytest
 
 from elys.common.assets import AssetStore, decode_mesh, image_format, is_reference
 from elys.common.assets.clip import decode_clips
+from elys.common.assets.skin import decode_skin
 from elys.common.components import component_from
 from elys.common.scene import open_scene, scene_bounds
 
@@ -38,6 +39,7 @@ IS_WHOLE = {
     "mesh": lambda data: decode_mesh(data).vertex_count > 0,
     "image": image_format,
     "clips": lambda data: len(decode_clips(data)) > 0,
+    "skin": lambda data: len(decode_skin(data).joints) > 0,
 }
 
 
