@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from elys.common.assets.morph_weights import parse_weights
 from elys.common.assets.skin import NamesBelow
 from elys.common.errors import AssetError
-from elys.common.math.aabb import transform_bounds
 from elys.common.math.matrix import multiply_affine
 from elys.render_node.drawable_assets import DrawableAssets
 from elys.render_node.scene_tables import Rows, SceneTables
@@ -104,14 +103,19 @@ class Deformation:
         first = np.cumsum([0, *counts])
         self.joint_rows: Rows = np.concatenate([np.zeros(0, np.intp), *(skin.joints for skin in skins)])
         self._owner = np.repeat(self.bent, counts)
-        self._joint_from_mesh = np.concatenate([np.zeros((0, 3, 4)), *(skin.joint_from_mesh for skin in skins)])
+        self._joint_from_mesh = np.concatenate(
+            [np.zeros((0, 3, 4), np.float32), *(skin.joint_from_mesh for skin in skins)]
+        )
         self.pose[self.bent, 0] = 3 * first[:-1]
         meshes = {item: tables.meshes[rows[item]].mesh for item in (*self.bent.tolist(), *self.morphed.tolist())}
         bounds = [assets.joint_bounds(meshes[item], count) for item, count in zip(self.bent, counts, strict=True)]
-        self._lower, self._upper = (
+        lower, upper = (
             np.concatenate([np.zeros((0, 3), np.float32), *(pair[side] for pair in bounds)]) for side in (0, 1)
         )
-        self._used = np.flatnonzero(self._lower[:, 0] <= self._upper[:, 0])  # joints that bend anything at all
+        self._used = np.flatnonzero(lower[:, 0] <= upper[:, 0])  # joints that bend anything at all
+        self._used_owner = self._owner[self._used]
+        self._middle = (lower[self._used] + upper[self._used]) / 2
+        self._half = (upper[self._used] - lower[self._used]) / 2
         self._first_used = np.searchsorted(self._used, first[:-1])
         self._weights = [morphed[rows[item]] for item in self.morphed.tolist()]
         self._reaches = [assets.morph_reach(meshes[item]) for item in self.morphed.tolist()]
@@ -149,15 +153,20 @@ class Deformation:
 
         Returns corners (B, 3) of boxes around the bent instances, along the world's axes and relative to where they stand.
         """
-        origin_from_joint = np.empty((len(self.joint_rows), 3, 4))
+        origin_from_joint = np.empty((len(self.joint_rows), 3, 4), np.float32)
         origin_from_joint[:, :, :3] = linear
-        origin_from_joint[:, :, 3] = position - origin[self._owner]
+        origin_from_joint[:, :, 3] = position - origin[self._owner]  # in 64 bits
         matrices = multiply_affine(origin_from_joint, self._joint_from_mesh)
         self.texels[: 3 * len(matrices)] = matrices.reshape(-1, 4)
-        used, reach = self._used, self.reach[self._owner[self._used]]
-        lower, upper = transform_bounds(matrices[used], self._lower[used] - reach, self._upper[used] + reach)
-        corners = np.minimum.reduceat(lower, self._first_used), np.maximum.reduceat(upper, self._first_used)
-        return corners[0].astype(np.float32), corners[1].astype(np.float32)
+        used = matrices[self._used]
+        half = self._half + self.reach[self._used_owner] if len(self.morphed) else self._half
+        # A box taken along is enclosed by one around its middle, as wide as the sum of what its edges have along each axis.
+        middle = np.einsum("nij,nj->ni", used[:, :, :3], self._middle) + used[:, :, 3]
+        wide = np.einsum("nij,nj->ni", np.abs(used[:, :, :3]), half)
+        return (
+            np.minimum.reduceat(middle - wide, self._first_used),
+            np.maximum.reduceat(middle + wide, self._first_used),
+        )
 
     def _slots(self, entities: NDArray[np.uint32], targets: NDArray[np.uint32]) -> NDArray[np.intp]:
         """(W,) where among the numbers of the texels each weight of a frame goes, -1 for nowhere."""

@@ -117,9 +117,10 @@ class _Limbs:
         assert timeline.newest is not None
         position, rotation, scale, known = timeline.locals(self._entities, fraction)
         known &= self._told_by_scene <= timeline.newest.delta_sequence
-        told = compose_affine(position.astype(np.float64), rotation, scale)
-        rest = compose_affine(*(column[self._animated] for column in self._rest))
-        self._parent_from_node[self._animated] = np.where(known[:, None, None], told, rest)
+        self._parent_from_node[self._animated] = compose_affine(position, rotation, scale)
+        if not known.all():
+            resting = self._animated[~known]
+            self._parent_from_node[resting] = compose_affine(*(column[resting] for column in self._rest))
         self._parent_from_node[: len(bases)] = bases
         return np.asarray(propagate_affine(self._parents, self._parent_from_node, levels=self._levels))
 

@@ -245,6 +245,9 @@ class RenderWorld:
         self._bodies = newest.entity if newest is not None else nobody
         self._animated = newest.local_entity if newest is not None else nobody
         self._placement = Placement(self._tables, self._items, self._bodies, self._animated)
+        articulated = self._placement.articulated
+        articulated = articulated[articulated < self.instance_count]
+        self._stretching = np.setdiff1d(articulated, self._deformation.bent)
         self._placement.follow(self.timeline, 1.0)
         self._placed, self._rests = (-1, -1.0), False
         self._measure_instances()
@@ -325,13 +328,10 @@ class RenderWorld:
             boxes = deformation.bend(self._placement.linear[joints], self._placement.position[joints], self.position)
             self.linear[bent] = np.eye(3)
             self._lower[bent], self._upper[bent] = boxes
-            self._extent_radius[bent] = np.inf
-            self.radius[bent] = self._radii(bent, self.linear[bent])
+            self.radius[bent] = np.linalg.norm(boxes[1] - boxes[0], axis=1) / 2
 
     def _centre(self) -> None:
-        articulated = self._placement.articulated
-        articulated = articulated[articulated < self.instance_count]
-        articulated = np.setdiff1d(articulated, self._deformation.bent, assume_unique=True)
+        articulated = self._stretching
         if len(articulated):  # their scale may be animated
             self.radius[articulated] = self._radii(articulated, self.linear[articulated])
         offset = np.einsum("nij,nj->ni", self.linear, (self._lower + self._upper) / 2)

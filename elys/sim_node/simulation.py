@@ -16,6 +16,7 @@ records in `world.commands` is done when it returns, and physics sees it in the 
 
 from __future__ import annotations
 
+import hashlib
 import logging
 
 import msgspec
@@ -180,6 +181,16 @@ class Simulation:
     def animated(self) -> Animated:
         """What clips move, as it is now."""
         return self._animations.animated()
+
+    def state_hash(self) -> int:
+        """64 bits of where everything that moves by itself is: of the physics, and of what clips move if there is any."""
+        of_physics, animated = self.physics.state_hash(), self.animated()
+        if not (len(animated.local_entity) or len(animated.weight)):
+            return of_physics
+        digest = hashlib.blake2b(of_physics.to_bytes(8, "little"), digest_size=8)
+        for column in animated:
+            digest.update(column.tobytes())
+        return int.from_bytes(digest.digest(), "little")
 
     @property
     def events(self) -> WorldEvents:

@@ -35,7 +35,7 @@ def state_frame(simulation: Simulation, *, epoch: int, delta_sequence: int, play
         simulation_time=simulation.time,
         published_at=time.time_ns(),
         delta_sequence=delta_sequence,
-        state_hash=simulation.physics.state_hash(),
+        state_hash=simulation.state_hash(),
         playing=playing,
         position=bodies.position,
         rotation=bodies.rotation,

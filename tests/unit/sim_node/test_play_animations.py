@@ -89,6 +89,18 @@ def test_two_runs_give_the_same_bits() -> None:
     assert pack_frame(first.frame())[HEADER.size :] == pack_frame(second.frame())[HEADER.size :]
 
 
+def test_the_state_hash_tells_apart_what_clips_move() -> None:
+    stage = Stage()
+    stage.run(3)
+    moved, of_physics = stage.simulation.state_hash(), stage.simulation.physics.state_hash()
+    assert moved != of_physics
+    stage.run(1)
+    assert stage.simulation.state_hash() != moved
+    stage.world.remove(stage.player, Animation)
+    stage.simulation.settle()
+    assert stage.simulation.state_hash() == stage.simulation.physics.state_hash()
+
+
 def test_a_clip_is_chosen_by_name_and_changed_while_it_runs() -> None:
     stage = Stage(slide(("Arm", "Hand")), slide(("Arm", "Hand"), "Back", -SLIDE))
     assert stage.run(10) == pytest.approx(0.4)
