@@ -144,8 +144,7 @@ class SceneMirror:
         rotation: Quat = (0.0, 0.0, 0.0, 1.0)
         scale: Vec3 = (1.0, 1.0, 1.0)
         for current in reversed(chain):
-            local = self.entities[current].components.get("Transform", _IDENTITY)
-            assert isinstance(local, Transform)
+            local = self.local_pose(current)
             row = self.frame_row(current)
             if row >= 0 and (frame := self.latest_frame) is not None:
                 position, rotation = tuple(frame.position[row].tolist()), tuple(frame.rotation[row].tolist())
@@ -153,6 +152,20 @@ class SceneMirror:
                 position, rotation = poses.compose(position, rotation, scale, local.position, local.rotation)
             scale = poses.stretch(scale, local.scale)
         return WorldPose(position, rotation, scale)
+
+    def local_pose(self, entity: int) -> Transform:
+        """Where the entity is relative to its parent: what is animated as the latest state frame says."""
+        local = self.entities[entity].components.get("Transform", _IDENTITY)
+        assert isinstance(local, Transform)
+        frame = self.latest_frame
+        if frame is None or not len(frame.local_entity) or frame.epoch != self.epoch:
+            return local
+        rows = np.flatnonzero(frame.local_entity == entity)
+        if not len(rows) or frame.delta_sequence < self.entities[entity].pose_sequence:
+            return local
+        columns = (frame.local_position, frame.local_rotation, frame.local_scale)
+        position, rotation, scale = (tuple(column[rows[0]].tolist()) for column in columns)
+        return Transform(position=position, rotation=rotation, scale=scale)
 
     def frame_row(self, entity: int) -> int:
         """The row of the latest frame that says where a body is; -1 if none does, or the body was moved since."""

@@ -22,6 +22,7 @@ from elys.common.scene_naming import Names
 from elys.common.scene_reading import read_scene
 
 # Ground may be named where it is collided with, and where it is drawn.
+_KINDS: Final[Mapping[str, AssetKind]] = {"mesh": "mesh", "heights": "heights", "clips": "clips", "skin": "skin"}
 _HEIGHT_READERS: Final[Mapping[AssetKind, Callable[[Path, AssetStore], str]]] = {
     "heights": read_heights,
     "mesh": read_height_mesh,
@@ -150,6 +151,7 @@ def _append_model(job: _Expansion, model: ImportedModel, parent: int) -> None:
                 parent=parent if record.parent < 0 else start + record.parent,
                 enabled=record.enabled,
                 components={name: dict(values) for name, values in record.components.items()},
+                references={key: start + target for key, target in record.references.items()},
             )
         )
 
@@ -267,7 +269,7 @@ def _asset(job: _Expansion, value: str, field_name: str, place: _Place) -> str:
 def _expected_kind(field_name: str) -> AssetKind | None:
     if field_name.endswith("_texture") or field_name == "image":
         return "image"
-    return "mesh" if field_name == "mesh" else "heights" if field_name == "heights" else None
+    return _KINDS.get(field_name)
 
 
 def _file_asset(job: _Expansion, value: str, field_name: str, place: _Place) -> str:
@@ -304,6 +306,9 @@ def _part_of_model(model: ImportedModel, name: str, fragment: str, place: _Place
     if not fragment and len(parts) == 1:
         return next(iter(parts.values()))
     parts |= {f"image/{index}": reference for index, reference in model.images.items()}
+    parts |= {f"skin/{index}": reference for index, reference in model.skins.items()}
+    if model.clips:
+        parts["clips"] = model.clips
     if fragment not in parts:
         some = ", ".join(f"{name}#{part}" for part in list(parts)[:4])
         _fail(

@@ -9,13 +9,14 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from elys.common.assets.mesh import decode_mesh
+from elys.common.assets.mesh import Mesh, decode_mesh
 from elys.common.assets.primitives import is_primitive, primitive
+from elys.common.assets.skin import NamesBelow, SkinBinding, bent_positions, decode_skin
 from elys.common.assets.store import AssetStore
 from elys.common.components import Camera, Transform, component_from
 from elys.common.math import quaternion
-from elys.common.math.aabb import transform_bounds, union_bounds
-from elys.common.math.matrix import compose_affine, look_rotation, propagate_affine
+from elys.common.math.aabb import bounds_of_points, transform_bounds, union_bounds
+from elys.common.math.matrix import compose_affine, look_rotation, multiply_affine, propagate_affine
 from elys.common.scene_document import EntityRecord
 
 _SUN_DIRECTION: Final = (-0.45, -0.8, -0.4)
@@ -41,10 +42,29 @@ def scene_bounds(
         mesh = record.components["MeshRenderer"].get("mesh", "box")
         if mesh not in bounds:
             bounds[mesh] = (primitive(mesh) if is_primitive(mesh) else decode_mesh(assets.get(mesh))).bounds
-        if np.isfinite(bounds[mesh][0]).all():
+        skin = record.components.get("Skin", {}).get("skin", "")
+        if skin and "Skin.root" in record.references:
+            skinned = decode_mesh(assets.get(mesh))
+            corners += _bent_bounds(records, row, skinned, decode_skin(assets.get(skin)), world_from_local)
+        elif np.isfinite(bounds[mesh][0]).all():
             corners.append(transform_bounds(world_from_local[row], *bounds[mesh]))
     lower, upper = union_bounds(*(np.array([c[side] for c in corners]).reshape(-1, 3) for side in (0, 1)))
     return lower.astype(np.float64), upper.astype(np.float64)
+
+
+def _bent_bounds(
+    records: Sequence[EntityRecord],
+    row: int,
+    mesh: Mesh,
+    skin: SkinBinding,
+    world_from_local: NDArray[np.floating[Any]],
+) -> list[tuple[NDArray[np.floating[Any]], NDArray[np.floating[Any]]]]:
+    """The box in world space around a record's mesh as its joints bend it; none where it has no vertices or lacks joints."""
+    below = NamesBelow([record.name for record in records], [record.parent for record in records])
+    found = np.array([below.find(records[row].references["Skin.root"], path) for path in skin.joints], np.intp)
+    if mesh.joints is None or not mesh.vertex_count or (found < 0).any():
+        return []
+    return [bounds_of_points(bent_positions(mesh, multiply_affine(world_from_local[found], skin.joint_from_mesh)))]
 
 
 def sun_components(direction: ArrayLike = _SUN_DIRECTION, *, intensity: float = 3.0) -> dict[str, dict[str, Any]]:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elys.common.assets import Mesh, decode_mesh, is_primitive, primitive
+from elys.common.assets.skin import SkinBinding, decode_skin, joint_bounds
 from elys.common.errors import AssetError, ElysError
 from elys.render_node.images import decode_image
 from elys.render_node.radiance_files import decode_radiance
@@ -35,7 +36,7 @@ _log = logging.getLogger(__name__)
 class DrawableAssets:
     """A cache in front of `fetch`, which gives the bytes of a reference or raises an ElysError, and may block.
 
-    `on_ready` is called, on any thread, when something asked for has come; `version` rises when a mesh came or failed.
+    `on_ready` is called, on any thread, when something asked for has come; `version` rises when a mesh or skin came or failed.
     """
 
     def __init__(
@@ -45,7 +46,10 @@ class DrawableAssets:
         self._on_ready = on_ready
         self._lock = threading.Lock()
         self._meshes: dict[str, Mesh] = {}
+        self._skins: dict[str, SkinBinding] = {}
         self._extents: dict[str, Extent] = {}
+        self._joint_bounds: dict[tuple[str, int], tuple[NDArray[np.float32], NDArray[np.float32]]] = {}
+        self._morph_reaches: dict[str, NDArray[np.float32]] = {}
         self._images: dict[str, NDArray[np.uint8]] = {}
         self._radiances: dict[str, NDArray[np.float32]] = {}
         self._pending: dict[str, Future[None]] = {}
@@ -61,6 +65,14 @@ class DrawableAssets:
             if name in self._meshes:
                 return self._meshes[name]
         self._ask(name, self._take_mesh)
+        return None
+
+    def skin(self, reference: str) -> SkinBinding | None:
+        """The joints of a skin, None while they are on their way or if they cannot be had."""
+        with self._lock:
+            if reference in self._skins:
+                return self._skins[reference]
+        self._ask(reference, self._take_skin)
         return None
 
     def take_image(self, reference: str) -> NDArray[np.uint8] | None:
@@ -87,6 +99,24 @@ class DrawableAssets:
                 return UNKNOWN_EXTENT
             self._extents[name] = _extent(mesh)
         return self._extents[name]
+
+    def joint_bounds(self, name: str, joint_count: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Boxes (J, 3) around what each joint bends of a mesh that is here, see `skin.joint_bounds`."""
+        key = (name, joint_count)
+        if key not in self._joint_bounds:
+            mesh = self.mesh(name)
+            assert mesh is not None
+            self._joint_bounds[key] = joint_bounds(mesh, joint_count)
+        return self._joint_bounds[key]
+
+    def morph_reach(self, name: str) -> NDArray[np.float32]:
+        """How far each morph target (T, 3) draws any vertex of a mesh that is here, along each axis [m]."""
+        if name not in self._morph_reaches:
+            mesh = self.mesh(name)
+            assert mesh is not None
+            assert mesh.target_positions is not None
+            self._morph_reaches[name] = np.abs(mesh.target_positions).max(axis=1, initial=0.0)
+        return self._morph_reaches[name]
 
     def settle(self, timeout: float = 60.0) -> None:
         """Waits until nothing is on its way, at most `timeout` seconds."""
@@ -139,6 +169,12 @@ class DrawableAssets:
         mesh = decode_mesh(data)
         with self._lock:
             self._meshes[reference] = mesh
+            self.version += 1
+
+    def _take_skin(self, reference: str, data: bytes) -> None:
+        skin = decode_skin(data)
+        with self._lock:
+            self._skins[reference] = skin
             self.version += 1
 
     def _take_image(self, reference: str, data: bytes) -> None:

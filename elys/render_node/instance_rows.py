@@ -38,6 +38,7 @@ class InstanceRows:
             named = self._rows.view(INSTANCE_DTYPE)[:, 0]
             named["surface"] = world.surface
             named["entity"] = world.entity
+            named["pose"] = world.pose
         elif self._pose_version == world.pose_version:
             return
         for row in range(3):

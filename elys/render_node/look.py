@@ -28,6 +28,7 @@ TEXTURE_FIELDS: Final = {
     "clearcoat_roughness_texture": False,
     "clearcoat_normal_texture": False,
 }
+SKINNED, MORPHED = "SKINNED", "MORPHED"
 SECOND_UVS: Final = "SECOND_UVS"  # compiled in where a texture lies on the second set
 
 Uniform = tuple[str, "float | tuple[float, ...] | NDArray[np.float64]"]
@@ -58,12 +59,19 @@ class Look(NamedTuple):
     is_unlit: bool = False
     finish: Finish = PLAIN_FINISH
     tangents: Literal["auto", "vertices", "pixels"] = "auto"  # where there is a normal map
+    is_skinned: bool = False
+    is_morphed: bool = False
 
     @property
     def tangent_uvs(self) -> int | None:
         """The uv set along which a mesh without tangents gets some; None where it gets none."""
         normal_map = texture_of(self.textures[2] or self.textures[9])
         return normal_map.uv if self.tangents == "vertices" and normal_map is not None else None
+
+    @property
+    def deformation(self) -> tuple[str, ...]:
+        """Definitions for vertices that move within the mesh."""
+        return (*((SKINNED,) if self.is_skinned else ()), *((MORPHED,) if self.is_morphed else ()))
 
     @property
     def has_normal_map(self) -> bool:
@@ -73,7 +81,7 @@ class Look(NamedTuple):
     @property
     def is_plain(self) -> bool:
         """Whether it needs nothing compiled in and nothing bound."""
-        return self.finish is PLAIN_FINISH and not self.is_unlit and not any(self.textures)
+        return self.finish is PLAIN_FINISH and not (self.is_unlit or self.deformation or any(self.textures))
 
     @property
     def is_textured(self) -> bool:
@@ -130,6 +138,7 @@ def variant_of(look: Look, present: tuple[str, ...]) -> tuple[tuple[str, ...], t
             defines.append(f"{name.upper()}_UV {place}")
         if texture.uv and SECOND_UVS not in defines:
             defines.append(SECOND_UVS)
+    defines += look.deformation
     if look.is_unlit:
         defines.append("UNLIT")
     finish = look.finish

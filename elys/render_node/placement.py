@@ -1,4 +1,6 @@
-"""Where drawn things stand at this moment: those that physics moves, those that ride on them, and those that stand still."""
+"""Where drawn things stand at this moment: those that physics moves, those that animations move, those that ride on either, and
+those that stand still.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elys.common.math import quaternion
-from elys.common.math.matrix import inverse_affine, multiply_affine
+from elys.common.math.matrix import compose_affine, depth_levels, inverse_affine, multiply_affine, propagate_affine
 from elys.render_node.scene_tables import Rows, SceneTables
 from elys.render_node.timeline import Timeline, rows_in
 
@@ -15,18 +17,28 @@ class Placement:
     """World transforms of M items, each an entity that may appear in state frames or ride on one that does.
 
     Frames give the pose of a body. An item's place follows as `world_from_body @ body_from_item`, of which the second, with all
-    scales, changes only when the scene does.
+    scales, changes only when the scene does. Of what is animated frames give the local transform; it and all below it, down to
+    the next bodies, is placed from parent to child.
 
     Attributes:
         position: [M, 3] f64 m, world. linear: [M, 3, 3] f32, rotation and scale of world_from_item.
+        articulated: which items are animated or ride on what is.
     """
 
-    def __init__(self, tables: SceneTables, rows: Rows, bodies: NDArray[np.uint32]) -> None:
-        """`rows` (M,) of the tables are the items, `bodies` (B,) the entities that state frames tell of."""
+    def __init__(
+        self, tables: SceneTables, rows: Rows, bodies: NDArray[np.uint32], animated: NDArray[np.uint32]
+    ) -> None:
+        """`rows` (M,) of the tables are the items; state frames tell of `bodies` (B,) and of the `animated` (A,)."""
+        _, is_body = rows_in(bodies, tables.entity)
+        self._limbs = _Limbs(tables, is_body, animated) if len(animated) else None
+        item_count = len(rows)
+        if self._limbs is not None:
+            rows = np.concatenate([rows, self._limbs.bases])
         world_from_item = tables.world_from_local[rows]
-        self.position = world_from_item[:, :, 3].copy()
-        self.linear = world_from_item[:, :, :3].astype(np.float32)
-        carrier = _carrier_rows(tables, bodies)[rows]
+        self._position = world_from_item[:, :, 3].copy()
+        self._linear = world_from_item[:, :, :3].astype(np.float32)
+        self.position, self.linear = self._position[:item_count], self._linear[:item_count]
+        carrier = _carrier_rows(tables, is_body)[rows]
         self._moving = np.flatnonzero(carrier >= 0)
         carrier_rows, self._carrier = np.unique(carrier[self._moving], return_inverse=True)
         self._carriers = tables.entity[carrier_rows]
@@ -36,11 +48,27 @@ class Placement:
         world_from_carrier[:, :, 3] = tables.world_from_local[carrier_rows][:, :, 3]
         carrier_from_world = inverse_affine(world_from_carrier)[self._carrier]
         self._carrier_from_item = multiply_affine(carrier_from_world, world_from_item[self._moving]).astype(np.float32)
+        self.articulated: Rows = np.zeros(0, np.intp)
+        if self._limbs is not None:
+            node_of_item = self._limbs.node_of_row[rows[:item_count]]
+            self.articulated = np.flatnonzero(node_of_item >= 0)
+            self._nodes = node_of_item[self.articulated]
 
     def follow(self, timeline: Timeline, fraction: float) -> None:
         """Moves the items to where they are `fraction` of the way to the newest frame."""
-        if timeline.newest is None or not len(self._moving):
+        if timeline.newest is None:
             return
+        if len(self._moving):
+            self._follow_bodies(timeline, fraction)
+        if self._limbs is not None:
+            bases = np.empty((len(self._limbs.bases), 3, 4))
+            bases[:, :, :3], bases[:, :, 3] = self._linear[len(self.linear) :], self._position[len(self.linear) :]
+            world_from_node = self._limbs.placed(timeline, fraction, bases)[self._nodes]
+            self.linear[self.articulated] = world_from_node[:, :, :3]
+            self.position[self.articulated] = world_from_node[:, :, 3]
+
+    def _follow_bodies(self, timeline: Timeline, fraction: float) -> None:
+        assert timeline.newest is not None
         position, rotation, known = timeline.poses(self._carriers, fraction)
         known &= self._told_by_scene <= timeline.newest.delta_sequence
         turn = quaternion.to_matrix(rotation.astype(np.float32, copy=False))
@@ -49,13 +77,56 @@ class Placement:
             still_there = known[carrier]
             moving, carrier, from_item = moving[still_there], carrier[still_there], from_item[still_there]
         turned = turn[carrier] @ from_item
-        self.linear[moving] = turned[:, :, :3]
-        self.position[moving] = position[carrier] + turned[:, :, 3]
+        self._linear[moving] = turned[:, :, :3]
+        self._position[moving] = position[carrier] + turned[:, :, 3]
 
 
-def _carrier_rows(tables: SceneTables, bodies: NDArray[np.uint32]) -> Rows:
+class _Limbs:
+    """The animated rows and all below them down to the next bodies, placed from what each stands on.
+
+    Attributes:
+        bases: rows that carry such ones and are none themselves. node_of_row: [N] place of a limb among the nodes, -1 for others;
+            the nodes are the bases, then the limbs.
+    """
+
+    def __init__(self, tables: SceneTables, is_body: NDArray[np.bool_], animated: NDArray[np.uint32]) -> None:
+        _, is_animated = rows_in(animated, tables.entity)
+        is_animated &= ~is_body
+        is_limb = is_animated.copy()
+        for level in tables.levels[1:]:
+            is_limb[level] |= is_limb[tables.parent[level]] & ~is_body[level]
+        limbs = np.flatnonzero(is_limb)
+        above = tables.parent[limbs]
+        self.bases: Rows = np.unique(above[(above >= 0) & ~is_limb[above]])
+        nodes = np.concatenate([self.bases, limbs])
+        self.node_of_row = np.full(len(tables.entity), -1)
+        self.node_of_row[nodes] = np.arange(len(nodes))
+        self._parents = np.full(len(nodes), -1)
+        self._parents[len(self.bases) :] = np.where(above >= 0, self.node_of_row[above], -1)
+        self.node_of_row[self.bases] = -1  # they are placed as other items are
+        self._levels = depth_levels(self._parents)
+        self._parent_from_node = np.zeros((len(nodes), 3, 4))
+        self._rest = tuple(column[nodes] for column in tables.local)
+        self._parent_from_node[:] = compose_affine(*self._rest)
+        self._animated = np.flatnonzero(is_animated[nodes])
+        self._entities = tables.entity[nodes[self._animated]]
+        self._told_by_scene = tables.pose_sequence[nodes[self._animated]]
+
+    def placed(self, timeline: Timeline, fraction: float, bases: NDArray[np.float64]) -> NDArray[np.float64]:
+        """world_from_node (K, 3, 4), given that of the bases (K', 3, 4)."""
+        assert timeline.newest is not None
+        position, rotation, scale, known = timeline.locals(self._entities, fraction)
+        known &= self._told_by_scene <= timeline.newest.delta_sequence
+        self._parent_from_node[self._animated] = compose_affine(position, rotation, scale)
+        if not known.all():
+            resting = self._animated[~known]
+            self._parent_from_node[resting] = compose_affine(*(column[resting] for column in self._rest))
+        self._parent_from_node[: len(bases)] = bases
+        return np.asarray(propagate_affine(self._parents, self._parent_from_node, levels=self._levels))
+
+
+def _carrier_rows(tables: SceneTables, is_body: NDArray[np.bool_]) -> Rows:
     """For every row the row of the nearest body at or above it, -1 for none."""
-    _, is_body = rows_in(bodies, tables.entity)
     carrier = np.where(is_body, np.arange(len(tables.entity)), -1)
     for rows in tables.levels[1:]:
         carrier[rows] = np.where(carrier[rows] >= 0, carrier[rows], carrier[tables.parent[rows]])

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import msgspec
 import numpy as np
@@ -23,6 +23,7 @@ from elys.common.math import quaternion
 from elys.common.math.aabb import transform_bounds
 from elys.common.scene import SceneSettings
 from elys.render_node.camera import framing_camera
+from elys.render_node.deformation import Deformation, bent_rows, morphed_rows
 from elys.render_node.drawable_assets import UNKNOWN_EXTENT, DrawableAssets
 from elys.render_node.instance_rows import InstanceRows
 from elys.render_node.look import Look, look_of
@@ -67,7 +68,8 @@ class RenderWorld:
 
     Attributes:
         entity: [M] u32. radius: [M] f32 m, around `centre`. casts: [M] throws shadows. surface: [M, 3, 4] f32, the numbers of the
-            materials as `instance.glsl` has them. Of the M instances.
+            materials as `instance.glsl` has them. pose: [M, 2] i4, where joints and weights begin in `pose_texels`. Of the M
+            instances.
         batches: runs of the instances.
         scene_version: rises when batches change; pose_version when anything stands elsewhere.
     """
@@ -81,7 +83,7 @@ class RenderWorld:
         self.scene_version = 0
         self.pose_version = 0
         self._tables = tables_of([], [], [])
-        self._bodies = np.zeros(0, np.uint32)
+        self._bodies = self._animated = np.zeros(0, np.uint32)
         self._assets_version = -1
         self._placed = (-1, -1.0)
         self._rests = False  # placed as the newest frame says, not on the way there
@@ -110,7 +112,7 @@ class RenderWorld:
         """Takes where bodies are, as it came at `now` [s]; False if it told nothing new."""
         if not self.timeline.take(frame, now):
             return False
-        if not np.array_equal(frame.entity, self._bodies):
+        if not (np.array_equal(frame.entity, self._bodies) and np.array_equal(frame.local_entity, self._animated)):
             self._place_anew()
         return True
 
@@ -138,6 +140,7 @@ class RenderWorld:
         if rested and self.timeline.is_still:
             return  # everything stands where it was placed last
         self._placement.follow(self.timeline, fraction)
+        self._deform(fraction)
         self._centre()
         self.pose_version += 1
 
@@ -174,6 +177,11 @@ class RenderWorld:
         return len(self.entity)
 
     @property
+    def pose_texels(self) -> NDArray[np.float32]:
+        """What bends and morphs meshes (K, 4), see `deformation.py`."""
+        return self._deformation.texels
+
+    @property
     def position(self) -> NDArray[np.float64]:
         """World positions [M, 3] of the instances' origins [m]."""
         return self._placement.position[: self.instance_count]
@@ -196,7 +204,8 @@ class RenderWorld:
 
     def surroundings(self, to_sun: NDArray[np.float64] | None) -> Surroundings:
         """What is all around, under a sun in that direction."""
-        turned = _axes(self._placement.linear[-1].astype(np.float64)) if self._environment is not None else np.eye(3)
+        item = self.instance_count + len(self._lights) + (self._camera is not None)
+        turned = _axes(self._placement.linear[item].astype(np.float64)) if self._environment is not None else np.eye(3)
         rotation = np.asarray(quaternion.from_matrix(turned), np.float64)
         return surroundings_of(self._settings, self._environment, rotation, to_sun, self.assets)
 
@@ -250,7 +259,8 @@ class RenderWorld:
         self._environment: Environment | None = tables.environments[around[0]] if around else None
         self._lights = [tables.lights[row] for row in lights]
         self._camera: Camera | None = tables.cameras[chosen[0]] if chosen else None
-        self._items = np.concatenate([self._rows, np.array(lights + chosen + around, np.intp)])
+        others = np.array(lights + chosen + around, np.intp)
+        self._items = np.concatenate([self._stand_rows, others, self._deformation.joint_rows])
         self.scene_version += 1
         self._place_anew()
 
@@ -259,17 +269,24 @@ class RenderWorld:
         return int(tables.entity[row]) == self._preferred_camera, tables.cameras[row].priority
 
     def _place_anew(self) -> None:
-        self._bodies = self.timeline.newest.entity if self.timeline.newest is not None else np.zeros(0, np.uint32)
-        self._placement = Placement(self._tables, self._items, self._bodies)
+        newest, nobody = self.timeline.newest, np.zeros(0, np.uint32)
+        self._bodies = newest.entity if newest is not None else nobody
+        self._animated = newest.local_entity if newest is not None else nobody
+        self._placement = Placement(self._tables, self._items, self._bodies, self._animated)
+        articulated = self._placement.articulated
+        articulated = articulated[articulated < self.instance_count]
+        self._stretching = np.setdiff1d(articulated, self._deformation.bent)
         self._placement.follow(self.timeline, 1.0)
         self._placed, self._rests = (-1, -1.0), False
         self._measure_instances()
+        self._deform(1.0)
         self._centre()
         self.pose_version += 1
 
     def _gather_instances(self, tables: SceneTables) -> None:
         """Finds the visible, sorts them into batches and keeps what does not change with time."""
         mirrored = _is_mirrored(tables)
+        bent, morphed = bent_rows(tables, self.assets), morphed_rows(tables, self.assets)
         grouped: dict[tuple[str, Look], list[tuple[int, Material]]] = {}
         for row, renderer in tables.meshes.items():
             if not (renderer.visible and tables.enabled[row]):
@@ -277,9 +294,10 @@ class RenderWorld:
             mesh, material = renderer.mesh, tables.materials.get(row, PLAIN)
             if mesh in self.assets.failed:
                 mesh, material = "box", MISSING
-            grouped.setdefault((mesh, look_of(material, bool(mirrored[row]), renderer.tangents)), []).append(
-                (row, material)
-            )
+            look = look_of(material, bool(bent[row].is_mirrored if row in bent else mirrored[row]), renderer.tangents)
+            if row in bent or row in morphed:
+                look = look._replace(is_skinned=row in bent, is_morphed=row in morphed)
+            grouped.setdefault((mesh, look), []).append((row, material))
         batches: list[Batch] = []
         members: list[tuple[int, Material]] = []
         for mesh, look in sorted(grouped, key=lambda key: key[1].alpha_mode == "blend"):
@@ -288,6 +306,9 @@ class RenderWorld:
         rows = [row for row, _ in members]
         self.batches = tuple(batches)
         self._rows = np.array(rows, np.intp)
+        self._deformation = Deformation(tables, rows, bent, morphed, self.assets)
+        self.pose = self._deformation.pose
+        self._stand_rows = np.array([bent[row].root if row in bent else row for row in rows], np.intp)
         self.entity = tables.entity[self._rows]
         self.batch_of = np.repeat(np.arange(len(batches)), [batch.instance_count for batch in batches])
         self.surface = _surfaces([material for _, material in members])
@@ -298,20 +319,49 @@ class RenderWorld:
         of_batch = self.batch_of
         self._lower = np.array([extent.lower for extent in extents], np.float32).reshape(-1, 3)[of_batch]
         self._upper = np.array([extent.upper for extent in extents], np.float32).reshape(-1, 3)[of_batch]
+        self._rest_lower, self._rest_upper = self._lower.copy(), self._upper.copy()
         self._is_measured = np.array([extent is not UNKNOWN_EXTENT for extent in extents], np.bool_)[of_batch]
-        radius = np.array([extent.radius for extent in extents], np.float32)[of_batch]
-        linear = self._tables.world_from_local[self._rows, :, :3]
+        self._extent_radius = np.array([extent.radius for extent in extents], np.float32)[of_batch]
+        self.radius = self._radii(np.arange(len(of_batch)), self._tables.world_from_local[self._rows, :, :3])
+
+    def _radii(self, rows: Rows, linear: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
+        """Of spheres around instances (N,) that are scaled and sheared so (N, 3, 3)."""
         gram = np.einsum("nki,nkj->nij", linear, linear)
         # A scale alone leaves the Gram matrix diagonal; with shear its row sums bound the largest eigenvalue (Gershgorin).
         stretch = np.sqrt(np.abs(gram).sum(axis=2).max(axis=1, initial=0.0))
         # What is long and thin is better enclosed by its box; four of the corners do, the others lie opposite.
-        half = (self._upper - self._lower) / 2
+        half = (self._upper[rows] - self._lower[rows]) / 2
         corners = np.einsum("nij,nkj->nki", linear, half[:, None, :] * _CORNER_SIGNS)
         corner = np.sqrt(np.einsum("nki,nki->nk", corners, corners).max(axis=1, initial=0.0))
-        corner = np.where(self._is_measured, corner, np.inf)
-        self.radius = np.minimum(radius * stretch, corner).astype(np.float32)
+        corner = np.where(self._is_measured[rows], corner, np.inf)
+        return np.minimum(self._extent_radius[rows] * stretch, corner).astype(np.float32)
+
+    def _deform(self, fraction: float) -> None:
+        """Brings joints and weights, and the boxes around what they move, to where things are placed."""
+        deformation = self._deformation
+        if deformation.is_none:
+            return
+        morphed, bent = deformation.morphed, deformation.bent
+        if len(morphed):
+            deformation.morph(self.timeline, fraction)
+            reach = deformation.reach[morphed]
+            self._lower[morphed], self._upper[morphed] = (
+                self._rest_lower[morphed] - reach,
+                self._rest_upper[morphed] + reach,
+            )
+            self._extent_radius[morphed] = np.inf  # the box tells
+            self.radius[morphed] = self._radii(morphed, self.linear[morphed])
+        if len(bent):
+            joints = slice(len(self._items) - len(deformation.joint_rows), None)
+            boxes = deformation.bend(self._placement.linear[joints], self._placement.position[joints], self.position)
+            self.linear[bent] = np.eye(3)
+            self._lower[bent], self._upper[bent] = boxes
+            self.radius[bent] = np.linalg.norm(boxes[1] - boxes[0], axis=1) / 2
 
     def _centre(self) -> None:
+        articulated = self._stretching
+        if len(articulated):  # their scale may be animated
+            self.radius[articulated] = self._radii(articulated, self.linear[articulated])
         offset = np.einsum("nij,nj->ni", self.linear, (self._lower + self._upper) / 2)
         self.centre = self.position + offset
 

@@ -162,6 +162,7 @@ class Renderer:
         view = View.of(camera, width, height).of_pixel(x, y)
         plan = plan_picture(world, view)
         self.resources.instances.write(plan.instances)
+        self.resources.show_poses(plan.world)
         if self._picking is None:
             self._picking = PickingPass(self.resources)
         entity, relative = self._picking.draw(plan)
@@ -242,6 +243,7 @@ class Renderer:
 
     def _upload(self, plan: PicturePlan) -> None:
         self.resources.instances.write(plan.instances)
+        self.resources.show_poses(plan.world)
         self.resources.forget_unused(plan.world)
         self.resources.frame.write(frame_block(plan, self._environment.harmonics, mirror_tiles()))
         self.resources.frame.bind_block(BLOCK_BINDINGS["Frame"])

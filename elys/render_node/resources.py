@@ -6,6 +6,7 @@ import logging
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from elys.common.assets import Mesh
 from elys.common.assets.images import placeholder_image
@@ -19,7 +20,15 @@ from elys.render_node.render_world import Batch, RenderWorld
 _log = logging.getLogger(__name__)
 TANGENTS: Final = "VERTEX_TANGENTS"  # compiled in where a mesh has them and a normal map is laid along them
 
-_SELDOM_READ: Final = {"tangent": "tangents", "second_uv": "second_uvs"}  # by the name that shaders have for them
+POSE_WIDTH: Final = 1024  # texels of a row of the texture of poses, as `deform.glsl` has it
+MORPH_WIDTH: Final = 2048  # likewise of morph targets
+
+_SELDOM_READ: Final = {
+    "tangent": "tangents",
+    "second_uv": "second_uvs",
+    "joints": "joints",
+    "joint_weights": "weights",
+}  # by the name that shaders have for them
 
 
 class Geometry:
@@ -46,6 +55,23 @@ class Geometry:
             *(("VERTEX_COLORS",) if "colors" in self._attributes else ()),
         )
 
+        self._morph_arrays = (mesh.target_positions, mesh.target_normals)
+        self._morph_texels: Texture | None = None
+        self._vertex_count, self._target_count = mesh.vertex_count, mesh.target_count
+
+    def use_targets(self, program: Program) -> None:
+        """Shows the offsets of its morph targets to a program."""
+        if self._morph_texels is None:
+            positions, normals = self._morph_arrays
+            assert positions is not None
+            assert normals is not None
+            offsets = np.zeros((self._target_count * self._vertex_count, 2, 4), np.float32)
+            offsets[:, 0, :3], offsets[:, 1, :3] = positions.reshape(-1, 3), normals.reshape(-1, 3)
+            self._morph_texels = _texels(self._context, offsets.reshape(-1, 4), MORPH_WIDTH)
+        self._morph_texels.use(TEXTURE_UNITS["morph_texels"])
+        program.set("vertex_count", self._vertex_count)
+        program.set("target_count", self._target_count)
+
     @property
     def is_empty(self) -> bool:
         """Whether there is nothing to draw."""
@@ -71,6 +97,8 @@ class Resources:
         self.instances = Buffer(context, size=1 << 16)
         self.frame = Buffer(context, size=1 << 10)
         self._used_by: tuple[RenderWorld, int] | None = None  # a world and its scene, whose names are in use
+        self._poses: Texture | None = None
+        self._posed: tuple[RenderWorld, int, int] | None = None
         self._geometries: dict[tuple[str, int | None], Geometry] = {}  # by mesh and uv set of computed tangents
         self._textures: dict[tuple[str, bool, Sampling], Texture] = {}
         self._checker: Texture | None = None
@@ -92,6 +120,22 @@ class Resources:
                 arrays = with_tangents(arrays, uv_set=key[1])
             geometry = self._geometries[key] = Geometry(self.context, arrays)
         return None if geometry.is_empty else geometry
+
+    def show_poses(self, world: RenderWorld) -> None:
+        """Shows to the shaders what bends and morphs the world's meshes, as it is placed now."""
+        texels = world.pose_texels
+        if not len(texels):
+            return
+        posed = (world, world.scene_version, world.pose_version)
+        if self._posed != posed:
+            self._posed = posed
+            rows = -(-len(texels) // POSE_WIDTH)
+            if self._poses is not None and self._poses.size[1] == rows:
+                self._poses.write(_padded(texels, POSE_WIDTH))
+            else:
+                self._poses = _texels(self.context, texels, POSE_WIDTH)
+        assert self._poses is not None
+        self._poses.use(TEXTURE_UNITS["pose_texels"])
 
     def bind_textures(self, world: RenderWorld, look: Look) -> tuple[str, ...]:
         """Shows the images of a look to the shaders; returns the definitions for those that are here, and for the rest of it."""
@@ -155,3 +199,16 @@ class Resources:
             pixels = decode_image(placeholder_image())
             self._checker = Texture(self.context, pixels.shape[1::-1], "srgba8", data=pixels, mipmaps=True, repeat=True)
         return self._checker
+
+
+def _texels(context: Context, texels: NDArray[np.float32], width: int) -> Texture:
+    """A texture of (N, 4) numbers, row by row."""
+    rows = _padded(texels, width)
+    return Texture(context, (width, len(rows)), "rgba32f", data=rows, smooth=False)
+
+
+def _padded(texels: NDArray[np.float32], width: int) -> NDArray[np.float32]:
+    """(rows, width, 4)"""
+    rows = np.zeros((-(-len(texels) // width), width, 4), np.float32)
+    rows.reshape(-1, 4)[: len(texels)] = texels
+    return rows

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from elys.bus.messages.scene import ComponentRemoved, ComponentSet, Renamed
 from elys.bus.mirror import MirrorEntity, MirrorUpdate, SceneMirror
-from elys.common.components import Camera, Component, Environment, Light, Material, MeshRenderer, Transform
+from elys.common.components import Camera, Component, Environment, Light, Material, MeshRenderer, Morph, Skin, Transform
 from elys.common.math import quaternion
 from elys.common.math.matrix import compose_affine, depth_levels, propagate_affine
 from elys.common.scene import SceneSettings
@@ -19,7 +19,7 @@ from elys.common.scene import SceneSettings
 Rows = NDArray[np.intp]
 C = TypeVar("C", bound=Component)
 _STILL: Final = Transform()
-_DRAWN: Final = frozenset(kind.__name__ for kind in (MeshRenderer, Material, Light, Camera, Environment))
+_DRAWN: Final = frozenset(kind.__name__ for kind in (MeshRenderer, Material, Light, Camera, Environment, Skin, Morph))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,7 +32,9 @@ class SceneTables:
         local: position [N, 3], rotation [N, 4] and scale [N, 3], relative to the parent.
         world_from_local: [N, 3, 4] f64. rotation: [N, 4] f64, the world's, without what scales shear.
         levels: the rows of each depth.
-        meshes, materials, lights, cameras, environments: row -> component, for rows that have one; in the order of the rows.
+        names: [N], only where there are skins, which name their joints; else empty.
+        meshes, materials, lights, cameras, environments, skins, morphs: row -> component, for rows that have one; in the order of
+            the rows.
     """
 
     entity: NDArray[np.uint32]
@@ -49,6 +51,9 @@ class SceneTables:
     lights: dict[int, Light]
     cameras: dict[int, Camera]
     environments: dict[int, Environment]
+    skins: dict[int, Skin]
+    morphs: dict[int, Morph]
+    names: list[str]
     settings: SceneSettings
 
     def subtree(self, entities: Sequence[int]) -> NDArray[np.bool_]:
@@ -91,7 +96,8 @@ class SceneReader:
         for change in update.changes:
             match change:
                 case Renamed():
-                    pass
+                    if self._tables is not None and self._tables.skins:
+                        self._tables = None
                 case ComponentSet(component="Transform", entity=entity) if self._has_transform(entity):
                     self._moved.add(entity)
                 case ComponentSet(component=component) | ComponentRemoved(component=component):
@@ -113,6 +119,7 @@ def tables_of_mirror(mirror: SceneMirror) -> SceneTables:
         [entity.components for entity in ordered],
         enabled=[entity.enabled for entity in ordered],
         pose_sequence=[entity.pose_sequence for entity in ordered],
+        names=[entity.name for entity in ordered],
         settings=mirror.settings,
     )
 
@@ -124,6 +131,7 @@ def tables_of(
     *,
     enabled: Sequence[bool] | None = None,
     pose_sequence: Sequence[int] | None = None,
+    names: Sequence[str] = (),
     settings: SceneSettings | None = None,
 ) -> SceneTables:
     """Tables from one value an entity: ids, parents' ids (0: none) and components by name; parents first."""
@@ -141,6 +149,7 @@ def tables_of(
         _column([value.scale for value in transforms], 3),
     )
     world_from_local, rotation = _placed(parent, levels, local)
+    skins = _having(components, Skin)
     return SceneTables(
         entity=np.array(entities, np.uint32),
         parent=parent,
@@ -156,6 +165,9 @@ def tables_of(
         lights=_having(components, Light),
         cameras=_having(components, Camera),
         environments=_having(components, Environment),
+        skins=skins,
+        morphs=_having(components, Morph),
+        names=list(names) if skins else [],
         settings=settings or SceneSettings(),
     )
 

@@ -7,7 +7,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from elys.bus.messages.state_frame import StateFrame
+from elys.bus.messages.state_frame import LOCAL_COLUMNS, WEIGHT_COLUMNS, StateFrame
+from elys.common.math import quaternion
 from elys.render_node.rotation_path import rotations_between
 
 LONGEST_LOOKAHEAD: Final = 0.1  # [s] of wall clock for which things go on as they did when the next frame comes late
@@ -15,6 +16,8 @@ LONGEST_DELAY: Final = 0.5  # [s] by which a frame waits more than others; beyon
 DELAY_FOLLOWING: Final = 0.01  # of a longer delay, from frame to frame
 SHORTEST_WAY: Final = 0.3  # of an interval, for what is left of the way to a frame that came very late
 LONGEST_GAP: Final = 0.5  # [s] of simulation between two frames; over longer ones things jump instead of gliding
+
+_ANIMATED: Final = tuple(name for name, _, _ in (*LOCAL_COLUMNS, *WEIGHT_COLUMNS))
 
 
 class Timeline:
@@ -136,6 +139,41 @@ class Timeline:
         turn = (previous.angular_velocity[rows_before] + self.newest.angular_velocity[rows]) * (gap / 2)
         return between, rotations_between(rotation_before, rotation, share, turn=turn), known
 
+    def locals(
+        self, entities: NDArray[np.uint32], fraction: float
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
+        """What animations make of entities, and whether each is known (K,).
+
+        Position (K, 3) [m], rotation (K, 4) and scale (K, 3) are relative to the parent.
+        """
+        assert self.newest is not None
+        newest, previous = self.newest, self._previous
+        rows, known = rows_in(newest.local_entity, entities)
+        if not len(newest.local_entity):
+            count = len(entities)
+            return np.zeros((count, 3), "f4"), np.zeros((count, 4), "f4"), np.zeros((count, 3), "f4"), known
+        position, rotation = newest.local_position[rows], newest.local_rotation[rows]
+        scale = newest.local_scale[rows]
+        if previous is None or fraction >= 1.0 or not len(previous.local_entity):
+            return position, rotation, scale, known
+        before, known_before = rows_in(previous.local_entity, entities)
+        share = np.where(known_before, fraction, 1.0).astype(np.float32)
+        start, stretch = previous.local_position[before], previous.local_scale[before]
+        return (
+            start + (position - start) * share[:, None],
+            quaternion.nlerp(previous.local_rotation[before], rotation, share).astype(np.float32),
+            stretch + (scale - stretch) * share[:, None],
+            known,
+        )
+
+    def weights(self, fraction: float) -> NDArray[np.float32]:
+        """Of morph targets (W,), in the order of the newest frame."""
+        assert self.newest is not None
+        weight, before = self.newest.weight, self._previous
+        if before is None or fraction >= 1.0 or not _same_weights(before, self.newest):
+            return weight
+        return np.asarray(before.weight + (weight - before.weight) * np.float32(fraction))
+
     @staticmethod
     def _follows(before: StateFrame, after: StateFrame) -> bool:
         gap = after.simulation_time - before.simulation_time
@@ -147,6 +185,14 @@ def _same_poses(before: StateFrame, after: StateFrame) -> bool:
         np.array_equal(before.entity, after.entity)
         and np.array_equal(before.position, after.position)
         and np.array_equal(before.rotation, after.rotation)
+        and all(np.array_equal(getattr(before, name), getattr(after, name)) for name in _ANIMATED)
+    )
+
+
+def _same_weights(before: StateFrame, after: StateFrame) -> bool:
+    """Whether both tell of the same targets of the same entities."""
+    return np.array_equal(before.weight_entity, after.weight_entity) and np.array_equal(
+        before.weight_target, after.weight_target
     )
 
 

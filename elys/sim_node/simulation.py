@@ -16,6 +16,7 @@ records in `world.commands` is done when it returns, and physics sees it in the 
 
 from __future__ import annotations
 
+import hashlib
 import logging
 
 import msgspec
@@ -33,6 +34,7 @@ from elys.sim_node.physics.settings import Attractor, PhysicsSettings
 from elys.sim_node.physics.states import WorldEvents
 from elys.sim_node.physics.world import PhysicsWorld
 from elys.sim_node.scene.loading import load_records
+from elys.sim_node.systems.play_animations import Animated, Animations
 from elys.sim_node.systems.simulate_physics import MovingBodies, RigidBodies
 
 _log = logging.getLogger(__name__)
@@ -65,9 +67,15 @@ class Simulation:
         self.physics = PhysicsWorld(physics_settings(self.settings, threads))
         self.physics.named = self.named
         self.tick = 0
-        self.systems: tuple[System, ...] = (self.follow_changes, self.simulate_physics, self.propagate_transforms)
+        self.systems: tuple[System, ...] = (
+            self.follow_changes,
+            self.play_animations,
+            self.simulate_physics,
+            self.propagate_transforms,
+        )
         self.stage_times: dict[str, float] = {}
         self._bodies = RigidBodies(self.world, self.physics, self.assets)
+        self._animations = Animations(self.world, self.assets)
         self._changes: list[WorldChanges] = []
         self._events: list[Event] = []
         self._is_stopped = False
@@ -103,10 +111,14 @@ class Simulation:
         changes = world.drain_changes()
         if changes:
             self._changes.append(changes)
-            self._tell_where_they_are(self._bodies.follow(changes))
+            self._tell_where_they_are([*self._animations.follow(changes), *self._bodies.follow(changes)])
             self._note_changes()
             self._report_problems()
         world.transforms.propagate()
+
+    def play_animations(self, world: World) -> None:
+        """Brings clips to the time of this tick's end, and what they move into the components."""
+        self._animations.advance(1.0 / self.settings.tick_rate)
 
     def simulate_physics(self, world: World) -> None:
         """Moves the bodies by one tick, and their poses and velocities into the components."""
@@ -148,6 +160,9 @@ class Simulation:
     def _report_problems(self) -> None:
         in_step = self.physics.take_problems()
         self._is_stopped |= bool(in_step) and self.physics.settings.on_problem == "pause"
+        for problem in self._animations.take_problems():
+            _log.error("%s", problem.text)
+            self._events.append(Event(kind="animation", entity=problem.entity, values={"text": problem.text}))
         for problem in (*self._bodies.take_problems(), *in_step):
             _log.error("%s", problem.text)
             values = {"text": problem.text, **({"cause": problem.cause} if problem.cause else {})}
@@ -169,6 +184,20 @@ class Simulation:
     def moving_bodies(self) -> MovingBodies:
         """Where all bodies that can move are."""
         return self._bodies.moving()
+
+    def animated(self) -> Animated:
+        """What clips move, as it is now."""
+        return self._animations.animated()
+
+    def state_hash(self) -> int:
+        """64 bits of where everything that moves by itself is: of the physics, and of what clips move if there is any."""
+        of_physics, animated = self.physics.state_hash(), self.animated()
+        if not (len(animated.local_entity) or len(animated.weight)):
+            return of_physics
+        digest = hashlib.blake2b(of_physics.to_bytes(8, "little"), digest_size=8)
+        for column in animated:
+            digest.update(column.tobytes())
+        return int.from_bytes(digest.digest(), "little")
 
     @property
     def events(self) -> WorldEvents:

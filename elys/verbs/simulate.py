@@ -137,7 +137,7 @@ def _report(node: SimulationNode, wall_time: float, record: Path | None, size: i
         realtime_factor=ticks / simulation.settings.tick_rate / wall_time if wall_time else 0.0,
         entity_count=simulation.world.entity_count,
         body_count=len(simulation.moving_bodies().entity),
-        state_hash=f"{simulation.physics.state_hash():016x}",
+        state_hash=f"{simulation.state_hash():016x}",
         tick_p50=times[len(times) // 2],
         tick_p99=times[len(times) * 99 // 100],
         recording=str(record) if record else "",

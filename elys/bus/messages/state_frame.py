@@ -11,18 +11,30 @@ It is sent each tick to whoever looks, newest wins, so it is laid out to be copi
     40      8      delta sequence    u64  the scene deltas that must have been applied before it
     48      8      state hash        u64
     56      4      body count        u32  N
-    60      4      flags             u32  bit 0: playing
+    60      4      flags             u32  bit 0: playing, bit 1: a tail follows the bodies
     64      24 N   position          f64 x 3  [m]      world
             16 N   rotation          f32 x 4  x y z w  world
             12 N   linear velocity   f32 x 3  [m/s]
             12 N   angular velocity  f32 x 3  [rad/s]
             4 N    entity            u32
+
+The tail is of what animations move, relative to each one's parent, and of the weights of morph targets:
+
+            4      local count       u32  M
+            4      weight count      u32  W
+            12 M   local position    f32 x 3  [m]
+            16 M   local rotation    f32 x 4  x y z w
+            12 M   local scale       f32 x 3
+            4 M    local entity      u32
+            4 W    weight            f32
+            4 W    weight entity     u32
+            4 W    weight target     u32  which of its mesh' morph targets
 """
 
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
@@ -38,18 +50,50 @@ COLUMNS: Final[tuple[tuple[str, str, int], ...]] = (
     ("angular_velocity", "<f4", 3),
     ("entity", "<u4", 1),
 )
+TAIL_HEADER: Final = struct.Struct("<II")
+LOCAL_COLUMNS: Final[tuple[tuple[str, str, int], ...]] = (
+    ("local_position", "<f4", 3),
+    ("local_rotation", "<f4", 4),
+    ("local_scale", "<f4", 3),
+    ("local_entity", "<u4", 1),
+)
+WEIGHT_COLUMNS: Final[tuple[tuple[str, str, int], ...]] = (
+    ("weight", "<f4", 1),
+    ("weight_entity", "<u4", 1),
+    ("weight_target", "<u4", 1),
+)
 BODY_SIZE: Final = sum(np.dtype(dtype).itemsize * width for _, dtype, width in COLUMNS)
+_LOCAL_SIZE: Final = sum(np.dtype(dtype).itemsize * width for _, dtype, width in LOCAL_COLUMNS)
+_WEIGHT_SIZE: Final = sum(np.dtype(dtype).itemsize * width for _, dtype, width in WEIGHT_COLUMNS)
 MAX_BODIES: Final = 1 << 22
 PLAYING: Final = 1
+HAS_TAIL: Final = 2
+
+
+def _no_rows(dtype: str, *width: int) -> NDArray[Any]:
+    rows = np.zeros((0, *width), dtype)
+    rows.setflags(write=False)
+    return rows
+
+
+_NO_VECTORS: Final = _no_rows("f4", 3)
+_NO_ROTATIONS: Final = _no_rows("f4", 4)
+_NO_NUMBERS: Final = _no_rows("f4")
+_NO_IDS: Final = _no_rows("u4")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StateFrame:
-    """Poses and velocities of N bodies at one tick. Arrays are read-only views of the message where it was decoded.
+    """Poses and velocities of N bodies, and what M entities and W weights are animated to, at one tick.
+
+    Arrays are read-only views of the message where it was decoded.
 
     Attributes:
         position: [N, 3] f64 m, world. rotation: [N, 4] f32 x y z w. linear_velocity: [N, 3] f32 m/s.
         angular_velocity: [N, 3] f32 rad/s. entity: [N] u32.
+        local_position: [M, 3] f32 m, relative to the parent. local_rotation: [M, 4] f32 x y z w. local_scale: [M, 3] f32.
+        local_entity: [M] u32.
+        weight: [W] f32 of a morph target. weight_entity: [W] u32. weight_target: [W] u32, its number.
     """
 
     epoch: int
@@ -64,6 +108,13 @@ class StateFrame:
     linear_velocity: NDArray[np.float32]
     angular_velocity: NDArray[np.float32]
     entity: NDArray[np.uint32]
+    local_position: NDArray[np.float32] = field(default_factory=lambda: _NO_VECTORS)
+    local_rotation: NDArray[np.float32] = field(default_factory=lambda: _NO_ROTATIONS)
+    local_scale: NDArray[np.float32] = field(default_factory=lambda: _NO_VECTORS)
+    local_entity: NDArray[np.uint32] = field(default_factory=lambda: _NO_IDS)
+    weight: NDArray[np.float32] = field(default_factory=lambda: _NO_NUMBERS)
+    weight_entity: NDArray[np.uint32] = field(default_factory=lambda: _NO_IDS)
+    weight_target: NDArray[np.uint32] = field(default_factory=lambda: _NO_IDS)
 
     @property
     def body_count(self) -> int:
@@ -72,7 +123,9 @@ class StateFrame:
 
 
 def pack_frame(frame: StateFrame) -> bytes:
-    """Header and columns, without the protocol prefix."""
+    """Header, columns and, where anything is animated, the tail, without the protocol prefix."""
+    local_count, weight_count = len(frame.local_entity), len(frame.weight_entity)
+    has_tail = local_count + weight_count > 0
     header = HEADER.pack(
         frame.epoch,
         frame.tick,
@@ -81,32 +134,62 @@ def pack_frame(frame: StateFrame) -> bytes:
         frame.delta_sequence,
         frame.state_hash,
         frame.body_count,
-        PLAYING if frame.playing else 0,
+        (PLAYING if frame.playing else 0) | (HAS_TAIL if has_tail else 0),
     )
-    columns = [np.ascontiguousarray(getattr(frame, name), dtype).tobytes() for name, dtype, _ in COLUMNS]
-    return b"".join((header, *columns))
+    parts = [header, *_packed(frame, COLUMNS)]
+    if has_tail:
+        parts += [TAIL_HEADER.pack(local_count, weight_count)]
+        parts += [*_packed(frame, LOCAL_COLUMNS), *_packed(frame, WEIGHT_COLUMNS)]
+    return b"".join(parts)
+
+
+def _packed(frame: StateFrame, columns: tuple[tuple[str, str, int], ...]) -> list[bytes]:
+    return [np.ascontiguousarray(getattr(frame, name), dtype).tobytes() for name, dtype, _ in columns]
+
+
+def is_whole(payload: bytes | memoryview, *, offset: int = 0) -> bool:
+    """Whether the frame in `payload` from `offset` on has as many bytes as it says."""
+    if len(payload) - offset < HEADER.size:
+        return False
+    count: int
+    flags: int
+    *_, count, flags = HEADER.unpack_from(payload, offset)
+    end = offset + HEADER.size + count * BODY_SIZE
+    if count > MAX_BODIES or len(payload) < end:
+        return False
+    if not flags & HAS_TAIL:
+        return len(payload) == end
+    if len(payload) < end + TAIL_HEADER.size:
+        return False
+    local_count: int
+    weight_count: int
+    local_count, weight_count = TAIL_HEADER.unpack_from(payload, end)
+    return len(payload) == end + TAIL_HEADER.size + local_count * _LOCAL_SIZE + weight_count * _WEIGHT_SIZE
 
 
 def unpack_frame(payload: bytes, *, offset: int = 0) -> StateFrame:
     """The frame in `payload` from `offset` on, its arrays views into it.
 
     Raises:
-        MessageError: too short, a length that does not fit its body count, or numbers that no sender can mean.
+        MessageError: too short, a length that does not fit its counts, or numbers that no sender can mean.
     """
     if len(payload) - offset < HEADER.size:
         raise MessageError(f"a state frame has at least {HEADER.size} bytes, this one {len(payload) - offset}")
     epoch, tick, time, published_at, sequence, state_hash, count, flags = HEADER.unpack_from(payload, offset)
-    expected = HEADER.size + count * BODY_SIZE
-    if count > MAX_BODIES or len(payload) - offset != expected:
-        raise MessageError(f"a state frame of {count} bodies has {expected} bytes, this one {len(payload) - offset}")
+    if not is_whole(payload, offset=offset):
+        expected = HEADER.size + count * BODY_SIZE
+        animated = " and more of what is animated" if flags & HAS_TAIL else ""
+        raise MessageError(
+            f"a state frame of {count} bodies has {expected} bytes{animated}, this one {len(payload) - offset}"
+        )
     if not np.isfinite(time):
         raise MessageError(f"a state frame says its simulation time is {time}")
     arrays: dict[str, NDArray[Any]] = {}
-    place = offset + HEADER.size
-    for name, dtype, width in COLUMNS:
-        column = np.frombuffer(payload, dtype, count * width, place)
-        arrays[name] = column.reshape(count, width) if width > 1 else column
-        place += column.nbytes
+    place = _unpack_columns(payload, offset + HEADER.size, COLUMNS, count, arrays)
+    if flags & HAS_TAIL:
+        local_count, weight_count = TAIL_HEADER.unpack_from(payload, place)
+        place = _unpack_columns(payload, place + TAIL_HEADER.size, LOCAL_COLUMNS, local_count, arrays)
+        _unpack_columns(payload, place, WEIGHT_COLUMNS, weight_count, arrays)
     return StateFrame(
         epoch=epoch,
         tick=tick,
@@ -117,3 +200,14 @@ def unpack_frame(payload: bytes, *, offset: int = 0) -> StateFrame:
         playing=bool(flags & PLAYING),
         **arrays,
     )
+
+
+def _unpack_columns(
+    payload: bytes, place: int, columns: tuple[tuple[str, str, int], ...], count: int, arrays: dict[str, NDArray[Any]]
+) -> int:
+    """Adds columns that begin at byte `place`, and returns where they end."""
+    for name, dtype, width in columns:
+        column = np.frombuffer(payload, dtype, count * width, place)
+        arrays[name] = column.reshape(count, width) if width > 1 else column
+        place += column.nbytes
+    return place

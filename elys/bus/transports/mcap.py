@@ -27,7 +27,7 @@ from mcap.writer import CompressionType, Writer
 import elys
 from elys.bus import topics
 from elys.bus.messages.scene import Snapshot
-from elys.bus.messages.state_frame import COLUMNS, HEADER
+from elys.bus.messages.state_frame import COLUMNS, HEADER, LOCAL_COLUMNS, TAIL_HEADER, WEIGHT_COLUMNS
 from elys.bus.topics import PROTOCOL_VERSION, Encoding
 from elys.bus.transports.mcap_index import (
     SCENE_INDEX_NAME,
@@ -220,7 +220,19 @@ def _state_layout() -> bytes:
             "description": "little-endian: the header, then one column after the other, a row per body",
             "header": {"format": HEADER.format, "names": header, "bytes": HEADER.size},
             "columns": [{"name": name, "dtype": dtype, "width": width} for name, dtype, width in COLUMNS],
-            "flags": {"1": "playing"},
+            "flags": {"1": "playing", "2": "a tail follows"},
+            "tail": {
+                "header": {
+                    "format": TAIL_HEADER.format,
+                    "names": ["local_count", "weight_count"],
+                    "bytes": TAIL_HEADER.size,
+                },
+                "columns": [
+                    {"name": name, "dtype": dtype, "width": width, "rows": rows}
+                    for rows, columns in (("local_count", LOCAL_COLUMNS), ("weight_count", WEIGHT_COLUMNS))
+                    for name, dtype, width in columns
+                ],
+            },
             "units": {
                 "simulation_time": "s",
                 "published_at": "ns",

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elys.bus import topics
-from elys.bus.messages.state_frame import BODY_SIZE, HEADER
+from elys.bus.messages.state_frame import HEADER, is_whole
 
 SNAPSHOT_CHANNEL: Final = topics.SNAPSHOT.name
 STATE_CHANNEL: Final = topics.STATE.name
@@ -67,7 +67,7 @@ class IndexBuilder:
         if len(body) < HEADER.size:
             return
         epoch, tick, time, _, sequence, _, count, _ = HEADER.unpack_from(body)
-        if len(body) == HEADER.size + count * BODY_SIZE and math.isfinite(time):
+        if is_whole(body) and math.isfinite(time):
             self._frames.append((epoch, tick, time, sequence, count, chunk, message))
 
     def frames(self) -> NDArray[np.void]:

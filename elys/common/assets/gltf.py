@@ -2,6 +2,7 @@
 
     file -> Document (gltf_schema) -> arrays (gltf_accessors) -> meshes (gltf_meshes) ┐
                                    -> materials (gltf_materials) ─────────────────────┴> records (gltf_nodes)
+                                                              records -> skins (gltf_skins), clips (gltf_animations)
 
 docs/gltf.md says what is read, how it maps to components, and what is left out with a warning.
 """
@@ -10,16 +11,18 @@ from __future__ import annotations
 
 import logging
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
 import msgspec
 
 from elys.common.assets.gltf_accessors import Buffers, pick, read_uri, uri_path
+from elys.common.assets.gltf_animations import import_animations
 from elys.common.assets.gltf_meshes import read_primitive
 from elys.common.assets.gltf_nodes import ModelImport, import_nodes
 from elys.common.assets.gltf_schema import Document, Image, parse_gltf
+from elys.common.assets.gltf_skins import import_skins
 from elys.common.assets.images import image_format, placeholder_image, read_asset_file
 from elys.common.assets.mesh import encode_mesh
 from elys.common.assets.store import AssetStore
@@ -66,11 +69,17 @@ MAX_MESH_BYTES: Final = 1 << 31  # of all meshes of a model: accessors are named
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportedModel:
-    """What came out of a model: records with one root (first), and references by place: mesh and primitive, image index."""
+    """What came out of a model: records with one root (first), and references by place: mesh and primitive, image or skin
+    index.
+
+    `clips` refers to all clips together, empty if there are none.
+    """
 
     records: list[EntityRecord]
     meshes: dict[tuple[int, int], str]
     images: dict[int, str]
+    clips: str = ""
+    skins: dict[int, str] = field(default_factory=dict)
 
 
 def import_gltf(path: str | Path, assets: AssetStore) -> list[EntityRecord]:
@@ -97,11 +106,13 @@ def import_model(path: str | Path, assets: AssetStore) -> ImportedModel:
             _import_meshes(job)
             images.result()
         import_nodes(job)
+        skins = import_skins(job)
+        clips = import_animations(job)
     except AssetError as error:
         raise AssetError(f"{path}: {error}") from error
     except (OverflowError, MemoryError) as error:
         raise AssetError(f"{path}: the model asks for impossible amounts of data") from error
-    return ImportedModel(records=job.records, meshes=job.meshes, images=job.images)
+    return ImportedModel(records=job.records, meshes=job.meshes, images=job.images, clips=clips, skins=skins)
 
 
 def _check_extensions(document: Document, path: Path) -> None:
@@ -112,8 +123,6 @@ def _check_extensions(document: Document, path: Path) -> None:
     left_out = [name for name in document.extensions_used if name not in _UNDERSTOOD_EXTENSIONS]
     if left_out:
         logger.warning("%s uses %s, which is left out", path.name, ", ".join(left_out))
-    if document.animations:
-        logger.warning("%s has animations, which are left out", path.name)
 
 
 def _import_images(job: ModelImport) -> None:

@@ -11,8 +11,11 @@ from numpy.typing import NDArray
 from elys.common.assets.gltf_accessors import Buffers
 from elys.common.assets.gltf_compression import unpack_draco
 from elys.common.assets.gltf_schema import DracoMesh, Primitive
-from elys.common.assets.mesh import FloatArray, IndexArray, Mesh
+from elys.common.assets.mesh import MAX_TARGET_VERTICES, FloatArray, IndexArray, Mesh
+from elys.common.assets.morph_weights import MAX_TARGETS
 from elys.common.errors import AssetError
+
+Offsets = tuple[FloatArray, FloatArray]  # of T morph targets: positions and normals (T, V, 3)
 
 logger = logging.getLogger(__name__)
 
@@ -25,6 +28,8 @@ _WIDTHS: Final = {
     "TEXCOORD_1": (2,),
     "TANGENT": (4,),
     "COLOR_0": (3, 4),
+    "JOINTS_0": (4,),
+    "WEIGHTS_0": (4,),
 }
 # A byte of indices can name a vertex of a hundred: where each triangle gets its own, the sum is bounded.
 MAX_CORNERS: Final = 1 << 24
@@ -46,15 +51,15 @@ def read_primitive(buffers: Buffers, primitive: Primitive, where: str) -> Mesh |
     if len(indices) > 3 * MAX_CORNERS:
         raise AssetError(f"{where} has {len(indices)} indices; there may be {3 * MAX_CORNERS}, so split it")
     indices = _triangles(indices, primitive.mode)
-    if primitive.targets:
-        logger.warning("%s has morph targets, which stay at rest", where)
+    targets = _read_targets(buffers, primitive, len(attributes["POSITION"]), where)
     if "NORMAL" not in attributes:
         if len(indices) > MAX_CORNERS:
             raise AssetError(f"{where} has no normals and {len(indices)} corners; export it with normals")
-        attributes, indices = _with_flat_normals(attributes, indices)
+        attributes, targets, indices = _with_flat_normals(attributes, targets, indices)
     colors = attributes.get("COLOR_0")
     if colors is not None and colors.shape[1] == 3:
         colors = np.concatenate((colors, np.ones((len(colors), 1), dtype=np.float32)), axis=1)
+    joints, weights = _bending(attributes, primitive, where)
     return Mesh(
         positions=attributes["POSITION"],
         normals=_unit(attributes["NORMAL"]),
@@ -63,6 +68,10 @@ def read_primitive(buffers: Buffers, primitive: Primitive, where: str) -> Mesh |
         tangents=attributes.get("TANGENT"),
         colors=colors,
         second_uvs=attributes.get("TEXCOORD_1"),
+        joints=joints,
+        weights=weights,
+        target_positions=targets[0] if targets is not None else None,
+        target_normals=targets[1] if targets is not None else None,
     )
 
 
@@ -135,15 +144,63 @@ def _triangles(indices: IndexArray, mode: int) -> IndexArray:
     return indices[corners.ravel()]
 
 
+def _read_targets(buffers: Buffers, primitive: Primitive, vertex_count: int, where: str) -> Offsets | None:
+    """Offsets of positions and normals; None without morph targets."""
+    count = len(primitive.targets)
+    if not count:
+        return None
+    if count > MAX_TARGETS or count * vertex_count > MAX_TARGET_VERTICES:
+        raise AssetError(f"{where} has {count} morph targets of {vertex_count} vertices, which are too many")
+    offsets = np.zeros((2, count, vertex_count, 3), np.float32)
+    for number, target in enumerate(primitive.targets):
+        for column, name in enumerate(("POSITION", "NORMAL")):
+            if name in target:
+                place = f"{where}.targets[{number}].{name}"
+                values = buffers.floats(target[name], place)
+                if values.shape != (vertex_count, 3):
+                    raise AssetError(f"{place} must be {vertex_count} vectors of 3 numbers, as many as POSITION has")
+                offsets[column, number] = values
+    return offsets[0], offsets[1]
+
+
+def _bending(
+    attributes: dict[str, FloatArray], primitive: Primitive, where: str
+) -> tuple[FloatArray | None, FloatArray | None]:
+    """Joints and weights of each vertex, the weights adding up to 1."""
+    joints, weights = attributes.get("JOINTS_0"), attributes.get("WEIGHTS_0")
+    if joints is None or weights is None:
+        return None, None
+    if "JOINTS_1" in primitive.attributes:
+        logger.warning("%s is bent by more than four joints a vertex; the first four are kept", where)
+    if (joints < 0).any() or (joints != np.floor(joints)).any():
+        raise AssetError(f"{where}.attributes.JOINTS_0 must be unsigned whole numbers")
+    weights = np.maximum(weights, 0.0)
+    total = weights.sum(axis=1, keepdims=True)
+    first = np.array((1.0, 0.0, 0.0, 0.0), np.float32)
+    return joints, np.where(total > 0.0, weights / np.where(total > 0.0, total, 1.0), first).astype(np.float32)
+
+
 def _with_flat_normals(
-    attributes: dict[str, FloatArray], indices: IndexArray
-) -> tuple[dict[str, FloatArray], IndexArray]:
+    attributes: dict[str, FloatArray], targets: Offsets | None, indices: IndexArray
+) -> tuple[dict[str, FloatArray], Offsets | None, IndexArray]:
     """Every triangle gets vertices of its own and its face's normal: glTF 2.0, 3.7.2.1, asks for it where normals are missing."""
     unshared = {name: values[indices] for name, values in attributes.items() if name != "TANGENT"}
-    corners = unshared["POSITION"].astype(np.float64).reshape(-1, 3, 3)
+    unshared["NORMAL"] = _face_normals(unshared["POSITION"])
+    if targets is not None:
+        if len(targets[0]) * len(indices) > MAX_TARGET_VERTICES:
+            raise AssetError("a mesh without normals has too many morph targets; export it with normals")
+        moved = targets[0][:, indices]
+        # Exact where one target is wholly there, and between near enough.
+        turned = [_face_normals(unshared["POSITION"] + offset) - unshared["NORMAL"] for offset in moved]
+        targets = moved, np.array(turned, np.float32)
+    return unshared, targets, np.arange(len(indices), dtype=np.uint32)
+
+
+def _face_normals(positions: FloatArray) -> FloatArray:
+    """For each of three corners a triangle (N, 3) the normal of its face."""
+    corners = positions.astype(np.float64).reshape(-1, 3, 3)
     faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    unshared["NORMAL"] = np.repeat(_unit(faces), 3, axis=0).astype(np.float32)
-    return unshared, np.arange(len(indices), dtype=np.uint32)
+    return np.repeat(_unit(faces), 3, axis=0).astype(np.float32)
 
 
 def _unit(vectors: NDArray[np.floating]) -> FloatArray:

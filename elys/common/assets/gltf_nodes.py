@@ -12,6 +12,7 @@ import numpy as np
 from elys.common.assets.gltf_accessors import Buffers, pick
 from elys.common.assets.gltf_materials import material_values
 from elys.common.assets.gltf_schema import Camera, Document, Instancing, Light, Node
+from elys.common.assets.morph_weights import MAX_TARGETS, format_weights
 from elys.common.assets.store import AssetStore
 from elys.common.components import component_from, values_of
 from elys.common.errors import AssetError, ComponentError
@@ -39,6 +40,9 @@ class ModelImport:
     materials: dict[int | None, dict[str, Any]] = field(default_factory=dict)
     drawings: dict[tuple[int, int], ComponentValues] = field(default_factory=dict)
     records: list[EntityRecord] = field(default_factory=list)
+    rows: dict[int, int] = field(default_factory=dict)  # of the records, by node
+    nodes: dict[int, int] = field(default_factory=dict)  # the other way round
+    drawn: dict[int, list[int]] = field(default_factory=dict)  # the records that draw the mesh of each node
 
 
 def import_nodes(job: ModelImport) -> None:
@@ -56,9 +60,19 @@ def import_nodes(job: ModelImport) -> None:
             raise AssetError(f"nodes[{index}] has two parents or is its own ancestor")
         reached.add(index)
         name = _unique(node.name or f"Node {index}", names.setdefault(parent, {}))
-        row = len(job.records)
+        row = job.rows[index] = len(job.records)
+        job.nodes[row] = index
         _append_node(job, node, name, parent, f"nodes[{index}]", names.setdefault(row, {}))
         waiting.extend((child, row) for child in reversed(node.children))
+
+
+def path_below_root(job: ModelImport, row: int) -> tuple[str, ...]:
+    """Names from below the model's root down to a record."""
+    names: list[str] = []
+    while row > 0:
+        names.append(job.records[row].name)
+        row = job.records[row].parent
+    return tuple(reversed(names))
 
 
 def _root_nodes(document: Document) -> list[int]:
@@ -92,8 +106,6 @@ def _append_node(job: ModelImport, node: Node, name: str, parent: int, place: st
     if more.lights_punctual is not None:
         lights = document.extensions.lights_punctual
         components["Light"] = _light(pick(lights.lights if lights else [], more.lights_punctual.light, place, "light"))
-    if node.skin is not None:
-        logger.warning("%s of %s has a skin, which stays in its rest pose", place, job.path.name)
     row = len(job.records)
     drawings = _drawings(job, node, place)
     values = _checked(components, place)
@@ -109,6 +121,11 @@ def _append_node(job: ModelImport, node: Node, name: str, parent: int, place: st
             _append_drawings(job, drawings, name, len(job.records) - 1, {})
     else:
         _append_drawings(job, drawings, name, row, child_names)
+    if drawings:
+        first = row if len(drawings) == 1 else row + 1
+        job.drawn[job.nodes[row]] = [
+            r for r in range(first, len(job.records)) if "MeshRenderer" in job.records[r].components
+        ]
 
 
 def _append(job: ModelImport, record: EntityRecord) -> None:
@@ -137,8 +154,15 @@ def _drawings(job: ModelImport, node: Node, place: str) -> list[ComponentValues]
     if node.mesh is None:
         return []
     pick(job.document.meshes, node.mesh, place, "mesh")
-    count = len(job.document.meshes[node.mesh].primitives)
-    return [_drawing(job, node.mesh, index, place) for index in range(count) if (node.mesh, index) in job.meshes]
+    mesh = job.document.meshes[node.mesh]
+    found = [number for number in range(len(mesh.primitives)) if (node.mesh, number) in job.meshes]
+    weights = format_weights((node.weights or mesh.weights)[:MAX_TARGETS])
+    morph: ComponentValues = {"Morph": {"weights": weights} if weights else {}}
+    drawings = [_drawing(job, node.mesh, number, place) for number in found]
+    return [
+        {**drawing, **morph} if mesh.primitives[number].targets else drawing
+        for number, drawing in zip(found, drawings, strict=True)
+    ]
 
 
 def _instances(job: ModelImport, instancing: Instancing, place: str) -> list[dict[str, Any]]:

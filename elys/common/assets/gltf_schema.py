@@ -6,7 +6,7 @@ https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html
 from __future__ import annotations
 
 import struct
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Final, Literal
 
 import msgspec
 from msgspec import Meta
@@ -114,6 +114,7 @@ class Primitive(_Part, frozen=True):
 
 class Mesh(_Part, frozen=True):
     primitives: list[Primitive]
+    weights: list[Coordinate] = []
     name: str = ""
 
 
@@ -295,11 +296,39 @@ class Node(_Part, frozen=True):
     mesh: Index | None = None
     camera: Index | None = None
     skin: Index | None = None
+    weights: list[Coordinate] = []
     matrix: Annotated[list[Float], Meta(min_length=16, max_length=16)] | None = None
     translation: Vec3 = (0.0, 0.0, 0.0)
     rotation: Vec4 = (0.0, 0.0, 0.0, 1.0)
     scale: Vec3 = (1.0, 1.0, 1.0)
     extensions: NodeExtensions = NodeExtensions()
+
+
+class Skin(_Part, frozen=True):
+    joints: Annotated[list[Index], Meta(min_length=1, max_length=1 << 16)]
+    inverse_bind_matrices: Index | None = None
+
+
+class ChannelTarget(_Part, frozen=True):
+    path: str
+    node: Index | None = None
+
+
+class AnimationChannel(_Part, frozen=True):
+    sampler: Index
+    target: ChannelTarget
+
+
+class AnimationSampler(_Part, frozen=True):
+    input: Index
+    output: Index
+    interpolation: Literal["STEP", "LINEAR", "CUBICSPLINE"] = "LINEAR"
+
+
+class Animation(_Part, frozen=True):
+    channels: list[AnimationChannel]
+    samplers: list[AnimationSampler]
+    name: str = ""
 
 
 class Scene(_Part, frozen=True):
@@ -325,7 +354,8 @@ class Document(_Part, frozen=True):
     samplers: list[Sampler] = []
     images: list[Image] = []
     cameras: list[Camera] = []
-    animations: list[Any] = []
+    animations: list[Animation] = []
+    skins: list[Skin] = []
     extensions: RootExtensions = RootExtensions()
 
 

@@ -3,7 +3,8 @@
     bytes     0  magic "ELYM", u16 version, u16 zero
               8  u32 length of the header, a JSON object with the counts and the attributes that follow
              12  header, padded with spaces to a multiple of 4 bytes
-                 attributes as float32, one after the other in the order below, then the indices as uint32
+                 attributes as float32, one after the other in the order below, where there are morph targets their offsets of
+                 positions, then of normals, then the indices as uint32
 
 All little-endian.
 """
@@ -29,15 +30,27 @@ _MAGIC: Final = b"ELYM"
 _VERSION: Final = 1
 _MAX_HEADER: Final = 4096
 # Name and floats a vertex; the first two are always there.
-_ATTRIBUTES: Final = {"positions": 3, "normals": 3, "uvs": 2, "tangents": 4, "colors": 4, "second_uvs": 2}
+_ATTRIBUTES: Final = {
+    "positions": 3,
+    "normals": 3,
+    "uvs": 2,
+    "tangents": 4,
+    "colors": 4,
+    "second_uvs": 2,
+    "joints": 4,
+    "weights": 4,
+}
+MAX_TARGET_VERTICES: Final = 1 << 26  # targets times vertices
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Mesh:
     """Triangles, counter-clockwise seen from outside, in metres.
 
-    V vertices, I indices (three a triangle). Tangents hold a sign in w: bitangent = w * cross(normal, tangent).
+    V vertices, I indices (three a triangle), T morph targets. Tangents hold a sign in w: bitangent = w * cross(normal, tangent).
     Colours are linear with opacity. uv (0, 0) is the image's upper left corner, as in glTF.
+    A vertex is bent by four joints of a skin (whole numbers, held as floats) whose weights add up to 1. A morph target's offsets
+    are added by its weight, before joints bend.
     """
 
     positions: FloatArray  # (V, 3)
@@ -47,6 +60,15 @@ class Mesh:
     tangents: FloatArray | None = None  # (V, 4)
     colors: FloatArray | None = None  # (V, 4)
     second_uvs: FloatArray | None = None  # (V, 2)
+    joints: FloatArray | None = None  # (V, 4)
+    weights: FloatArray | None = None  # (V, 4)
+    target_positions: FloatArray | None = None  # (T, V, 3)
+    target_normals: FloatArray | None = None  # (T, V, 3)
+
+    @property
+    def target_count(self) -> int:
+        """T."""
+        return 0 if self.target_positions is None else len(self.target_positions)
 
     @property
     def vertex_count(self) -> int:
@@ -64,19 +86,23 @@ class Mesh:
         return bounds_of_points(self.positions)
 
 
-class _Header(msgspec.Struct, forbid_unknown_fields=True):
+class _Header(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
     vertex_count: int
     index_count: int
     attributes: list[str]
+    target_count: int = 0
 
 
 def encode_mesh(mesh: Mesh) -> bytes:
     """The bytes of a mesh: the same arrays always give the same bytes."""
     arrays = {name: getattr(mesh, name) for name in _ATTRIBUTES if getattr(mesh, name) is not None}
-    header = msgspec.json.encode(_Header(mesh.vertex_count, len(mesh.indices), list(arrays)))
+    header = msgspec.json.encode(_Header(mesh.vertex_count, len(mesh.indices), list(arrays), mesh.target_count))
     header += b" " * (-len(header) % 4)
     parts = [_PROLOGUE.pack(_MAGIC, _VERSION, 0, len(header)), header]
     parts += [np.ascontiguousarray(array, dtype="<f4").tobytes() for array in arrays.values()]
+    if mesh.target_count:
+        offsets = (mesh.target_positions, mesh.target_normals)
+        parts += [np.ascontiguousarray(array, dtype="<f4").tobytes() for array in offsets]
     parts.append(np.ascontiguousarray(mesh.indices, dtype="<u4").tobytes())
     return b"".join(parts)
 
@@ -91,6 +117,12 @@ def decode_mesh(data: bytes) -> Mesh:
         if not np.isfinite(array).all():
             raise AssetError(f"a mesh has {name} that are not finite numbers")
         arrays[name] = array.reshape(-1, width)
+        offset += array.nbytes
+    for name in ("target_positions", "target_normals") if header.target_count else ():
+        array = np.frombuffer(data, dtype="<f4", count=3 * header.target_count * header.vertex_count, offset=offset)
+        if not np.isfinite(array).all():
+            raise AssetError(f"a mesh has {name} that are not finite numbers")
+        arrays[name] = array.reshape(header.target_count, -1, 3)
         offset += array.nbytes
     indices = np.frombuffer(data, dtype="<u4", count=header.index_count, offset=offset)
     if len(indices) and int(indices.max()) >= header.vertex_count:
@@ -120,7 +152,11 @@ def _decode_header(data: bytes) -> tuple[_Header, int]:
         )
     if header.vertex_count < 0 or header.index_count < 0 or header.index_count % 3:
         raise AssetError(f"a mesh of {header.vertex_count} vertices and {header.index_count} indices")
-    width = sum(_ATTRIBUTES[name] for name in in_order)
+    if not 0 <= header.target_count * header.vertex_count <= MAX_TARGET_VERTICES:
+        raise AssetError(f"a mesh of {header.target_count} morph targets of {header.vertex_count} vertices")
+    if ("joints" in in_order) != ("weights" in in_order):
+        raise AssetError("a mesh with joints or weights alone")
+    width = 6 * header.target_count + sum(_ATTRIBUTES[name] for name in in_order)
     expected = offset + 4 * (header.vertex_count * width + header.index_count)
     if expected != len(data):
         raise AssetError(f"a mesh has {len(data)} bytes where its header says {expected}")

@@ -1,6 +1,7 @@
 """Components: declared once, known everywhere."""
 
 from elys.common.components.builtin import (
+    Animation,
     Camera,
     Collider,
     Environment,
@@ -8,8 +9,10 @@ from elys.common.components.builtin import (
     Light,
     Material,
     MeshRenderer,
+    Morph,
     RigidBody,
     Script,
+    Skin,
     Transform,
 )
 from elys.common.components.declaration import (
@@ -28,6 +31,7 @@ from elys.common.components.declaration import (
 from elys.common.components.values import check_value, component_from, values_of
 
 __all__ = [
+    "Animation",
     "Camera",
     "Collider",
     "Component",
@@ -39,9 +43,11 @@ __all__ = [
     "Light",
     "Material",
     "MeshRenderer",
+    "Morph",
     "Quat",
     "RigidBody",
     "Script",
+    "Skin",
     "Transform",
     "Vec3",
     "about",

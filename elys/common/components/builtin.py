@@ -255,6 +255,37 @@ class Material(Component, frozen=True):
 
 
 @component
+class Skin(Component, frozen=True):
+    """Lets the mesh be bent by other entities, its joints; where the entity itself stands does not matter then."""
+
+    skin: Annotated[
+        str, about("Which joints, and where they were when bound, as model.glb#skin/0.", kind=Kind.ASSET)
+    ] = ""
+    root: Annotated[int, about("The entity below which the joints are, by name.", kind=Kind.ENTITY)] = 0
+
+
+@component
+class Morph(Component, frozen=True):
+    """How far the mesh is drawn towards each of its morph targets."""
+
+    weights: Annotated[str, about("A number for each target, as 0.5 0 1; those not named are 0.")] = ""
+
+
+@component
+class Animation(Component, frozen=True):
+    """Plays a clip on the entities below it: what the clip names moves as the clip says, at the time of the simulation."""
+
+    clips: Annotated[str, about("The clips there are, as model.glb#clips.", kind=Kind.ASSET)] = ""
+    clip: Annotated[str, about("Name of the clip that is played; empty for the first.")] = ""
+    playing: Annotated[bool, about("Whether time goes on.")] = True
+    time: Annotated[float, about("Where it is in the clip.", unit="s", minimum=0.0, step=0.05, dtype="f8")] = 0.0
+    speed: Annotated[float, about("How fast; below 0 backwards.", minimum=-1000.0, maximum=1000.0, step=0.05)] = 1.0
+    loop: Annotated[
+        Literal["repeat", "ping_pong", "once"], about("Starts again, goes to and fro, or stays at the end.")
+    ] = "repeat"
+
+
+@component
 class Light(Component, frozen=True):
     """A lamp, as in KHR_lights_punctual."""
 

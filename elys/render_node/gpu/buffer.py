@@ -19,13 +19,18 @@ VERTEX_ATTRIBUTES: Final[Mapping[str, tuple[int, int]]] = {
     "tangents": (3, 4),
     "colors": (4, 4),
     "second_uvs": (12, 2),
+    "joints": (13, 4),
+    "weights": (14, 4),
 }
-# One row an instance: three rows of relative_from_local, three of its material's numbers (see `instance.glsl`), and the entity,
-# whose bits travel as they are.
-INSTANCE_DTYPE: Final = np.dtype([("affine", "<f4", (3, 4)), ("surface", "<f4", (3, 4)), ("entity", "<u4")])
+# One row an instance: three rows of relative_from_local, three of its material's numbers (see `instance.glsl`), the entity, whose
+# bits travel as they are, and where what bends and morphs it stands among `RenderWorld.pose_texels`.
+INSTANCE_DTYPE: Final = np.dtype(
+    [("affine", "<f4", (3, 4)), ("surface", "<f4", (3, 4)), ("entity", "<u4"), ("pose", "<i4", (2,))]
+)
 _AFFINE_LOCATION: Final = 5
 _SURFACE_LOCATION: Final = 8
 _ENTITY_LOCATION: Final = 11
+_POSE_LOCATION: Final = 15
 
 
 class Buffer:
@@ -78,6 +83,7 @@ class VertexArray:
         self._kept = (program, dict(attributes), indices)  # what the card reads while this lives
         self._count = count
         self._shades, self._identifies = program.reads("base_color"), program.reads("entity")
+        self._deforms = program.reads("pose")
         mode = context.gl.TRIANGLE_STRIP if strip else context.gl.TRIANGLES
         self.raw = context.gl.vertex_array(program.raw, [], None if indices is None else indices.raw, mode=mode)
         self._finalizer = context.adopt(self, "vertex array", self.raw)
@@ -96,6 +102,8 @@ class VertexArray:
                 self.raw.bind(_SURFACE_LOCATION + row, "f", buffer.raw, "4f4", offset + 48 + 16 * row, stride, 1)
         if self._identifies:
             self.raw.bind(_ENTITY_LOCATION, "i", buffer.raw, "1u4", offset + 96, stride, 1)
+        if self._deforms:
+            self.raw.bind(_POSE_LOCATION, "i", buffer.raw, "2i4", offset + 100, stride, 1)
 
     def draw(self, instance_count: int = 1) -> None:
         """Draws the mesh so many times."""

@@ -35,6 +35,8 @@ TEXTURE_UNITS: Final[Mapping[str, int]] = {
     "clearcoat_texture": 13,
     "clearcoat_roughness_texture": 14,
     "clearcoat_normal_texture": 15,
+    "pose_texels": 16,
+    "morph_texels": 17,
     "picture": 0,
     "mask": 0,
 }

@@ -90,6 +90,10 @@ class Texture:
         """Lets its left and right edges meet, as a map of all directions does."""
         self.raw.repeat_x = True
 
+    def write(self, data: NDArray[Any]) -> None:
+        """Replaces all texels."""
+        self.raw.write(np.ascontiguousarray(data))
+
     def use(self, unit: int) -> None:
         """Shows it to the sampler of that unit."""
         self.raw.use(unit)

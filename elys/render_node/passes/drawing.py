@@ -24,6 +24,8 @@ def draw_calls(
         resources.context.set_culling(cull and not batch.look.is_double_sided, mirrored=batch.look.is_mirrored)
         array = geometry.vertex_array(program)
         array.use_instances(resources.instances, first)
+        if batch.look.is_morphed:
+            geometry.use_targets(program)
         array.draw(count)
 
 
@@ -33,7 +35,8 @@ def depth_program(resources: Resources, plan: PicturePlan, look: Look, *defines:
         textures = resources.bind_textures(plan.world, look)
         if "BASE_COLOR_TEXTURE" in textures:
             holes = tuple(define for define in textures if define.startswith(("BASE_COLOR_", SECOND_UVS)))
-            program = resources.program("depth.vert", "depth.frag", (*defines, "MASKED", *holes))
+            names = (*defines, *look.deformation, "MASKED", *holes)
+            program = resources.program("depth.vert", "depth.frag", names)
             resources.set_look(program, look, holes)
             return program
-    return resources.program("depth.vert", "depth.frag", defines)
+    return resources.program("depth.vert", "depth.frag", (*defines, *look.deformation))

@@ -1,5 +1,6 @@
 #version 330 core
 #include "instance.glsl"
+#include "deform.glsl"
 
 layout(location = 0) in vec3 position;
 #ifdef MASKED
@@ -21,7 +22,8 @@ out vec3 relative;
 uniform mat4 target_from_relative;
 
 void main() {
-    vec3 place = relative_from_local(position);
+    prepare_deformation();
+    vec3 place = relative_from_local(deformed(position));
 #ifdef MASKED
     vertex_uv = uv;
 #ifdef SECOND_UVS

@@ -1,6 +1,7 @@
 #version 330 core
 #include "frame.glsl"
 #include "instance.glsl"
+#include "deform.glsl"
 
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;
@@ -33,8 +34,9 @@ void main() {
     surface_base = base_color;
     surface_emissive = emissive;
     surface_reflection = reflection;
-    relative = relative_from_local(position);
-    vertex_normal = turned_normal(normal);
+    prepare_deformation();
+    relative = relative_from_local(deformed(position));
+    vertex_normal = turned_normal(deformed_normal(normal));
     vertex_uv = uv;
 #ifdef SECOND_UVS
     vertex_second_uv = second_uv;
@@ -44,7 +46,7 @@ void main() {
     vertex_irradiance = irradiance_from(outward);
 #endif
 #ifdef VERTEX_TANGENTS
-    vertex_tangent = vec4(turned(tangent.xyz), tangent.w);
+    vertex_tangent = vec4(turned(deformed_direction(tangent.xyz)), tangent.w);
 #endif
 #ifdef VERTEX_COLORS
     vertex_color = color;

@@ -27,21 +27,22 @@ def is_heard(session: Session, topic: Topic[Any]) -> bool:
 
 
 def state_frame(simulation: Simulation, *, epoch: int, delta_sequence: int, playing: bool) -> StateFrame:
-    """Where the moving bodies are now."""
-    bodies = simulation.moving_bodies()
+    """Where the moving bodies are now, and what animations make of others."""
+    bodies, animated = simulation.moving_bodies(), simulation.animated()
     return StateFrame(
         epoch=epoch,
         tick=simulation.tick,
         simulation_time=simulation.time,
         published_at=time.time_ns(),
         delta_sequence=delta_sequence,
-        state_hash=simulation.physics.state_hash(),
+        state_hash=simulation.state_hash(),
         playing=playing,
         position=bodies.position,
         rotation=bodies.rotation,
         linear_velocity=bodies.linear_velocity,
         angular_velocity=bodies.angular_velocity,
         entity=bodies.entity,
+        **animated._asdict(),
     )
 
 

@@ -22,7 +22,9 @@ import numpy as np
 from PIL import Image
 
 from elys.common.assets import AssetStore
-from elys.common.components import component_from
+from elys.common.assets.clip import Clip, decode_clips
+from elys.common.assets.clip_sampling import ClipSampler
+from elys.common.components import Skin, component_from
 from elys.common.errors import ElysError
 from elys.common.scene import open_scene
 from elys.render_node.camera import framing_camera
@@ -130,6 +132,54 @@ def rich_document() -> tuple[dict[str, Any], bytes]:
         "samplers": [{"wrapS": 33648, "wrapT": 33071, "magFilter": 9728, "minFilter": 9986}],
         "textures": [{"source": 0, "sampler": 0}, {"source": 1}],
         "images": pictures,
+        "accessors": build.accessors,
+        "bufferViews": build.views,
+        "buffers": [{"byteLength": len(build.data)}],
+    }
+    return document, build.data
+
+
+def moving_document() -> tuple[dict[str, Any], bytes]:
+    """A model with a skin, morph targets and all kinds of channels."""
+    build = Builder()
+    corners = np.float32(((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)))
+    target = {"POSITION": build.accessor(corners), "NORMAL": build.accessor(-corners)}
+    attributes = {
+        "POSITION": build.accessor(corners),
+        "NORMAL": build.accessor(np.tile(np.float32((0, 0, 1)), (4, 1))),
+        "JOINTS_0": build.accessor(np.tile(np.uint8((0, 1, 0, 0)), (4, 1))),
+        "WEIGHTS_0": build.accessor(np.tile(np.uint8((128, 127, 0, 0)), (4, 1)), normalized=True),
+    }
+    matrices = build.view(np.tile(np.eye(4, dtype=np.float32), (2, 1, 1)).tobytes())
+    build.accessors.append({"bufferView": matrices, "componentType": 5126, "count": 2, "type": "MAT4"})
+    skin = {"joints": [1, 2], "inverseBindMatrices": len(build.accessors) - 1}
+    times = build.accessor(np.float32((0, 0.5, 2)))
+    turns = np.float32(((0, 0, 0, 1), (0, 1, 0, 0), (1, 0, 0, 0)))
+    channels = (
+        ("translation", "STEP", 1, corners[:3]),
+        ("rotation", "LINEAR", 2, (turns * 32767).astype(np.int16)),
+        ("rotation", "CUBICSPLINE", 1, np.repeat(turns, 3, axis=0)),
+        ("scale", "CUBICSPLINE", 1, np.ones((9, 3), np.float32)),
+        ("weights", "LINEAR", 0, np.float32((0, 1, 0.5, 0.5, 1, 0))),
+    )
+    samplers = [
+        {"input": times, "output": build.accessor(values, normalized=values.dtype == np.int16), "interpolation": kind}
+        for _, kind, _, values in channels
+    ]
+    moved = [
+        {"sampler": number, "target": {"node": node, "path": path}}
+        for number, (path, _, node, _) in enumerate(channels)
+    ]
+    document = {
+        "asset": {"version": "2.0"},
+        "nodes": [
+            {"name": "Body", "mesh": 0, "skin": 0, "weights": [0.5, 0]},
+            {"name": "Hip", "children": [2]},
+            {"translation": [0, 1, 0]},
+        ],
+        "meshes": [{"primitives": [{"attributes": attributes, "targets": [target, target]}], "weights": [0, 1]}],
+        "skins": [skin],
+        "animations": [{"name": "Walk", "samplers": samplers, "channels": moved}],
         "accessors": build.accessors,
         "bufferViews": build.views,
         "buffers": [{"byteLength": len(build.data)}],
@@ -251,13 +301,26 @@ def mutated(seed: int, corpus: list[tuple[dict[str, Any], bytes]]) -> tuple[byte
     return bytes(file), ".glb" if binary else ".gltf"
 
 
+def clips_of(assets: AssetStore, animation: Any) -> tuple[Clip, ...]:
+    return decode_clips(assets.get(animation.clips))
+
+
 def show(path: Path, renderer: Renderer) -> None:
     assets = AssetStore()
     records = open_scene(path, assets).records
     world = RenderWorld(DrawableAssets(assets.get))
     try:
         components = [{name: component_from(name, fields) for name, fields in r.components.items()} for r in records]
-        world.set_scene(tables_of(range(1, len(records) + 1), [r.parent + 1 for r in records], components))
+        for record, built in zip(records, components, strict=True):
+            if "Skin.root" in record.references:
+                built["Skin"] = Skin(skin=built["Skin"].skin, root=record.references["Skin.root"] + 1)
+        parents, names = [r.parent + 1 for r in records], [r.name for r in records]
+        world.set_scene(tables_of(range(1, len(records) + 1), parents, components, names=names))
+        for clip in (
+            clip for built in components if "Animation" in built for clip in clips_of(assets, built["Animation"])
+        ):
+            samples = ClipSampler(clip).sample(np.array((-1.0, 0.0, 0.7, 1e9)))
+            assert all(np.isfinite(values).all() for values in samples)
         renderer.settle(world)
         world.place()
         light = renderer.draw(world, framing_camera(*world.bounds(), aspect=1.0), 32, 32)
@@ -269,7 +332,7 @@ def show(path: Path, renderer: Renderer) -> None:
 def main(first: int, count: int, memory: int, folder: Path) -> None:
     renderer = Renderer(offscreen_context(), quality=FAST)
     packed = map(packed_document, ("KHR_draco_mesh_compression", "EXT_meshopt_compression"))
-    corpus = [rich_document(), rich_document(), *(made for made in packed if made is not None)]
+    corpus = [rich_document(), rich_document(), moving_document(), *(made for made in packed if made is not None)]
     for number, (document, data) in enumerate(corpus):
         whole = folder / f"whole{number}.glb"
         whole.write_bytes(containers(json.dumps(document).encode(), data, True))

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
+from elys.bus.messages.state_frame import StateFrame
 from elys.common.components import Camera, Light, Material, MeshRenderer, Transform
 from elys.render_node.camera import View, framing_camera
 from elys.render_node.picture_plan import plan_picture
@@ -214,3 +217,68 @@ def test_what_rests_is_not_placed_again(stage, make_frame) -> None:
     assert versions[3] == versions[2]
     world.place(0.5)
     assert world.position[0][0] == pytest.approx(2.0)
+
+
+def animated(frame: StateFrame, locals_of: dict[int, tuple]) -> StateFrame:
+    """A frame in which entities have these local positions, rotations and scales."""
+    columns = [np.array(column, np.float32) for column in zip(*locals_of.values(), strict=True)]
+    return replace(
+        frame,
+        local_position=columns[0],
+        local_rotation=columns[1],
+        local_scale=columns[2],
+        local_entity=np.array(list(locals_of), np.uint32),
+    )
+
+
+def test_what_is_animated_is_placed_from_parent_to_child_on_bodies_too(stage, make_frame) -> None:
+    body = stage.add(Transform(position=(0.0, 5.0, 0.0)))
+    frame_of_arm = stage.add(Transform(position=(0.0, 1.0, 0.0), scale=(2.0, 2.0, 2.0)), parent=body)
+    arm = stage.add(Transform(position=(9.0, 9.0, 9.0)), parent=frame_of_arm)
+    hand = stage.add(Transform(position=(1.0, 0.0, 0.0)), MeshRenderer(), parent=arm)
+    still = stage.add(Transform(position=(7.0, 0.0, 0.0)), MeshRenderer())
+    world = stage.world()
+    stretched = (3.0, 1.0, 1.0)
+    told = {arm: ((0.5, 0.0, 0.0), TURN, stretched)}
+    world.take_state(animated(make_frame({body: ((3.0, 0.0, 0.0), TURN)}), told))
+    world.place()
+    turn = Rotation.from_quat(TURN)
+    shoulder = np.array((3.0, 0.0, 0.0)) + turn.apply((0.0, 1.0, 0.0)) + turn.apply((1.0, 0.0, 0.0))
+    np.testing.assert_allclose(
+        world.position[row_of(world, hand)], shoulder + (turn * turn).apply((6.0, 0, 0)), atol=1e-6
+    )
+    np.testing.assert_allclose(
+        world.linear[row_of(world, hand)], (turn * turn).as_matrix() @ np.diag((6.0, 2.0, 2.0)), atol=1e-6
+    )
+    np.testing.assert_allclose(world.position[row_of(world, still)], (7.0, 0.0, 0.0))
+    corner = np.linalg.norm(np.array((6.0, 2.0, 2.0)) / 2)
+    assert world.radius[row_of(world, hand)] == pytest.approx(corner, rel=1e-5)  # the box as it is stretched now
+
+
+def test_between_frames_animated_things_go_on_the_short_way(stage, make_frame) -> None:
+    arm = stage.add(Transform(), MeshRenderer())
+    hand = stage.add(Transform(position=(1.0, 0.0, 0.0)), MeshRenderer(), parent=arm)
+    world = stage.world()
+    flat, one = (0.0, 0.0, 0.0, 1.0), (1.0, 1.0, 1.0)
+    world.take_state(animated(make_frame({}), {arm: ((0.0, 0.0, 0.0), flat, one)}), 0.0)
+    later = make_frame({}, tick=1, simulation_time=0.1, published_at=10**8)
+    world.take_state(animated(later, {arm: ((0.0, 2.0, 0.0), tuple(-np.array(TURN)), (3.0, 3.0, 3.0))}), 0.1)
+    world.place(simulation_time=0.05)
+    half = Slerp([0.0, 1.0], Rotation.from_quat([flat, TURN]))(0.5)
+    np.testing.assert_allclose(
+        world.position[row_of(world, hand)], np.array((0.0, 1.0, 0.0)) + half.apply((2.0, 0.0, 0.0)), atol=1e-6
+    )
+
+
+def test_an_edit_holds_until_a_frame_knows_of_it(stage, make_frame) -> None:
+    arm = stage.add(Transform(position=(0.0, 0.0, 4.0)), MeshRenderer())
+    world = stage.world()
+    tables = replace(stage.tables(), pose_sequence=np.array([3]))
+    world.set_scene(tables)
+    told = {arm: ((1.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (1.0, 1.0, 1.0))}
+    world.take_state(animated(make_frame({}, delta_sequence=2), told))
+    world.place()
+    assert world.position[0].tolist() == [0.0, 0.0, 4.0]
+    world.take_state(animated(make_frame({}, tick=1, published_at=1, delta_sequence=3), told))
+    world.place()
+    assert world.position[0].tolist() == [1.0, 0.0, 0.0]

@@ -91,7 +91,7 @@ BAD_MODELS: dict[str, tuple[bytes, str]] = {
     "empty": (b"", "not a glTF model"),
     "garbage": (b"\x00\xff\x00", "not a glTF model"),
     "cut off": (changed(lambda d: None)[:-20], "not a glTF model"),
-    "bomb": (b'{"asset": {"version": "2.0"}, "animations": ' + b"[" * 100_000, "brackets are nested too deeply"),
+    "bomb": (b'{"asset": {"version": "2.0"}, "extras": ' + b"[" * 100_000, "brackets are nested too deeply"),
     "a list": (b"[]", "expected `object`, got `array`|Expected"),
     "no asset": (b"{}", "missing required field `asset`"),
     "version 1": (changed(set_in("asset", "version", "1.0")), "asset.version is '1.0'; ELYS reads glTF 2.0"),

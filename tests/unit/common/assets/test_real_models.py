@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from elys.common.assets import AssetStore, decode_mesh, image_format, is_reference
+from elys.common.assets.clip import decode_clips
+from elys.common.assets.skin import decode_skin
 from elys.common.components import component_from
 from elys.common.scene import open_scene, scene_bounds
 
@@ -33,6 +35,13 @@ MODELS = (
     "TextureWrapping/13_texture_wrapping.gltf",
 )
 
+IS_WHOLE = {
+    "mesh": lambda data: decode_mesh(data).vertex_count > 0,
+    "image": image_format,
+    "clips": lambda data: len(decode_clips(data)) > 0,
+    "skin": lambda data: len(decode_skin(data).joints) > 0,
+}
+
 
 def test_none_is_forgotten(shared_assets: Path) -> None:
     found = {str(p.relative_to(shared_assets)) for p in shared_assets.rglob("*") if p.suffix in (".gltf", ".glb")}
@@ -52,7 +61,7 @@ def test_a_real_model_opens_whole_and_framed(shared_assets: Path, model: str) ->
             component_from(name, values)
             for reference in filter(is_reference, (v.partition("?")[0] for v in values.values() if isinstance(v, str))):
                 data = assets.get(reference)
-                assert decode_mesh(data).vertex_count > 0 if assets.kind(reference) == "mesh" else image_format(data)
+                assert IS_WHOLE[assets.kind(reference)](data)
     lower, upper = scene_bounds(scene.records, assets)
     assert np.isfinite(lower).all()
     assert (upper >= lower).all()
