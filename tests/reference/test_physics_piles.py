@@ -89,7 +89,7 @@ def bin_of(count, *, shapes, seed=0, restitution=0.0):
 def test_a_pile_of_two_hundred_stays_in_its_bin_and_comes_to_rest(shapes, restitution):
     world, width = bin_of(200, shapes=shapes, restitution=restitution)
     highest = sum(world.energy())
-    for _ in range(480):
+    for _ in range(600):
         world.step(DT)
         energy = sum(world.energy())
         assert energy <= highest * 1.0001 + 1.0
