@@ -41,7 +41,7 @@ def reasons(found: PlanReport) -> dict[str, tuple[bool, str]]:
 
 
 def test_a_report_says_everything_of_a_moment(simulated):
-    found = report(simulated("yard", 0.6), seconds=0.25)
+    found = report(simulated("yard", 1.0), seconds=0.25)
     assert (found.scene, found.moment, found.ticks) == ("yard", 1.0, 15)
     assert [stage.name for stage in found.stages] == list(SWITCHES)
     why = reasons(found)
