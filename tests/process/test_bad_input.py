@@ -118,7 +118,7 @@ def test_a_recording_cut_in_half_is_read_as_far_as_it_goes(elys, recording: Path
         assert warning in command.output
         assert "Traceback" not in command.output
     assert "lasts 3.00 s: there is nothing at 99 s" in the_sentence(late)
-    assert "edges go from 1 to 8192" in the_sentence(empty)
+    assert "edges go from 1 to 32768" in the_sentence(empty)
     assert '"complete": false' in info.output
     assert (tmp_path / "half.png").stat().st_size > 100
     with np.load(tmp_path / "half.npz") as arrays:
