@@ -186,6 +186,8 @@ def bounce_contacts(solver_bodies, drives, rows, row_points, first, last, h, bou
     for r in range(first, last):
         for side in range(2):
             i = rows[r].body_a if side == 0 else rows[r].body_b
+            if solver_bodies[i].inverse_mass == 0.0:  # nothing strikes it, and other threads read it
+                continue
             shift = drives[i].impact_shift
             for c in range(6):
                 solver_bodies[i].displacement[c] += shift[c]
