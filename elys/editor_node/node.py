@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import asyncio
-import os
 import time
 from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
 
-import platformdirs
-
 from elys.bus.session import Session
+from elys.editor_node.action_list import add_actions
+from elys.editor_node.actions import Actions
 from elys.editor_node.application import Application
 from elys.editor_node.camera import OrbitCamera
 from elys.editor_node.gpu import WindowContext, save_picture
 from elys.editor_node.imgui_layer import ImGuiLayer
+from elys.editor_node.key_bindings import KeyBindings
+from elys.editor_node.language import use_language
 from elys.editor_node.model import EditorModel
 from elys.editor_node.panels.viewport import ViewportPanel
+from elys.editor_node.preferences import Preferences, configuration_directory, load_preferences, save_preferences
 from elys.editor_node.shortcuts import ShortcutLayer
 from elys.editor_node.ui import Ui
 from elys.editor_node.view_stream import ViewStream
@@ -26,6 +28,7 @@ from elys.editor_node.window import Window
 from elys.editor_node.workspace import Workspace
 
 TEXT_CURSOR_BLINK: Final = 0.4  # [s]
+PREFERENCES: Final = "editor.json"
 
 
 async def run_editor(
@@ -52,6 +55,10 @@ class Editor:
 
     def __init__(self, session: Session, *, null_platform: bool = False, size: tuple[int, int] = (1600, 900)) -> None:
         self.window = Window("ELYS", size, null_platform=null_platform)
+        # Without a display it is a test or a picture: it neither depends on what a person chose nor changes it.
+        self._directory = None if self.window.null_platform else configuration_directory()
+        self.preferences = Preferences() if self._directory is None else load_preferences(self._directory / PREFERENCES)
+        use_language(self.preferences.language)
         self.context = WindowContext()
         self.application = Application(self.window)
         self.model = EditorModel(session, request_redraw=self.application.request_redraw)
@@ -63,15 +70,19 @@ class Editor:
             self.context,
             draw=self._draw,
             reserves=lambda event: self.panel.takes_mouse,
-            layout_file=None if self.window.null_platform else _layout_file(),
+            layout_file=self._directory / "editor.ini" if self._directory is not None else None,
         )
-        self.ui = Ui(self.model, self.widgets.fonts)
+        actions = Actions()
+        self.ui = Ui(
+            self.model, self.widgets.fonts, actions, KeyBindings(actions, self.preferences.keys), self.preferences
+        )
         self.workspace = Workspace(
             self.ui, self.panel, ask_to_close=self.window.request_close, close=self.application.close
         )
         self.application.on_close = lambda: self.workspace.save_dialog.may_close(self.ui)
         navigation = ViewportLayer(self.model, self.panel, hold_pointer=self.window.hold_pointer)
-        self.application.push_layer(ShortcutLayer(self.ui, self.workspace, navigation))
+        add_actions(actions, self.ui, self.workspace, navigation)
+        self.application.push_layer(ShortcutLayer(actions, self.ui.keys))
         self.application.push_layer(navigation)
         self.application.push_layer(self.widgets)
         session.on_link(self._link_changed)
@@ -83,6 +94,9 @@ class Editor:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
+        if self._directory is not None:
+            self.preferences.keys = self.ui.keys.chosen
+            save_preferences(self.preferences, self._directory / PREFERENCES)
         self.stream.close()
         self._picture.release()
         self.widgets.close()
@@ -117,8 +131,3 @@ class Editor:
         if connected:
             self.stream.refresh()
         self.application.request_redraw()
-
-
-def _layout_file() -> Path:
-    directory = os.environ.get("ELYS_CONFIG_DIR")
-    return (Path(directory) if directory else platformdirs.user_config_path("elys")) / "editor.ini"

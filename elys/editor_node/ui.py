@@ -8,7 +8,11 @@ from typing import Literal
 from imgui_bundle import imgui
 
 from elys.bus.messages.views import Shows
+from elys.editor_node.actions import Actions
+from elys.editor_node.key_bindings import KeyBindings
+from elys.editor_node.language import tr
 from elys.editor_node.model import EditorModel
+from elys.editor_node.preferences import Preferences
 from elys.editor_node.theme import ACCENT, Fonts, Rgba
 
 Tool = Literal["select", "move", "rotate", "scale"]
@@ -55,6 +59,9 @@ class Ui:
 
     model: EditorModel
     fonts: Fonts
+    actions: Actions
+    keys: KeyBindings
+    preferences: Preferences
     tools: Tools = field(default_factory=Tools)
     landmarks: Landmarks = field(default_factory=Landmarks)
     focus: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m] what the viewport's camera looks at
@@ -82,6 +89,19 @@ def icon_button(
     if imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip | imgui.HoveredFlags_.allow_when_disabled):
         imgui.set_tooltip(tooltip)
     return pressed
+
+
+def action_item(ui: Ui, name: str, label: str = "") -> None:
+    """A line of a menu that does an action: with its keys, a check mark if it is a switch, grey where it is impossible.
+
+    `label` stands in for the action's own where there is more to say; it is shown as it is.
+    """
+    action = ui.actions[name]
+    is_on = action.is_on() if action.is_on is not None else False
+    text = f"{label or tr(action.label)}###{name}"
+    if imgui.menu_item(text, ui.keys.label_of(name), is_on, action.is_possible())[0]:
+        action.run()
+    ui.landmarks.note(f"menu/{name}")
 
 
 def dim_text(text: str) -> None:

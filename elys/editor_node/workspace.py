@@ -8,13 +8,14 @@ from typing import Final, get_args
 from imgui_bundle import imgui
 
 from elys.bus.messages.views import Shows
+from elys.editor_node.language import tr, tr_label
 from elys.editor_node.panels import console, diagnostics, hierarchy, inspector, keys_help, profiler, timeline, viewport
 from elys.editor_node.panels.hierarchy import HierarchyPanel, draw_add_menu
 from elys.editor_node.panels.keys_help import draw_help
 from elys.editor_node.panels.save_dialog import SaveDialog
 from elys.editor_node.panels.toolbar import StatusBar, Toolbar
 from elys.editor_node.panels.viewport import ViewportPanel
-from elys.editor_node.ui import Ui, dim_text
+from elys.editor_node.ui import Ui, action_item, dim_text
 
 _DOCK_NAME: Final = "editor"
 # Left, right and lower panels take these shares of the window; the viewport has the rest.
@@ -35,7 +36,7 @@ class Workspace:
         self.hierarchy = HierarchyPanel()
         self.viewport = viewport_panel
         self.save_dialog = SaveDialog(close)
-        self._ask_to_close = ask_to_close
+        self.ask_to_close = ask_to_close
         self._toolbar = Toolbar()
         self._status_bar = StatusBar()
         self._panels = {
@@ -82,6 +83,10 @@ class Workspace:
         self._resets_layout = True
         self._hidden.clear()
 
+    def show_help(self) -> None:
+        """Opens the page of keys."""
+        self._opens_help = True
+
     def _dock(self) -> None:
         """Before the first frame without a saved layout, and when asked for, the default is built."""
         dock = imgui.get_id(_DOCK_NAME)
@@ -103,13 +108,12 @@ class Workspace:
         imgui.pop_font()
         self._draw_file_menu()
         self._draw_edit_menu()
-        if imgui.begin_menu("Add###Add"):
+        if imgui.begin_menu(tr_label("Add")):
             draw_add_menu(self.ui, parent=0)
             imgui.end_menu()
         self._draw_view_menu()
-        if imgui.begin_menu("Help###Help"):
-            if imgui.menu_item("Keys and mouse", "", False)[0]:
-                self._opens_help = True
+        if imgui.begin_menu(tr_label("Help")):
+            action_item(self.ui, "help.keys")
             imgui.end_menu()
         status = self.ui.model.status
         if status is not None:
@@ -119,64 +123,51 @@ class Workspace:
         imgui.end_main_menu_bar()
 
     def _draw_file_menu(self) -> None:
-        if imgui.begin_menu("File###File"):
-            if imgui.menu_item("Save", "Ctrl+S", False)[0]:
-                self.save_dialog.save(self.ui)
-            if imgui.menu_item("Save as...", "Ctrl+Shift+S", False)[0]:
-                self.save_dialog.ask_where(self.ui)
+        if imgui.begin_menu(tr_label("File")):
+            action_item(self.ui, "file.save")
+            action_item(self.ui, "file.save_as")
             imgui.separator()
-            if imgui.menu_item("Quit", "", False)[0]:
-                self._ask_to_close()
+            action_item(self.ui, "file.quit")
             imgui.end_menu()
 
     def _draw_edit_menu(self) -> None:
-        model, history = self.ui.model, self.ui.model.history
+        history = self.ui.model.history
         self.ui.landmarks.note("menu/edit")
-        if not imgui.begin_menu("Edit###Edit"):
+        if not imgui.begin_menu(tr_label("Edit")):
             return
-        if imgui.menu_item(f"Undo {history.undo_label}###undo", "Ctrl+Z", False, bool(history.undo_label))[0]:
-            model.undo()
-        if imgui.menu_item(f"Redo {history.redo_label}###redo", "Ctrl+Y", False, bool(history.redo_label))[0]:
-            model.redo()
+        action_item(self.ui, "edit.undo", f"{tr('Undo')} {history.undo_label}")
+        action_item(self.ui, "edit.redo", f"{tr('Redo')} {history.redo_label}")
         imgui.separator()
-        any_selected = len(model.selection) > 0
-        if imgui.menu_item("Duplicate", "Ctrl+D", False, any_selected)[0]:
-            model.edit.duplicate()
-        if imgui.menu_item("Rename", "F2", False, any_selected)[0]:
-            self.hierarchy.start_renaming(self.ui, model.selection.primary)
-        if imgui.menu_item("Delete", "Del", False, any_selected)[0]:
-            model.edit.delete()
+        for name in ("edit.duplicate", "edit.rename", "edit.delete", "edit.select_all"):
+            action_item(self.ui, name)
         imgui.end_menu()
 
     def _draw_view_menu(self) -> None:
-        if not imgui.begin_menu("View###View"):
+        if not imgui.begin_menu(tr_label("View")):
             self.ui.landmarks.note("menu/view")
             return
         for name in self._panels:
-            pressed, _ = imgui.menu_item(name, "", name not in self._hidden)
+            pressed, _ = imgui.menu_item(tr_label(name), "", name not in self._hidden)
             if pressed:
                 self._hidden ^= {name}
         imgui.separator()
-        tools = self.ui.tools
-        pressed, tools.shows_grid = imgui.menu_item("Grid", "", tools.shows_grid)
-        is_open = imgui.begin_menu("Show###Show")
+        action_item(self.ui, "view.grid")
+        is_open = imgui.begin_menu(tr_label("Show"))
         if not is_open:
             self.ui.landmarks.note("menu/show")
         else:
             for view in get_args(Shows):
-                if imgui.menu_item(view.capitalize(), "", tools.shows == view)[0]:
-                    tools.shows = view
+                action_item(self.ui, f"view.{view}", tr(view.capitalize()))
                 self.ui.landmarks.note(f"show/{view}")
             imgui.end_menu()
-        if imgui.menu_item("Reset layout", "", False)[0]:
-            self.reset_layout()
+        action_item(self.ui, "view.reset_layout")
         imgui.end_menu()
 
     def _draw_help(self) -> None:
         if self._opens_help:
             imgui.open_popup(keys_help.TITLE)
             self._opens_help = False
-        draw_help()
+        draw_help(self.ui)
 
 
 def _build_layout(dock: int) -> None:

@@ -1,4 +1,4 @@
-"""What the keys and the mouse do, for the person who looks it up; they are bound in `shortcuts` and `viewport_layer`."""
+"""What the keys and the mouse do, for the person who looks it up: keys from the actions, the mouse as `viewport_layer` has it."""
 
 from __future__ import annotations
 
@@ -7,22 +7,11 @@ from typing import Final
 from imgui_bundle import imgui
 
 import elys
-from elys.editor_node.ui import dim_text
+from elys.editor_node.language import tr
+from elys.editor_node.ui import Ui, dim_text
 
 TITLE: Final = "Keys and mouse###help"
-SHORTCUTS: Final = (
-    ("Ctrl+S", "save"),
-    ("Ctrl+Z", "undo"),
-    ("Ctrl+Y, Ctrl+Shift+Z", "redo"),
-    ("Ctrl+D", "duplicate"),
-    ("Ctrl+A", "select all"),
-    ("Delete", "delete"),
-    ("F2", "rename"),
-    ("F", "look at the selection"),
-    ("Q  W  E  R", "select, move, rotate, scale"),
-    ("Space", "play or pause"),
-    (".", "one tick"),
-    ("Escape", "select nothing"),
+_MOUSE: Final = (
     ("Alt + left button", "orbit"),
     ("middle button", "pan"),
     ("wheel", "zoom to the pointer"),
@@ -31,14 +20,15 @@ SHORTCUTS: Final = (
 )
 
 
-def draw_help() -> None:
+def draw_help(ui: Ui) -> None:
     """Draws the window, if its popup is open."""
     center = imgui.get_main_viewport().get_center()
     imgui.set_next_window_pos(center, imgui.Cond_.appearing.value, (0.5, 0.5))
     if not imgui.begin_popup_modal(TITLE, True, imgui.WindowFlags_.always_auto_resize.value)[0]:
         return
     if imgui.begin_table("keys", 2):
-        for keys, meaning in SHORTCUTS:
+        bound = [(", ".join(map(str, ui.keys.chords_of(a.name))), tr(a.label)) for a in ui.actions]
+        for keys, meaning in [row for row in bound if row[0]] + [(tr(k), tr(m)) for k, m in _MOUSE]:
             imgui.table_next_column()
             imgui.text_unformatted(f"{keys}    ")
             imgui.table_next_column()

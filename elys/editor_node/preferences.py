@@ -1,0 +1,70 @@
+"""What a person wants of every editor: theme, language, size of text, keys, and what was open lately. One JSON file."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+from pathlib import Path
+from typing import Final, Literal
+
+import msgspec
+import platformdirs
+
+_log = logging.getLogger(__name__)
+
+RECENT_LIMIT: Final = 12
+
+Theme = Literal["dark", "light"]
+
+
+class Preferences(msgspec.Struct, kw_only=True):
+    """Anything that is missing in the file is as it is here; what another version wrote and this does not know is dropped."""
+
+    theme: Theme = "dark"
+    language: str = "en"  # of `language.LANGUAGES`
+    font_scale: float = 1.0  # of the text, beside the display's own
+    keys: dict[str, tuple[str, ...]] = {}  # chords by the names of actions, where they differ from the actions' own
+    recent_scenes: list[str] = []  # paths, the newest first
+    recent_recordings: list[str] = []
+    recent_endpoints: list[str] = []
+    has_seen_tour: bool = False
+
+
+def configuration_directory() -> Path:
+    """Where the editor keeps what outlives it; ELYS_CONFIG_DIR names another place."""
+    directory = os.environ.get("ELYS_CONFIG_DIR")
+    return Path(directory) if directory else platformdirs.user_config_path("elys")
+
+
+def load_preferences(path: Path) -> Preferences:
+    """Reads them. A file that cannot be read is put aside as *.broken and said in the log; the editor starts all the same."""
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=Preferences)
+    except FileNotFoundError:
+        return Preferences()
+    except (OSError, msgspec.DecodeError, UnicodeDecodeError) as error:
+        broken = path.with_suffix(".broken")
+        with contextlib.suppress(OSError):
+            path.replace(broken)
+        _log.warning("%s cannot be read (%s): starting with the defaults; it was put aside as %s", path, error, broken)
+        return Preferences()
+
+
+def save_preferences(preferences: Preferences, path: Path) -> None:
+    """Writes them, whole or not at all; a disk that refuses is said in the log."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        draft = path.with_suffix(".draft")
+        draft.write_bytes(msgspec.json.format(msgspec.json.encode(preferences), indent=2))
+        draft.replace(path)
+    except OSError as error:
+        _log.warning("the editor's preferences were not saved: %s", error)
+
+
+def remember(recent: list[str], newest: str) -> None:
+    """Puts what was opened on top of a list of what was open lately."""
+    if newest in recent:
+        recent.remove(newest)
+    recent.insert(0, newest)
+    del recent[RECENT_LIMIT:]
