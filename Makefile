@@ -4,7 +4,7 @@ PY := .venv/bin/python
 READY := .venv/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test check format wheel bench soak golden pictures gallery reports pin clean
+.PHONY: help setup demo test check lint format wheel bench soak golden pictures gallery reports pin clean
 
 help:  ## this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -20,12 +20,14 @@ demo: $(READY)  ## show ELYS: an editor where there is a screen, else files
 test: $(READY)  ## all tests
 	@$(PY) -m pytest
 
-check: $(READY)  ## style, types, imports and the fast tests
+check: lint  ## style, types, imports and the fast tests
+	@$(PY) -m pytest tests/unit -m "not gl and not process"
+
+lint: $(READY)  ## style, types and imports alone
 	@$(PY) -m ruff check elys tests
 	@$(PY) -m ruff format --check elys tests
 	@$(PY) -m mypy
 	@.venv/bin/lint-imports
-	@$(PY) -m pytest tests/unit -m "not gl and not process"
 
 format: $(READY)  ## put the code into its form
 	@$(PY) -m ruff check --fix elys tests
