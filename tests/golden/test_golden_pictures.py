@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +13,11 @@ from PIL import Image
 
 from elys.common.assets import AssetStore
 from elys.common.components import Camera, Component, Light, Material, MeshRenderer, Transform, component_from
-from elys.common.errors import DisplayError
 from elys.common.math.matrix import look_rotation
 from elys.common.scene import expand
 from elys.render_node.data_colors import data_pixels, depth_unit_of
 from elys.render_node.drawable_assets import DrawableAssets
-from elys.render_node.gpu import Context, offscreen_context
+from elys.render_node.gpu import Context
 from elys.render_node.offline import load_picture, save_picture
 from elys.render_node.passes.data import DATA_KINDS, DataKind
 from elys.render_node.quality import FAST, FULL, Quality
@@ -34,19 +33,6 @@ SIZE = (320, 180)
 MEAN_TOLERANCE = 1.0  # of 255, over all pixels and channels
 FAR_OFF = 16  # of 255, in any channel
 FAR_OFF_SHARE = 0.005  # of the pixels: edges move by a pixel between versions of Mesa
-
-
-@pytest.fixture(scope="module")
-def context() -> Iterator[Context]:
-    """OpenGL; golden pictures are for software renderers, whose pixels are the same on every machine."""
-    try:
-        made = offscreen_context()
-    except DisplayError as error:
-        pytest.skip(str(error))
-    if not made.is_software:
-        pytest.skip("golden pictures are compared on software OpenGL only")
-    yield made
-    made.release()
 
 
 def facing(direction: Sequence[float]) -> tuple[float, float, float, float]:
