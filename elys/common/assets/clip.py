@@ -1,16 +1,11 @@
 """Clips of movement as arrays, and as the bytes by which all clips of a model are stored, hashed and sent.
 
-    bytes     0  magic "ELYC", u16 version, u16 zero
-              8  u32 length of the header, a JSON object with the clips and their channels
-             12  header, padded with spaces to a multiple of 4 bytes
-                 of each channel in order its times, then its values, as float32
-
-All little-endian.
+The bytes are a `container` with the magic "ELYC". Its header has the clips and their channels; of each channel its times,
+then its values, follow as float32.
 """
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Final, Literal
@@ -20,6 +15,7 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
+from elys.common.assets.container import Container
 from elys.common.errors import AssetError
 
 FloatArray = NDArray[np.float32]
@@ -28,10 +24,6 @@ Interpolation = Literal["step", "linear", "cubic"]
 
 # Numbers a key has; of weights as many as the mesh has morph targets.
 WIDTHS: Final = {"position": 3, "rotation": 4, "scale": 3}
-_PROLOGUE: Final = struct.Struct("<4sHHI")
-_MAGIC: Final = b"ELYC"
-_VERSION: Final = 1
-_MAX_HEADER: Final = 1 << 26
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -84,15 +76,14 @@ class _Header(msgspec.Struct, forbid_unknown_fields=True):
     clips: list[_ClipHeader]
 
 
+_BYTES: Final = Container(magic=b"ELYC", version=1, header=_Header, noun="clips", largest_header=1 << 26)
+
+
 def encode_clips(clips: Sequence[Clip]) -> bytes:
     """The bytes of clips: the same arrays always give the same bytes."""
-    header = msgspec.json.encode(_Header([_ClipHeader(clip.name, [_head(c) for c in clip.channels]) for clip in clips]))
-    header += b" " * (-len(header) % 4)
-    parts = [_PROLOGUE.pack(_MAGIC, _VERSION, 0, len(header)), header]
-    for clip in clips:
-        for channel in clip.channels:
-            parts += [np.ascontiguousarray(array, "<f4").tobytes() for array in (channel.times, channel.values)]
-    return b"".join(parts)
+    header = _Header([_ClipHeader(clip.name, [_head(channel) for channel in clip.channels]) for clip in clips])
+    arrays = [array for clip in clips for channel in clip.channels for array in (channel.times, channel.values)]
+    return _BYTES.encode(header, [np.asarray(array, np.float32) for array in arrays])
 
 
 def decode_clips(data: bytes) -> tuple[Clip, ...]:
@@ -136,20 +127,7 @@ def _shape(head: _ChannelHeader) -> tuple[int, ...]:
 
 
 def _decode_header(data: bytes) -> tuple[_Header, int]:
-    if len(data) < _PROLOGUE.size:
-        raise AssetError(f"no clips: {len(data)} bytes are too few")
-    magic, version, zero, header_size = _PROLOGUE.unpack_from(data)
-    if magic != _MAGIC:
-        raise AssetError(f"no clips: they start with {magic!r}")
-    if version != _VERSION or zero != 0:
-        raise AssetError(f"clips of format {version}, this ELYS reads {_VERSION}")
-    offset = _PROLOGUE.size + header_size
-    if header_size > _MAX_HEADER or header_size % 4 or offset > len(data):
-        raise AssetError("clips whose header does not fit")
-    try:
-        header = msgspec.json.decode(data[_PROLOGUE.size : offset], type=_Header)
-    except (msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
-        raise AssetError(f"clips whose header is wrong: {error}") from error
+    header, offset = _BYTES.decode(data)
     count = 0
     for clip in header.clips:
         for head in clip.channels:

@@ -1,17 +1,11 @@
 """A mesh as arrays, and as the bytes by which it is stored, hashed and sent.
 
-    bytes     0  magic "ELYM", u16 version, u16 zero
-              8  u32 length of the header, a JSON object with the counts and the attributes that follow
-             12  header, padded with spaces to a multiple of 4 bytes
-                 attributes as float32, one after the other in the order below, where there are morph targets their offsets of
-                 positions, then of normals, then the indices as uint32
-
-All little-endian.
+The bytes are a `container` with the magic "ELYM". Its header has the counts and the attributes that follow: as float32 one after
+the other in the order below, of morph targets their offsets of positions, then of normals, then the indices as uint32.
 """
 
 from __future__ import annotations
 
-import struct
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -19,16 +13,13 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from elys.common.assets.container import Container
 from elys.common.errors import AssetError
 from elys.common.math.aabb import bounds_of_points
 
 FloatArray = NDArray[np.float32]
 IndexArray = NDArray[np.uint32]
 
-_PROLOGUE: Final = struct.Struct("<4sHHI")
-_MAGIC: Final = b"ELYM"
-_VERSION: Final = 1
-_MAX_HEADER: Final = 4096
 # Name and floats a vertex; the first two are always there.
 _ATTRIBUTES: Final = {
     "positions": 3,
@@ -93,18 +84,16 @@ class _Header(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
     target_count: int = 0
 
 
+_BYTES: Final = Container(magic=b"ELYM", version=1, header=_Header, noun="a mesh", largest_header=4096)
+
+
 def encode_mesh(mesh: Mesh) -> bytes:
     """The bytes of a mesh: the same arrays always give the same bytes."""
     arrays = {name: getattr(mesh, name) for name in _ATTRIBUTES if getattr(mesh, name) is not None}
-    header = msgspec.json.encode(_Header(mesh.vertex_count, len(mesh.indices), list(arrays), mesh.target_count))
-    header += b" " * (-len(header) % 4)
-    parts = [_PROLOGUE.pack(_MAGIC, _VERSION, 0, len(header)), header]
-    parts += [np.ascontiguousarray(array, dtype="<f4").tobytes() for array in arrays.values()]
-    if mesh.target_count:
-        offsets = (mesh.target_positions, mesh.target_normals)
-        parts += [np.ascontiguousarray(array, dtype="<f4").tobytes() for array in offsets]
-    parts.append(np.ascontiguousarray(mesh.indices, dtype="<u4").tobytes())
-    return b"".join(parts)
+    header = _Header(mesh.vertex_count, len(mesh.indices), list(arrays), mesh.target_count)
+    offsets = (mesh.target_positions, mesh.target_normals) if mesh.target_count else ()
+    numbers = [np.asarray(array, np.float32) for array in (*arrays.values(), *offsets)]
+    return _BYTES.encode(header, [*numbers, np.asarray(mesh.indices, np.uint32)])
 
 
 def decode_mesh(data: bytes) -> Mesh:
@@ -131,20 +120,7 @@ def decode_mesh(data: bytes) -> Mesh:
 
 
 def _decode_header(data: bytes) -> tuple[_Header, int]:
-    if len(data) < _PROLOGUE.size:
-        raise AssetError(f"not a mesh: {len(data)} bytes are too few")
-    magic, version, zero, header_size = _PROLOGUE.unpack_from(data)
-    if magic != _MAGIC:
-        raise AssetError(f"not a mesh: it starts with {magic!r}")
-    if version != _VERSION or zero != 0:
-        raise AssetError(f"a mesh of format {version}, this ELYS reads {_VERSION}")
-    if header_size > _MAX_HEADER or header_size % 4 or _PROLOGUE.size + header_size > len(data):
-        raise AssetError("a mesh whose header does not fit")
-    offset = _PROLOGUE.size + header_size
-    try:
-        header = msgspec.json.decode(data[_PROLOGUE.size : offset], type=_Header)
-    except (msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
-        raise AssetError(f"a mesh whose header is wrong: {error}") from error
+    header, offset = _BYTES.decode(data)
     in_order = [name for name in _ATTRIBUTES if name in header.attributes]
     if header.attributes != in_order or not {"positions", "normals"} <= set(in_order):
         raise AssetError(

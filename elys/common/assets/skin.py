@@ -1,16 +1,11 @@
 """A skin: which entities bend a mesh, as the bytes by which it is stored, hashed and sent.
 
-    bytes     0  magic "ELYJ", u16 version, u16 zero
-              8  u32 length of the header, a JSON object with the joints' names
-             12  header, padded with spaces to a multiple of 4 bytes
-                 joint_from_mesh of each joint, 3 x 4 by rows, as float32
-
-All little-endian.
+The bytes are a `container` with the magic "ELYJ". Its header has the names of joints; joint_from_mesh of each follows, 3 x 4 by
+rows, as float32.
 """
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -19,13 +14,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from elys.common.assets.container import Container
 from elys.common.assets.mesh import Mesh
 from elys.common.errors import AssetError
-
-_PROLOGUE: Final = struct.Struct("<4sHHI")
-_MAGIC: Final = b"ELYJ"
-_VERSION: Final = 1
-_MAX_HEADER: Final = 1 << 24
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -45,30 +36,17 @@ class _Header(msgspec.Struct, forbid_unknown_fields=True):
     joints: tuple[tuple[str, ...], ...]
 
 
+_BYTES: Final = Container(magic=b"ELYJ", version=1, header=_Header, noun="a skin", largest_header=1 << 24)
+
+
 def encode_skin(skin: SkinBinding) -> bytes:
     """The bytes of a skin."""
-    header = msgspec.json.encode(_Header(skin.joints))
-    header += b" " * (-len(header) % 4)
-    matrices = np.ascontiguousarray(skin.joint_from_mesh, "<f4").tobytes()
-    return b"".join((_PROLOGUE.pack(_MAGIC, _VERSION, 0, len(header)), header, matrices))
+    return _BYTES.encode(_Header(skin.joints), [np.asarray(skin.joint_from_mesh, np.float32)])
 
 
 def decode_skin(data: bytes) -> SkinBinding:
     """The skin in its bytes; raises AssetError for anything that is not a whole and sound one."""
-    if len(data) < _PROLOGUE.size:
-        raise AssetError(f"not a skin: {len(data)} bytes are too few")
-    magic, version, zero, header_size = _PROLOGUE.unpack_from(data)
-    if magic != _MAGIC:
-        raise AssetError(f"not a skin: it starts with {magic!r}")
-    if version != _VERSION or zero != 0:
-        raise AssetError(f"a skin of format {version}, this ELYS reads {_VERSION}")
-    offset = _PROLOGUE.size + header_size
-    if header_size > _MAX_HEADER or header_size % 4 or offset > len(data):
-        raise AssetError("a skin whose header does not fit")
-    try:
-        header = msgspec.json.decode(data[_PROLOGUE.size : offset], type=_Header)
-    except (msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
-        raise AssetError(f"a skin whose header is wrong: {error}") from error
+    header, offset = _BYTES.decode(data)
     expected = offset + 48 * len(header.joints)
     if not header.joints or expected != len(data):
         raise AssetError(f"a skin has {len(data)} bytes where its {len(header.joints)} joints make {expected}")

@@ -117,7 +117,7 @@ def test_bytes_give_back_what_was_put_in() -> None:
     ("change", "words"),
     [
         (lambda data: data[:5], "too few"),
-        (lambda data: b"ELYM" + data[4:], "start with"),
+        (lambda data: b"ELYM" + data[4:], "it starts with"),
         (lambda data: data[:4] + b"\7" + data[5:], "format 7"),
         (lambda data: data[:-4], "their header says"),
         (lambda data: data[:-4] + b"\0\0\xc0\x7f", "not finite"),
