@@ -136,6 +136,23 @@ class EditorScene:
         while entity and (entity := self.parent_of(entity)):
             yield entity
 
+    def path_of(self, entity: int) -> tuple[str, ...]:
+        """Its name and those above it, from the top down."""
+        return tuple(self.name_of(above) for above in (entity, *self.ancestors_of(entity)))[::-1]
+
+    def found_paths(self, paths: Sequence[tuple[str, ...]]) -> list[int]:
+        """The first entities that are called so from the top down, for each path that leads to one."""
+        found: list[int] = []
+        for path in paths:
+            entity = 0
+            for name in path:
+                entity = next((child for child in self.children_of(entity) if self.name_of(child) == name), 0)
+                if not entity:
+                    break
+            else:
+                found.append(entity)
+        return found
+
     def is_enabled(self, entity: int) -> bool:
         """Its own switch."""
         return self.mirror.entities[entity].enabled
