@@ -133,7 +133,7 @@ def draw_banner(ui: Ui, rectangle: tuple[float, float, float, float]) -> None:
     imgui.push_style_color(imgui.Col_.window_bg, imgui.ImVec4(*NOTICE))
     imgui.push_style_color(imgui.Col_.border, imgui.ImVec4(*ERROR))
     if imgui.begin("###banner", None, _BANNER_FLAGS)[0]:
-        text = tr("The simulation is gone since {seconds} s", seconds=int(lost_for))
+        text = tr("The simulation has been gone for {seconds} s", seconds=int(lost_for))
         colored_text(ERROR, f"{icons.ICON_FA_PLUG_CIRCLE_XMARK}  {text}")
         ui.landmarks.note("banner/text")
         if attachments.doing:
