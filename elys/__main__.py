@@ -220,7 +220,7 @@ def view(connect: Connect = None, frames: Frames = 0) -> None:
 
 @app.command()
 def edit(connect: Connect = None) -> None:
-    """Attach an editor to a running session or a replay."""
+    """Attach an editor to a running session or a replay; where none runs, choose in the editor what to open."""
     from elys.verbs import attach
 
     attach.edit(connect)

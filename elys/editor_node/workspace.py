@@ -94,7 +94,8 @@ class Workspace:
     def draw(self, elapsed: float) -> None:
         """One frame."""
         self._draw_menu()
-        self._toolbar.draw(self.ui)
+        if self.ui.attachments.is_attached:
+            self._toolbar.draw(self.ui)
         self._status_bar.draw(self.ui, frame_time=self.frame_time, view_latency=self.viewport.stream.latency)
         if self.ui.attachments.is_attached:
             self._draw_panels()

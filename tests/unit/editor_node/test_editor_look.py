@@ -86,6 +86,11 @@ def brightness(editor, path, name: str) -> float:
     return float(pixels[top:bottom, left:right].mean())
 
 
+def button_height(editor) -> float:
+    _, top, _, bottom = editor.ui.landmarks.rectangles["toolbar/play"]
+    return bottom - top
+
+
 @pytest.mark.gl
 def test_theme_size_and_language_change_at_once(at_the_editor, screenshot_directory):
     async def scenario(person):
@@ -100,15 +105,15 @@ def test_theme_size_and_language_change_at_once(at_the_editor, screenshot_direct
         assert brightness(editor, screenshot_directory / "preferences-light.png", "panel/Inspector") > dark + 120.0
         assert editor.preferences.theme == "light"
 
-        height = imgui.get_font_size()
+        height = button_height(editor)
         await person.click("preferences/size")
         await person.click("preferences/size/150")
         await person.frames(2)
-        assert imgui.get_font_size() == pytest.approx(1.5 * height, rel=0.05)
+        assert 1.25 * height < button_height(editor) < 1.6 * height
         editor.screenshot(screenshot_directory / "preferences-large.png")
         await person.press(Key.DIGIT_0, CTRL)
         await person.frames(2)
-        assert imgui.get_font_size() == height
+        assert button_height(editor) == height
         await person.press(Key.EQUAL, CTRL)
         assert editor.preferences.font_scale == 1.1
         await person.press(Key.MINUS, CTRL)
@@ -131,7 +136,11 @@ def test_theme_size_and_language_change_at_once(at_the_editor, screenshot_direct
 @pytest.mark.gl
 def test_spacing_does_not_drift_however_often_the_look_changes(at_the_editor):
     async def scenario(person):
-        before = [imgui.get_style().item_spacing.x, imgui.get_style().scrollbar_size, imgui.get_style().tab_min_width_base]
+        before = [
+            imgui.get_style().item_spacing.x,
+            imgui.get_style().scrollbar_size,
+            imgui.get_style().tab_min_width_base,
+        ]
         for theme_name, scale in (("light", 2.0), ("dark", 0.75), ("light", 1.1), ("dark", 1.0)):
             person.editor.preferences.theme, person.editor.preferences.font_scale = theme_name, scale
             await person.frames(1)
@@ -144,10 +153,10 @@ def test_spacing_does_not_drift_however_often_the_look_changes(at_the_editor):
 @pytest.mark.gl
 def test_the_display_may_change_its_scale(at_the_editor, monkeypatch):
     async def scenario(person):
-        height = imgui.get_font_size()
+        height = button_height(person.editor)
         monkeypatch.setattr(type(person.editor.window), "content_scale", property(lambda window: 2.0))
         await person.frames(2)
-        assert imgui.get_font_size() == pytest.approx(2.0 * height)
+        assert button_height(person.editor) == pytest.approx(2.0 * height, abs=1.0)
 
     at_the_editor(scenario)
 
@@ -206,7 +215,9 @@ def test_every_action_has_a_french_label(at_the_editor):
 
 def front_panels(person: Person) -> dict[str, tuple[int, ...]]:
     rectangles = person.editor.ui.landmarks.rectangles
-    return {name: tuple(map(round, rectangles[name])) for name in ("panel/Hierarchy", "panel/Viewport", "panel/Console")}
+    return {
+        name: tuple(map(round, rectangles[name])) for name in ("panel/Hierarchy", "panel/Viewport", "panel/Console")
+    }
 
 
 @pytest.mark.gl
@@ -243,7 +254,8 @@ def test_layouts_are_named_chosen_deleted_and_reset(at_the_editor):
         await person.click("menu/layout")
         await person.click("menu/view.reset_layout")
         await person.frames(6)
-        assert front_panels(person) == first
+        for name, place in front_panels(person).items():  # the first frame knew no bars yet
+            assert place == pytest.approx(first[name], abs=40.0)
         assert editor.workspace.hidden_panels == ()
 
         await person.click("menu/view")

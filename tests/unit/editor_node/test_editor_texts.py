@@ -91,7 +91,10 @@ def test_the_search_finds_what_is_not_translated():
     assert untranslated('imgui.button("Save")') == [(1, "Save")]
     assert untranslated('icon_button(icon, "x", f"Undo {what}" if what else "Nothing")') == [(1, "Undo Nothing")]
     assert untranslated('imgui.text_unformatted("a " + f"{icon}  word")') == [(1, "a   word")]
-    assert untranslated("""imgui.button(tr_label("Save")); dim_text(f"{icon}  {tr('Words')}"); imgui.button("###id")""") == []
+    assert (
+        untranslated("""imgui.button(tr_label("Save")); dim_text(f"{icon}  {tr('Words')}"); imgui.button("###id")""")
+        == []
+    )
 
 
 @pytest.mark.parametrize("path", panels(), ids=lambda path: path.name)
@@ -109,7 +112,15 @@ def test_french_is_sorted_and_uses_its_accents():
     text = (SOURCE / "languages" / "fr.json").read_text(encoding="utf-8")
     keys = list(translations("fr"))
     assert keys == sorted(keys)
-    for bare in (r"\bdeja\b", r"\bou est\b", r"\betat\b", r"\bfenetre\b", r"\bscene\b", r"\bselection\b", r"\bannule\b"):
+    for bare in (
+        r"\bdeja\b",
+        r"\bou est\b",
+        r"\betat\b",
+        r"\bfenetre\b",
+        r"\bscene\b",
+        r"\bselection\b",
+        r"\bannule\b",
+    ):
         values = "\n".join(translations("fr").values())
         assert not re.search(bare, values, re.IGNORECASE), bare
     assert "\\u" not in text  # to be read by people
@@ -124,7 +135,9 @@ def colours_spelled(source: str) -> list[int]:
         if isinstance(node, ast.Call) and name_of(node) in ("ImVec4", "color_code", "colored_text", "get_color_u32")
     ]
     constants = [node.value for node in tree.body if isinstance(node, (ast.Assign, ast.AnnAssign)) and node.value]
-    tuples = [node for top in (*takers, *constants) for node in ast.walk(top) if isinstance(node, (ast.Tuple, ast.Call))]
+    tuples = [
+        node for top in (*takers, *constants) for node in ast.walk(top) if isinstance(node, (ast.Tuple, ast.Call))
+    ]
     found = []
     for node in tuples:
         elements = node.elts if isinstance(node, ast.Tuple) else node.args
