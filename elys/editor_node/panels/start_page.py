@@ -11,8 +11,8 @@ from imgui_bundle import imgui
 import elys
 from elys.bus.transports.zenoh import DEFAULT_PORT
 from elys.editor_node.language import tr, tr_label
-from elys.editor_node.theme import ERROR, icons
-from elys.editor_node.ui import Ui, colored_text, dim_text
+from elys.editor_node.theme import ERROR, TEXT, TEXT_DIM, icons
+from elys.editor_node.ui import Ui, color_code, colored_text, dim_text
 
 _FLAGS: Final = (
     imgui.WindowFlags_.no_decoration.value
@@ -162,9 +162,11 @@ def _heading(ui: Ui, text: str) -> None:
 
 def _offer(label: str, details: str, name: str) -> bool:
     """A line to click, with what is known of it in small below."""
-    pressed = imgui.selectable(f"{label}###{name}", False)[0]
+    line = imgui.get_text_line_height()
+    at = imgui.get_cursor_screen_pos()
+    pressed = imgui.selectable(f"###{name}", False, 0, (0.0, line * (2.25 if details else 1.0)))[0]
+    draw_list = imgui.get_window_draw_list()
+    draw_list.add_text((at.x + 2.0, at.y), color_code(TEXT), label)
     if details:
-        imgui.indent(imgui.get_font_size() * 1.8)
-        dim_text(details)
-        imgui.unindent(imgui.get_font_size() * 1.8)
+        draw_list.add_text((at.x + imgui.get_font_size() * 1.8, at.y + line * 1.15), color_code(TEXT_DIM), details)
     return pressed

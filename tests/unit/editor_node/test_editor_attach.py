@@ -306,7 +306,7 @@ def test_the_start_page_attaches(monkeypatch, screenshot_directory):
         assert not editor.attachments.is_attached
         await person.click("start/sample/stack")
         await person.until(lambda: editor.seat.name == "stack")
-        await person.until(lambda: town.started == ["simulate stack", f"draw {B}"])
+        await person.until(lambda: town.started == [f"draw {A}", "simulate stack", f"draw {B}"])
         assert [record.key for record in editor.workspace._recent_entries()] == [
             "scene:stack", f"session:{B}", f"session:{A}",
         ]  # fmt: skip

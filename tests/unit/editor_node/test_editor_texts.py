@@ -71,7 +71,7 @@ def texts_of(path: Path) -> set[str]:
     found = set()
     for call in (node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Call)):
         if name_of(call) in ("tr", "tr_label") and call.args:
-            found |= {text for text in _constants(call.args[0])}
+            found |= set(_constants(call.args[0]))
         if name_of(call) == "Action":
             found |= {t for word in call.keywords if word.arg == "label" for t in _constants(word.value)}
     return found
@@ -127,7 +127,7 @@ def test_french_is_sorted_and_uses_its_accents():
 
 
 def colours_spelled(source: str) -> list[int]:
-    """The lines on which numbers make a colour; an alpha beside a shade of the theme's is none, nor is what is not seen at all."""
+    """The lines on which numbers make a colour; an alpha beside a shade is none, nor is what is not seen at all."""
     tree = ast.parse(source)
     takers = [
         node
