@@ -61,7 +61,7 @@ class Attachments:
         self.doing = ""  # what is under way, for the person to read
         self.error = ""  # why the last wish was not fulfilled
         self.endpoint = str(getattr(seat.transport, "endpoint", "")) if seat.session is not None else ""
-        self.sessions: tuple[SessionRecord, ...] = ()  # that run on this machine, while `look` is called
+        self.sessions: tuple[SessionRecord, ...] = ()  # that run on this machine, as far as somebody looks
         self._preferences = preferences
         self._join = join or (lambda endpoint: join_session(endpoint, kind=seat.node.kind, node=seat.node))
         self._on_change = on_change
@@ -94,7 +94,7 @@ class Attachments:
         return self._work is not None and not self._work.done()
 
     def look(self) -> None:
-        """Keeps `sessions` up to date for a while. Call it each frame in which they are shown."""
+        """Keeps `sessions` up to date while nothing is attached, else for a while. Call it each frame in which they are shown."""
         self._looked_at = self._clock()
         if self._looking is None or self._looking.done():
             self._looking = self.seat.start(self._look())
@@ -217,7 +217,7 @@ class Attachments:
             leaving.add_done_callback(self._leaving.discard)
 
     async def _look(self) -> None:
-        while self._clock() - self._looked_at < 3.0 * LOOK_INTERVAL:
+        while not self.is_attached or self._clock() - self._looked_at < 3.0 * LOOK_INTERVAL:
             found = tuple(await asyncio.to_thread(find_sessions))
             if found != self.sessions:
                 self.sessions = found

@@ -21,6 +21,7 @@ _FLAGS: Final = (
     | imgui.WindowFlags_.no_docking.value
     | imgui.WindowFlags_.no_bring_to_front_on_focus.value
 )
+_AGE_REDRAW: Final = 20.0  # [s] what is told in minutes goes on
 _WIDTH: Final = 62.0  # [letters' heights] of the two columns together
 
 
@@ -33,6 +34,7 @@ class StartPage:
     def draw(self, ui: Ui) -> None:
         """Draws the page."""
         ui.attachments.look()
+        ui.model.request_redraw(_AGE_REDRAW)
         area = imgui.get_main_viewport()
         imgui.set_next_window_pos(area.work_pos)
         imgui.set_next_window_size(area.work_size)
