@@ -193,6 +193,7 @@ class Editor:
         if self.seat.name == self._seen_session:
             return
         self._seen_session = self.seat.name
+        self.stream.forget()
         kept = self.preferences.sessions.get(self.seat.name)
         self.navigation.is_placed = kept is not None
         if kept is not None:

@@ -43,6 +43,9 @@ class LinkWindow:
             return
         title = f"{icons.ICON_FA_PLUG}  {tr('Connection')}###Connection"
         flags = imgui.WindowFlags_.always_auto_resize.value | imgui.WindowFlags_.no_docking.value
+        area, edge = imgui.get_main_viewport(), imgui.get_font_size()
+        corner = (area.work_pos.x + area.work_size.x - edge, area.work_pos.y + edge)
+        imgui.set_next_window_pos(corner, imgui.Cond_.first_use_ever.value, (1.0, 0.0))
         is_shown, is_open = imgui.begin(title, True, flags)
         self.is_open = bool(is_open)
         if is_shown:
