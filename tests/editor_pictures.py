@@ -59,11 +59,14 @@ async def draw_editor_pictures(directory: Path, endpoint: str) -> None:
             )
             for number in range(2):
                 await _windows(person, directory, number)
+            person.editor.preferences.theme, person.editor.preferences.language = "dark", "en"
+            use_language("en")
+            person.editor.model.console.clear()
             host = await openers.simulate("stack")
             person.editor.attachments.connect(host)
-            await person.until(lambda: person.editor.seat.name.startswith("stack") or person.editor.model.connected)
             await person.until(lambda: person.editor.attachments.endpoint == host)
-            await asyncio.sleep(1.0)
+            await person.until(lambda: person.editor.stream.shown is not None)
+            await _settle(person)
             openers._children[0].kill()
             await person.until(lambda: person.editor.attachments.lost_for is not None)
             await asyncio.sleep(3.0)

@@ -145,12 +145,9 @@ class Editor:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        if self._directory is not None:
-            if self.attachments.is_attached:
-                self._keep_session()
-            self.preferences.keys = self.ui.keys.chosen
-            self.preferences.hidden_panels = self.workspace.hidden_panels
-            save_preferences(self.preferences, self._directory / PREFERENCES)
+        if self.attachments.is_attached:
+            self._keep_session()
+        self._save_preferences()
         self.stream.close()
         self._picture.release()
         self.widgets.close()
@@ -194,10 +191,17 @@ class Editor:
             return
         self._seen_session = self.seat.name
         self.stream.forget()
+        self._save_preferences()  # an editor that is killed forgets nothing of before
         kept = self.preferences.sessions.get(self.seat.name)
         self.navigation.is_placed = kept is not None
         if kept is not None:
             restore_session(kept, self.panel.camera, self.ui.tools)
+
+    def _save_preferences(self) -> None:
+        if self._directory is not None:
+            self.preferences.keys = self.ui.keys.chosen
+            self.preferences.hidden_panels = self.workspace.hidden_panels
+            save_preferences(self.preferences, self._directory / PREFERENCES)
 
     def _keep_session(self) -> None:
         keep_session(self.preferences, self.seat.name, session_state(self.panel.camera, self.ui.tools))

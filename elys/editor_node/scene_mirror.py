@@ -142,11 +142,19 @@ class EditorScene:
 
     def found_paths(self, paths: Sequence[tuple[str, ...]]) -> list[int]:
         """The first entities that are called so from the top down, for each path that leads to one."""
+        names_below: dict[int, dict[str, int]] = {}  # of those that are looked into: there may be thousands of paths
+
+        def below(parent: int) -> dict[str, int]:
+            if parent not in names_below:
+                # Backwards, so that of several of one name the first stays.
+                names_below[parent] = {self.name_of(child): child for child in reversed(self.children_of(parent))}
+            return names_below[parent]
+
         found: list[int] = []
         for path in paths:
             entity = 0
             for name in path:
-                entity = next((child for child in self.children_of(entity) if self.name_of(child) == name), 0)
+                entity = below(entity).get(name, 0)
                 if not entity:
                     break
             else:

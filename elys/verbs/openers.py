@@ -13,7 +13,7 @@ from typing import Final
 
 from elys.bus.discovery import find_sessions
 from elys.common.errors import LaunchError
-from elys.launch import TERMINATE_PATIENCE, before_exec
+from elys.launch import RESTART_LIMIT, TERMINATE_PATIENCE, before_exec
 from elys.verbs.run import free_endpoint
 
 HOST_PATIENCE: Final = 300.0  # [s] for a host to listen: kernels may have to be compiled first
@@ -27,7 +27,8 @@ class ChildProcesses:
 
     def __init__(self) -> None:
         self._children: list[asyncio.subprocess.Process] = []
-        self._readers: set[asyncio.Task[None]] = set()
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._is_closing = False
 
     @property
     def samples(self) -> tuple[tuple[str, str], ...]:
@@ -59,11 +60,15 @@ class ChildProcesses:
         return await self._host("player", recording, "--paused")
 
     async def draw(self, endpoint: str) -> None:
-        """Starts a render node for the session at an endpoint."""
-        await self._start("render", "--connect", endpoint, nice=10)
+        """Starts a render node for the session at an endpoint; one that crashes is started again, but not for ever."""
+        child, _ = await self._start("render", "--connect", endpoint, nice=10)
+        keeper = asyncio.ensure_future(self._keep_drawing(child, endpoint))
+        self._tasks.add(keeper)
+        keeper.add_done_callback(self._tasks.discard)
 
     async def close(self) -> None:
         """Ends all that was started here."""
+        self._is_closing = True
         for child in self._children:
             with contextlib.suppress(ProcessLookupError):
                 child.terminate()
@@ -74,7 +79,14 @@ class ChildProcesses:
                 with contextlib.suppress(ProcessLookupError):
                     child.kill()
                 await child.wait()
-        await asyncio.gather(*self._readers)
+        await asyncio.gather(*self._tasks)
+
+    async def _keep_drawing(self, child: asyncio.subprocess.Process, endpoint: str) -> None:
+        for _ in range(RESTART_LIMIT):
+            if await child.wait() == 0 or self._is_closing:
+                return
+            _log.warning("the render node at %s ended with status %s and is started again", endpoint, child.returncode)
+            child, _tail = await self._start("render", "--connect", endpoint, nice=10)
 
     async def _host(self, kind: str, *words: str) -> str:
         endpoint = await asyncio.to_thread(free_endpoint)
@@ -104,8 +116,8 @@ class ChildProcesses:
         self._children.append(child)
         tail: deque[str] = deque(maxlen=TAIL_LENGTH)
         reader = asyncio.ensure_future(_read(child, kind, tail))
-        self._readers.add(reader)
-        reader.add_done_callback(self._readers.discard)
+        self._tasks.add(reader)
+        reader.add_done_callback(self._tasks.discard)
         return child, tail
 
 

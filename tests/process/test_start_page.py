@@ -48,7 +48,10 @@ def test_a_sample_is_opened_seen_left_and_the_host_survives_a_kill(own_runtime):
                 await until(editor, lambda: editor.stream.shown is not None)  # by a render node of its own
                 names = {entity.name for entity in editor.model.scene.mirror.entities.values()}
 
-                simulation = openers._children[0]
+                simulation, render = openers._children[:2]
+                render.kill()
+                shown = editor.stream.renderer
+                await until(editor, lambda: editor.stream.renderer not in (None, shown))  # another one came
                 simulation.kill()
                 await until(editor, lambda: editor.attachments.lost_for is not None)
                 drawn = editor.application.frame_count

@@ -190,9 +190,7 @@ def test_another_run_is_selected_by_name_and_another_session_has_no_file():
             await town.host(B, name="meadow", epoch=2, records=others)
             desk.attachments.connect(B)
             await town.until(lambda: model.scene.mirror.epoch == 2)
-            assert model.selection.entities == (desk.named("Lid"),) or model.scene.path_of(model.selection.primary) == (
-                "Crate", "Lid",
-            )  # fmt: skip
+            assert len(model.selection) == 1  # there is no second box
             assert model.scene.path_of(model.selection.primary) == ("Crate", "Lid")
             assert not model.history.undo_label
             assert model.file.path is None and not model.file.is_dirty
@@ -297,6 +295,7 @@ def test_the_start_page_attaches(monkeypatch, screenshot_directory):
         assert "start/error" in editor.ui.landmarks.rectangles
         await person.click("start/session/0")
         await person.until(lambda: editor.model.scene.is_known)
+        await person.frames(8)  # panels take their places
         await person.click("hierarchy/Crate")
         assert editor.model.selection
 
@@ -333,6 +332,7 @@ def test_a_dead_host_is_a_banner_and_frames_go_on(screenshot_directory):
         await town.host(A, name="yard")
         editor.attachments.connect(A)
         await person.until(lambda: editor.model.scene.is_known)
+        await person.frames(8)  # panels take their places
         await person.click("hierarchy/Crate")
         await town.kill(A)
         await person.until(lambda: editor.attachments.lost_for is not None)
@@ -356,12 +356,13 @@ def test_a_dead_host_is_a_banner_and_frames_go_on(screenshot_directory):
         await town.kill(A)  # another session comes where this one was: only Retry takes it
         await person.until(lambda: editor.attachments.lost_for is not None)
         await town.host(A, name="meadow", epoch=3)
+        await person.frames(4)  # a window that fits itself to its text takes its place late
         await person.click("banner/retry")
         await person.until(lambda: editor.seat.name == "meadow" and editor.model.connected)
 
         await town.kill(A)
         await person.until(lambda: editor.attachments.lost_for is not None)
-        await person.frames(2)
+        await person.frames(4)
         await person.click("banner/disconnect")
         await person.frames(3)
         assert not editor.attachments.is_attached
@@ -379,6 +380,7 @@ def test_the_link_shows_its_figures(screenshot_directory):
         await person.until(lambda: editor.model.scene.is_known)
         assert not editor.ui.meter.is_measuring
         town.hosts[A].publish_status()
+        await person.frames(8)
         await person.click("toolbar/link")
         await person.until(lambda: editor.ui.meter.round_trip is not None)
         await person.frames(2)

@@ -108,6 +108,32 @@ def test_everything_that_is_said_has_its_french():
     assert sorted(missing) == []
 
 
+def test_words_in_tables_have_their_french_too():
+    from elys.editor_node.console_log import LEVELS
+    from elys.editor_node.panels import diagnostics, keys_help, preferences_window, toolbar, tour
+    from elys.samples.registry import SAMPLES
+
+    said = {words for _, _, words in toolbar._TOOLS}
+    said |= {words for row in keys_help._MOUSE for words in row}
+    said |= {curve.label for curve in diagnostics._CURVES} | set(preferences_window._THEME_NAMES.values())
+    said |= {words for step in tour._STEPS for words in (step.title, step.text)}
+    said |= set(LEVELS) | {sample.title for sample in SAMPLES.values()}
+    assert sorted(said - set(translations("fr"))) == []
+
+
+@pytest.mark.gl
+def test_the_fonts_have_all_letters(at_the_editor):
+    async def scenario(person):
+        letters = set("".join([*translations("fr"), *translations("fr").values(), "éèêëàâùûôîïçœæÉÈÀÇŒ«»’…°µ"])) - {
+            "\n"
+        }
+        fonts = person.editor.ui.fonts
+        for font in (fonts.regular, fonts.bold):
+            assert [letter for letter in sorted(letters) if not font.is_glyph_in_font(ord(letter))] == []
+
+    at_the_editor(scenario)
+
+
 def test_french_is_sorted_and_uses_its_accents():
     text = (SOURCE / "languages" / "fr.json").read_text(encoding="utf-8")
     keys = list(translations("fr"))
