@@ -7,6 +7,8 @@ import contextlib
 from collections.abc import AsyncIterator
 from pathlib import Path
 
+from PIL import Image
+
 from elys.bus import topics
 from elys.bus.discovery import join_session
 from elys.bus.messages.commands import CommandRequest, StepTicks
@@ -47,6 +49,7 @@ async def _person(openers: ChildProcesses) -> AsyncIterator[Person]:
 async def draw_editor_pictures(directory: Path, endpoint: str) -> None:
     """Draws them into `directory`; a simulation of the yard, paused, and a render node are at `endpoint`."""
     directory.mkdir(parents=True, exist_ok=True)
+    Image.init()  # loads all formats, which takes so long that the link would be given up
     openers = ChildProcesses()
     try:
         async with _person(openers) as person:

@@ -314,6 +314,32 @@ def test_what_was_chosen_outlives_the_editor(on_stage, tmp_path):
     on_stage(twice)
 
 
+def next_frame_in(person: Person) -> float:
+    """After how long [s] a frame is drawn next, if nothing happens until then."""
+    application = person.application
+    application._awake_until = 0.0
+    application.draw_frame()
+    return application._redraw_at - application._clock()
+
+
+@pytest.mark.gl
+def test_nothing_is_drawn_while_nothing_happens(at_the_editor):
+    async def scenario(person):
+        editor = person.editor
+        assert next_frame_in(person) > 1.0
+        editor.workspace.preferences.is_open = True
+        await person.frames(3)
+        assert next_frame_in(person) > 1.0
+        editor.workspace.link.is_open = True  # its figures go on, once a second
+        await person.frames(3)
+        assert 0.5 < next_frame_in(person) <= 1.0
+        editor.attachments.detach()
+        await person.frames(3)
+        assert next_frame_in(person) > 1.0
+
+    at_the_editor(scenario)
+
+
 @pytest.mark.gl
 def test_the_tour_points_at_five_things(at_the_editor, screenshot_directory):
     async def scenario(person):
