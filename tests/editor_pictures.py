@@ -85,6 +85,8 @@ async def _step(endpoint: str) -> None:
 
 
 async def _shoot(person: Person, path: Path) -> None:
+    # Where software draws, a frame may take longer than a link may be silent: what the console says of it is of no use here.
+    person.editor.model.console.clear()
     await person.frames(6)
     person.editor.screenshot(path)
     print(path)
