@@ -220,7 +220,7 @@ def view(connect: Connect = None, frames: Frames = 0) -> None:
 
 @app.command()
 def edit(connect: Connect = None) -> None:
-    """Attach an editor to a running session or a replay."""
+    """Attach an editor to a running session or a replay; where none runs, choose in the editor what to open."""
     from elys.verbs import attach
 
     attach.edit(connect)
@@ -491,11 +491,15 @@ def node_render(connect: Connect = None) -> None:
 
 
 @node_app.command("editor")
-def node_editor(connect: Connect = None, frames: Frames = 0) -> None:
+def node_editor(
+    connect: Connect = None,
+    frames: Frames = 0,
+    alone: Annotated[bool, typer.Option("--alone", help="begin with the start page")] = False,
+) -> None:
     """The editor's window."""
     from elys.verbs import nodes
 
-    nodes.editor(connect, frame_limit=frames)
+    nodes.editor(connect, starts_alone=alone, frame_limit=frames)
 
 
 @node_app.command("player")

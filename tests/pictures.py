@@ -11,6 +11,7 @@ from elys.bus import topics
 from elys.bus.messages.commands import CommandRequest, StepTicks
 from elys.verbs.nodes import joined
 from tests.benchmarks.processes import environment, running
+from tests.editor_pictures import draw_editor_pictures
 
 PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
 ENDPOINT = "tcp/127.0.0.1:17560"
@@ -29,6 +30,8 @@ def main() -> None:
         running(render, env=env, wait_for="drawing views"),
     ):
         asyncio.run(draw_editor(PICTURES / "editor.png"))
+        os.environ["ELYS_RUNTIME_DIR"] = env["ELYS_RUNTIME_DIR"]  # of which sessions the start page is to tell
+        asyncio.run(draw_editor_pictures(PICTURES / "editor", ENDPOINT))
 
 
 async def draw_editor(path: Path) -> None:

@@ -16,7 +16,7 @@ from typing import Final
 
 import msgspec
 
-from elys.bus.session import Session
+from elys.bus.session import Node, Session
 from elys.bus.transports.transport import Closer
 from elys.bus.transports.zenoh import DEFAULT_PORT, ZenohTransport
 from elys.common.assets.store import replace_file
@@ -123,8 +123,10 @@ def complete_endpoint(text: str) -> str:
     return f"{found['protocol'] or 'tcp'}/{found['host']}:{port}"
 
 
-async def join_session(connect: str | None = None, *, kind: str, timeout: float = 5.0) -> Session:
-    """A session with the host that `connect` names, or with the newest one on this machine.
+async def join_session(
+    connect: str | None = None, *, kind: str, timeout: float = 5.0, node: Node | None = None
+) -> Session:
+    """A session with the host that `connect` names, or with the newest one on this machine; `node` as for `Session.join`.
 
     Raises:
         ConnectionLost: there is none, or nobody answers within `timeout` seconds.
@@ -133,7 +135,7 @@ async def join_session(connect: str | None = None, *, kind: str, timeout: float 
     endpoint = choose_endpoint(connect)
     transport = await asyncio.to_thread(ZenohTransport.connect, endpoint, timeout=timeout)
     try:
-        return await Session.join(transport, kind=kind, timeout=timeout)
+        return await Session.join(transport, kind=kind, timeout=timeout, node=node)
     except BaseException:
         await asyncio.to_thread(transport.close)
         raise

@@ -77,15 +77,16 @@ class Session:
         return session
 
     @classmethod
-    async def join(cls, transport: Transport, *, kind: str, name: str = "*", timeout: float = 5.0) -> Session:
-        """Comes into a session that somebody hosts.
+    async def join(
+        cls, transport: Transport, *, kind: str, name: str = "*", timeout: float = 5.0, node: Node | None = None
+    ) -> Session:
+        """Comes into a session that somebody hosts, as `node`, if it is to be known by an id it had before.
 
         Raises:
             ConnectionLost: nobody answered within `timeout` seconds.
             ProtocolError: the host speaks another version of the protocol.
         """
-        node = Node(kind, node_id(kind))
-        session = cls(transport, name=name, node=node, epoch=0)
+        session = cls(transport, name=name, node=node or Node(kind, node_id(kind)), epoch=0)
         welcome = await session._shake_hands(timeout, name)
         session.name, session.epoch = welcome.session, welcome.epoch
         session._show_and_watch()

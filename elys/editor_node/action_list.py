@@ -6,7 +6,10 @@ from typing import get_args
 
 from elys.bus.messages.views import Shows
 from elys.editor_node.actions import Action, Actions
+from elys.editor_node.language import LANGUAGES
 from elys.editor_node.model import EditorModel
+from elys.editor_node.panels.preferences_window import change_font_scale, change_language
+from elys.editor_node.preferences import Theme
 from elys.editor_node.ui import Tool, Tools, Ui
 from elys.editor_node.viewport_layer import ViewportLayer
 from elys.editor_node.workspace import Workspace
@@ -28,7 +31,28 @@ def _file_actions(ui: Ui, workspace: Workspace) -> tuple[Action, ...]:
     return (
         Action(name="file.save", label="Save", keys=("Ctrl+S",), run=lambda: dialog.save(ui)),
         Action(name="file.save_as", label="Save as...", keys=("Ctrl+Shift+S",), run=lambda: dialog.ask_where(ui)),
-        Action(name="file.quit", label="Quit", keys=("Ctrl+Q",), run=workspace.ask_to_close),
+        Action(
+            name="file.connect",
+            label="Connect to...",
+            keys=("Ctrl+Shift+O",),
+            run=workspace.link.ask_endpoint,
+            needs_session=False,
+        ),
+        Action(name="file.detach", label="Disconnect", run=ui.attachments.detach),
+        Action(
+            name="file.retry",
+            label="Connect again",
+            run=ui.attachments.retry,
+            is_possible=lambda: ui.attachments.lost_for is not None,
+        ),
+        Action(
+            name="file.preferences",
+            label="Preferences...",
+            keys=("Ctrl+,",),
+            run=lambda: setattr(workspace.preferences, "is_open", not workspace.preferences.is_open),
+            needs_session=False,
+        ),
+        Action(name="file.quit", label="Quit", keys=("Ctrl+Q",), run=workspace.ask_to_close, needs_session=False),
     )
 
 
@@ -127,5 +151,59 @@ def _view_actions(ui: Ui, workspace: Workspace, viewport: ViewportLayer) -> tupl
         ),
         *(show(view) for view in get_args(Shows)),
         Action(name="view.reset_layout", label="Reset layout", run=workspace.reset_layout),
-        Action(name="help.keys", label="Keys and mouse", keys=("F1",), run=workspace.show_help),
+        Action(name="view.save_layout", label="Save layout as...", run=workspace.layouts.ask_name),
+        Action(
+            name="view.link",
+            label="Connection",
+            run=lambda: setattr(workspace.link, "is_open", not workspace.link.is_open),
+            is_on=lambda: workspace.link.is_open,
+        ),
+        *_look_actions(ui, workspace),
+    )
+
+
+def _look_actions(ui: Ui, workspace: Workspace) -> tuple[Action, ...]:
+    """What can be done without a session as well: how the editor looks and what it says of itself."""
+    preferences = ui.preferences
+
+    def use(theme: Theme) -> Action:
+        return Action(
+            name=f"view.{theme}_theme",
+            label=f"{theme.capitalize()} theme",
+            run=lambda: setattr(preferences, "theme", theme),
+            is_on=lambda: preferences.theme == theme,
+            needs_session=False,
+        )
+
+    def speak(code: str, name: str) -> Action:
+        return Action(
+            name=f"view.language_{code}",
+            label=name,
+            run=lambda: change_language(preferences, code),
+            is_on=lambda: preferences.language == code,
+            needs_session=False,
+        )
+
+    def size(name: str, label: str, direction: int, *keys: str) -> Action:
+        return Action(
+            name=f"view.{name}",
+            label=label,
+            keys=keys,
+            run=lambda: change_font_scale(preferences, direction),
+            needs_session=False,
+            repeats=True,
+        )
+
+    return (
+        Action(
+            name="view.palette", label="Find and do", keys=("Ctrl+P",), run=workspace.palette.open, needs_session=False
+        ),
+        *(use(theme) for theme in get_args(Theme)),
+        *(speak(code, name) for code, name in LANGUAGES.items()),
+        size("larger_text", "Larger text", 1, "Ctrl+="),
+        size("smaller_text", "Smaller text", -1, "Ctrl+-"),
+        size("normal_text", "Text as large as at first", 0, "Ctrl+0"),
+        Action(name="help.keys", label="Keys and mouse", keys=("F1",), run=workspace.show_help, needs_session=False),
+        Action(name="help.tour", label="Tour", run=workspace.tour.start),
+        Action(name="help.about", label="About ELYS", run=workspace.show_about, needs_session=False),
     )

@@ -21,6 +21,7 @@ class Action:
     is_possible: Callable[[], bool] = _always
     is_on: Callable[[], bool] | None = None  # for a switch: whether it is on
     repeats: bool = False  # whether holding its key does it again and again
+    needs_session: bool = True  # whether there must be a scene to do it to
 
 
 class Actions:
@@ -28,6 +29,7 @@ class Actions:
 
     def __init__(self) -> None:
         self._actions: dict[str, Action] = {}
+        self.has_session: Callable[[], bool] = _always
 
     def __iter__(self) -> Iterator[Action]:
         return iter(self._actions.values())
@@ -46,10 +48,15 @@ class Actions:
                 raise ValueError(f"there is an action {action.name} already")
             self._actions[action.name] = action
 
+    def may_run(self, name: str) -> bool:
+        """Whether it is possible now."""
+        action = self._actions[name]
+        return (self.has_session() or not action.needs_session) and action.is_possible()
+
     def run(self, name: str) -> bool:
         """Does it, if it is possible now; whether it was."""
         action = self._actions[name]
-        if not action.is_possible():
+        if not self.may_run(name):
             return False
         action.run()
         return True

@@ -5,6 +5,7 @@ Everything else on the screen is drawn by Dear ImGui's backend, the scene by a r
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -32,11 +33,12 @@ class WindowContext:
         """What draws, in the driver's words."""
         return str(self._context.info["GL_RENDERER"])
 
-    def clear(self, width: int, height: int, color: tuple[float, float, float]) -> None:
+    def clear(self, width: int, height: int, color: Sequence[float]) -> None:
         """Starts a frame of the window; ImGui's backend binds no framebuffer of its own."""
         self._context.screen.use()
         self._context.viewport = (0, 0, width, height)
-        self._context.screen.clear(*color, 1.0)
+        red, green, blue = color[:3]
+        self._context.screen.clear(red, green, blue, 1.0)
 
     def read_window(self, width: int, height: int) -> NDArray[np.uint8]:
         """What the window shows, [height, width, 4] RGBA from the top row down."""

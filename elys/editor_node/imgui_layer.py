@@ -22,6 +22,7 @@ from elys.editor_node.events import (
 )
 from elys.editor_node.gpu import WindowContext
 from elys.editor_node.keys import Key
+from elys.editor_node.preferences import Preferences
 from elys.editor_node.theme import BACKGROUND, apply_theme, load_fonts
 from elys.editor_node.window import Window
 
@@ -43,6 +44,7 @@ class ImGuiLayer:
         draw: Callable[[float], None],
         reserves: Callable[[Event], bool],
         layout_file: Path | None,
+        preferences: Preferences,
     ) -> None:
         self._window = window
         self._context = context
@@ -50,6 +52,9 @@ class ImGuiLayer:
         self._reserves = reserves
         self._held: set[int] = set()  # modifier keys that are down
         self._closes_menus = False
+        self._docking = ""  # to be loaded
+        self._preferences = preferences
+        self._look: tuple[object, ...] = ()  # what theme and sizes were made of
         self._imgui = imgui.create_context()
         io = imgui.get_io()
         io.config_flags |= imgui.ConfigFlags_.docking_enable.value
@@ -59,7 +64,7 @@ class ImGuiLayer:
             layout_file.parent.mkdir(parents=True, exist_ok=True)
         io.set_ini_filename(str(layout_file) if layout_file is not None else "")
         self.fonts = load_fonts()
-        apply_theme(window.content_scale)
+        self._apply_look()
         # Callbacks stay ours: events reach ImGui through the stack, like every other layer.
         imgui.backends.glfw_init_for_opengl(window.address, False)
         imgui.backends.opengl3_init(_GLSL_VERSION)
@@ -96,6 +101,10 @@ class ImGuiLayer:
 
     def update(self, elapsed: float) -> None:
         """Builds and draws one frame of widgets."""
+        self._apply_look()
+        if self._docking:
+            imgui.load_ini_settings_from_memory(self._docking)
+            self._docking = ""
         imgui.backends.opengl3_new_frame()
         imgui.backends.glfw_new_frame()
         imgui.new_frame()
@@ -108,6 +117,10 @@ class ImGuiLayer:
         self._context.clear(*self._window.framebuffer_size, BACKGROUND)
         imgui.backends.opengl3_render_draw_data(imgui.get_draw_data())
 
+    def load_docking(self, docking: str) -> None:
+        """Places windows as `imgui.save_ini_settings_to_memory` once told, before the next frame."""
+        self._docking = docking
+
     @property
     def is_typing(self) -> bool:
         """Whether a text cursor blinks somewhere."""
@@ -118,6 +131,14 @@ class ImGuiLayer:
         imgui.backends.opengl3_shutdown()
         imgui.backends.glfw_shutdown()
         imgui.destroy_context(self._imgui)
+
+    def _apply_look(self) -> None:
+        """Theme and sizes anew, where the person or the display wants others than in the last frame."""
+        wanted = self._preferences
+        look = (self._window.content_scale, wanted.theme, wanted.font_scale)
+        if look != self._look:
+            self._look = look
+            apply_theme(look[0], theme=wanted.theme, font_scale=wanted.font_scale)
 
     def _feed_key(self, key: int, *, pressed: bool) -> None:
         io = imgui.get_io()

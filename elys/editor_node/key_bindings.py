@@ -106,6 +106,20 @@ class KeyBindings:
         self._chosen[name] = (chord,)
         return loser
 
+    def swap(self, name: str, chord: Chord) -> None:
+        """Lets `chord` do an action; who had it takes the chord that the action had before, if it had any."""
+        before = self.chords_of(name)[:1]
+        loser = self.bind(name, chord)
+        if loser:
+            self._chosen[loser] = (*self.chords_of(loser), *(old for old in before if old != chord))
+
     def reset(self, name: str) -> None:
-        """Gives an action its own keys back."""
+        """Gives an action its own keys back, and takes them from those who have them now."""
         self._chosen.pop(name, None)
+        own = self.chords_of(name)
+        for other in list(self._chosen):
+            self._chosen[other] = tuple(chord for chord in self._chosen[other] if chord not in own)
+
+    def reset_all(self) -> None:
+        """Gives all actions their own keys back."""
+        self._chosen.clear()

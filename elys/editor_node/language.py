@@ -38,6 +38,13 @@ def tr(text: str, **values: object) -> str:
     return translated.format(**values) if values else translated
 
 
+def tr_title(title: str) -> str:
+    """A panel's title `icon  Label###Label` with its label in the chosen language; the id behind ### stays."""
+    label, _, name = title.partition("###")
+    icon, gap, words = label.rpartition("  ")
+    return f"{icon}{gap}{tr(words)}###{name}"
+
+
 def tr_label(text: str, name: str = "") -> str:
     """A widget's label: translated text and an id that is the same in every language (`name`, or the English text)."""
     return f"{tr(text)}###{name or text}"

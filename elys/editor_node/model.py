@@ -32,6 +32,7 @@ from elys.bus.session import Session
 from elys.common.errors import BusError, ConnectionLost
 from elys.editor_node.console_log import ConsoleLog
 from elys.editor_node.history import History, Outcome
+from elys.editor_node.language import tr
 from elys.editor_node.operations import Operations
 from elys.editor_node.scene_file import SceneFile
 from elys.editor_node.scene_mirror import EditorScene
@@ -67,6 +68,8 @@ class EditorModel:
         self.profiles: deque[TickProfile] = deque(maxlen=240)  # the newest last
         self.diagnostics: deque[Diagnostics] = deque(maxlen=240)  # likewise
         self.connected = session.connected
+        self._known_session = (session.name, session.epoch)  # of which the mirror tells
+        self._wanted_paths: list[tuple[str, ...]] = []  # of what was selected before the host started anew
         self._told_stroke: object = None
         self._wanted_time: float | None = None  # [s] to seek to
         self._seeking: asyncio.Task[None] | None = None
@@ -135,12 +138,12 @@ class EditorModel:
             try:
                 reply = await self._ask(command)
             except BusError as error:
-                self.say("error", f"{label}: {error}")
+                self.say("error", f"{tr(label)}: {error}")
             else:
                 if reply.accepted:
                     self.error = ""
                 else:
-                    self.say("error", f"{label} refused: {reply.reason}")
+                    self.say("error", tr("{what} refused: {reason}", what=tr(label), reason=reply.reason))
 
         return self.session.start(ask())
 
@@ -194,8 +197,9 @@ class EditorModel:
     def save(self, path: str) -> None:
         """Writes the scene to a file under the name it has, and says so; SceneError where that cannot be."""
         self.file.save(path, name=self.status.scene if self.status is not None else "")
-        self.say("info", f"Saved {self.file.path}")
-        self.error, self.notice = "", f"Saved {self.file.path}"
+        text = tr("Saved {path}", path=self.file.path)
+        self.say("info", text)
+        self.error, self.notice = "", text
         self._message_ends = self._clock() + MESSAGE_TIME
 
     def node_label(self, node: str) -> str:
@@ -207,13 +211,13 @@ class EditorModel:
 
     async def _ask(self, command: Command) -> CommandReply:
         if not self.connected:
-            raise ConnectionLost("the simulation is gone")
+            raise ConnectionLost(tr("the simulation is gone"))
         request = CommandRequest(origin=self.session.node.id, command=command)
         return await self.session.request(topics.COMMAND, request, timeout=COMMAND_TIMEOUT)
 
     def _tell_outcome(self, outcome: Outcome) -> None:
         for reason in dict.fromkeys(outcome.refusals):
-            self.say("error", f"{outcome.label} refused: {reason}", tick=outcome.tick)
+            self.say("error", tr("{what} refused: {reason}", what=outcome.label, reason=reason), tick=outcome.tick)
         is_told = outcome.stroke is not None and outcome.stroke is self._told_stroke  # a drag is one line
         self._told_stroke = outcome.stroke
         if outcome.accepted and not outcome.refusals:
@@ -227,6 +231,10 @@ class EditorModel:
             self.selection.replace(new_ids.values())
 
     def _scene_changed(self) -> None:
+        if self._wanted_paths and self.scene.mirror.epoch == self.session.epoch:
+            found = self.scene.found_paths(self._wanted_paths)
+            self._wanted_paths = []
+            self.selection.replace(found)
         self.selection.keep_only(self.scene.exists)
         self.request_redraw(0.0)
 
@@ -260,11 +268,30 @@ class EditorModel:
     def _link_changed(self, connected: bool) -> None:
         self.connected = connected
         if connected:
-            self.history.forget()
-            self.error = ""
-            self.say("info", "the simulation is back")
+            self._greet(self.session.name, self.session.epoch)
+        elif self.session.name:
+            self.say("warning", tr("the simulation is gone; waiting for it to return"))
         else:
-            self.say("warning", "the simulation is gone; waiting for it to return")
+            self.status, self.error = None, ""
+            self.request_redraw(0.0)
+
+    def _greet(self, name: str, epoch: int) -> None:
+        """Keeps what still holds: all of it in the same run, names in another run, nothing in another session."""
+        known_name, known_epoch = self._known_session
+        self._known_session = (name, epoch)
+        if epoch != known_epoch:
+            self._wanted_paths = [self.scene.path_of(entity) for entity in self.selection if self.scene.exists(entity)]
+            self.history.forget()
+            self.profiles.clear()
+            self.diagnostics.clear()
+        if known_name and name != known_name:
+            self.status = None
+            self.file.forget()
+        self.error = ""
+        if known_name == name:
+            self.say("info", tr("the simulation is back"))
+        else:
+            self.say("info", tr("attached to {name}", name=name))
 
 
 def _controls(status: SessionStatus) -> tuple[Any, ...]:

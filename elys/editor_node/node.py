@@ -12,15 +12,25 @@ from elys.bus.session import Session
 from elys.editor_node.action_list import add_actions
 from elys.editor_node.actions import Actions
 from elys.editor_node.application import Application
+from elys.editor_node.attachments import Attachments, Join, Openers
 from elys.editor_node.camera import OrbitCamera
 from elys.editor_node.gpu import WindowContext, save_picture
 from elys.editor_node.imgui_layer import ImGuiLayer
 from elys.editor_node.key_bindings import KeyBindings
 from elys.editor_node.language import use_language
+from elys.editor_node.link_meter import LinkMeter
 from elys.editor_node.model import EditorModel
 from elys.editor_node.panels.viewport import ViewportPanel
-from elys.editor_node.preferences import Preferences, configuration_directory, load_preferences, save_preferences
-from elys.editor_node.shortcuts import ShortcutLayer
+from elys.editor_node.preferences import (
+    Preferences,
+    configuration_directory,
+    keep_session,
+    load_preferences,
+    save_preferences,
+)
+from elys.editor_node.seat import Seat
+from elys.editor_node.session_state import restore_session, session_state
+from elys.editor_node.shortcuts import ChordCapture, ShortcutLayer
 from elys.editor_node.ui import Ui
 from elys.editor_node.view_stream import ViewStream
 from elys.editor_node.viewport_layer import ViewportLayer
@@ -32,8 +42,9 @@ PREFERENCES: Final = "editor.json"
 
 
 async def run_editor(
-    session: Session,
+    session: Session | None,
     *,
+    openers: Openers | None = None,
     null_platform: bool = False,
     frames: int | None = None,
     size: tuple[int, int] = (1600, 900),
@@ -41,10 +52,12 @@ async def run_editor(
 ) -> None:
     """Shows the editor until its window is closed, or for `frames` frames; then writes `screenshot`, if one is named.
 
+    Without a session it begins with its start page; `openers` start what takes other nodes.
+
     Raises:
         DisplayError: there is no display, or no OpenGL on it.
     """
-    with Editor(session, null_platform=null_platform, size=size) as editor:
+    with Editor(session, openers=openers, null_platform=null_platform, size=size) as editor:
         await editor.run(frames=frames)
         if screenshot is not None:
             editor.screenshot(screenshot)
@@ -53,16 +66,34 @@ async def run_editor(
 class Editor:
     """Model, window and layers put together. A context manager: leaving it closes the window, not the session."""
 
-    def __init__(self, session: Session, *, null_platform: bool = False, size: tuple[int, int] = (1600, 900)) -> None:
+    def __init__(
+        self,
+        session: Session | None = None,
+        *,
+        openers: Openers | None = None,
+        join: Join | None = None,
+        directory: Path | None = None,
+        null_platform: bool = False,
+        size: tuple[int, int] = (1600, 900),
+    ) -> None:
+        """`directory` keeps preferences and layout; the one of `configuration_directory` where none is named.
+
+        Without a display it is a test or a picture: unless a directory is named it neither depends on what a person chose nor
+        changes it.
+        """
         self.window = Window("ELYS", size, null_platform=null_platform)
-        # Without a display it is a test or a picture: it neither depends on what a person chose nor changes it.
-        self._directory = None if self.window.null_platform else configuration_directory()
+        self._directory = directory or (None if self.window.null_platform else configuration_directory())
         self.preferences = Preferences() if self._directory is None else load_preferences(self._directory / PREFERENCES)
         use_language(self.preferences.language)
         self.context = WindowContext()
         self.application = Application(self.window)
-        self.model = EditorModel(session, request_redraw=self.application.request_redraw)
-        self.stream = ViewStream(session, on_frame=self.application.request_redraw)
+        redraw = self.application.request_redraw
+        self.seat = Seat(session)
+        self.attachments = Attachments(
+            self.seat, self.preferences, openers=openers, join=join, on_change=redraw, on_leave=self._keep_session
+        )
+        self.model = EditorModel(self.seat, request_redraw=redraw)
+        self.stream = ViewStream(self.seat, on_frame=redraw)
         self._picture = self.context.picture()
         self.panel = ViewportPanel(self.stream, self._picture, OrbitCamera())
         self.widgets = ImGuiLayer(
@@ -71,22 +102,42 @@ class Editor:
             draw=self._draw,
             reserves=lambda event: self.panel.takes_mouse,
             layout_file=self._directory / "editor.ini" if self._directory is not None else None,
+            preferences=self.preferences,
         )
         actions = Actions()
+        actions.has_session = lambda: self.attachments.is_attached
         self.ui = Ui(
-            self.model, self.widgets.fonts, actions, KeyBindings(actions, self.preferences.keys), self.preferences
+            self.model,
+            self.widgets.fonts,
+            actions,
+            KeyBindings(actions, self.preferences.keys),
+            self.preferences,
+            self.attachments,
+            LinkMeter(self.seat, on_change=redraw),
         )
+        capture = ChordCapture()
         self.workspace = Workspace(
-            self.ui, self.panel, ask_to_close=self.window.request_close, close=self.application.close
+            self.ui,
+            self.panel,
+            ask_to_close=self.window.request_close,
+            close=self.application.close,
+            load_docking=self.widgets.load_docking,
+            capture=capture,
         )
         self.application.on_close = lambda: self.workspace.save_dialog.may_close(self.ui)
-        navigation = ViewportLayer(self.model, self.panel, hold_pointer=self.window.hold_pointer)
-        add_actions(actions, self.ui, self.workspace, navigation)
+        self.navigation = ViewportLayer(self.model, self.panel, hold_pointer=self.window.hold_pointer)
+        add_actions(actions, self.ui, self.workspace, self.navigation)
         self.application.push_layer(ShortcutLayer(actions, self.ui.keys))
-        self.application.push_layer(navigation)
+        self.application.push_layer(self.navigation)
         self.application.push_layer(self.widgets)
-        session.on_link(self._link_changed)
+        self.application.push_layer(capture)
+        self.seat.on_link(self._link_changed)
+        self._seen_session = ""  # whose camera it is
         self._title = ""
+        if self._directory is not None and not self.preferences.has_seen_tour:
+            self.workspace.tour.start()
+        if self.attachments.is_attached:
+            self._show_session()
 
     def __enter__(self) -> Self:
         return self
@@ -94,9 +145,9 @@ class Editor:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        if self._directory is not None:
-            self.preferences.keys = self.ui.keys.chosen
-            save_preferences(self.preferences, self._directory / PREFERENCES)
+        if self.attachments.is_attached:
+            self._keep_session()
+        self._save_preferences()
         self.stream.close()
         self._picture.release()
         self.widgets.close()
@@ -109,6 +160,7 @@ class Editor:
             following = group.create_task(self.model.run())
             await self.application.run(frames=frames)
             following.cancel()
+        await self.attachments.close()
 
     def screenshot(self, path: str | Path) -> None:
         """Writes what the window shows as a picture."""
@@ -130,4 +182,26 @@ class Editor:
     def _link_changed(self, connected: bool) -> None:
         if connected:
             self.stream.refresh()
+            self._show_session()
         self.application.request_redraw()
+
+    def _show_session(self) -> None:
+        """Looks at another session as it was looked at last; at one never seen as its scene wants it."""
+        if self.seat.name == self._seen_session:
+            return
+        self._seen_session = self.seat.name
+        self.stream.forget()
+        self._save_preferences()  # an editor that is killed forgets nothing of before
+        kept = self.preferences.sessions.get(self.seat.name)
+        self.navigation.is_placed = kept is not None
+        if kept is not None:
+            restore_session(kept, self.panel.camera, self.ui.tools)
+
+    def _save_preferences(self) -> None:
+        if self._directory is not None:
+            self.preferences.keys = self.ui.keys.chosen
+            self.preferences.hidden_panels = self.workspace.hidden_panels
+            save_preferences(self.preferences, self._directory / PREFERENCES)
+
+    def _keep_session(self) -> None:
+        keep_session(self.preferences, self.seat.name, session_state(self.panel.camera, self.ui.tools))

@@ -28,6 +28,7 @@ from elys.common.math import matrix
 from elys.common.scene import EntityRecord, SceneSettings
 from elys.editor_node.edits import records_of
 from elys.editor_node.history import History, Outcome
+from elys.editor_node.language import tr
 from elys.editor_node.primitives import PRIMITIVES, primitive_record
 from elys.editor_node.scene_mirror import EditorScene
 from elys.editor_node.selection import Selection
@@ -53,7 +54,7 @@ class Operations:
         name = name.strip()
         if not name or not self._scene.exists(entity) or name == self._scene.name_of(entity):
             return None
-        return self._perform(f"Rename to {name}", (Rename(entity=entity, name=name),))
+        return self._perform(tr("Rename to {name}", name=name), (Rename(entity=entity, name=name),))
 
     def reparent(self, entities: Iterable[int], parent: int, index: int = -1) -> Done | None:
         """Moves entities under `parent` (0: to the roots), in the order of the tree; each keeps its place in the world.
@@ -73,13 +74,16 @@ class Operations:
             place = index + offset if index >= 0 else -1
             if scene.place_of(entity) != (parent, place):
                 commands.append(Reparent(entity=entity, parent=parent, index=place))
-        target = scene.name_of(parent) if parent else "the top"
-        return self._perform(f"Move {self._described(moving)} to {target}", tuple(commands))
+        target = scene.name_of(parent) if parent else tr("the top")
+        return self._perform(
+            tr("Move {what} to {target}", what=self._described(moving), target=target), tuple(commands)
+        )
 
     def set_enabled(self, entities: Iterable[int], enabled: bool) -> Done | None:
         """Switches entities, and with them all below."""
         targets = [e for e in entities if self._scene.exists(e) and self._scene.is_enabled(e) != enabled]
-        label = f"{'Enable' if enabled else 'Disable'} {self._described(targets)}"
+        what = self._described(targets)
+        label = tr("Enable {what}", what=what) if enabled else tr("Disable {what}", what=what)
         return self._perform(label, tuple(SetEnabled(entity=entity, enabled=enabled) for entity in targets))
 
     def set_fields(
@@ -103,27 +107,32 @@ class Operations:
             if stroke is not None or any(getattr(current, name) != value for name, value in checked.items()):
                 commands.append(SetComponent(entity=entity, component=component, values=checked))
         names = ", ".join(dict.fromkeys(name for values in values_of_entity.values() for name in values))
-        label = f"Set {component}.{names} of {self._described(list(values_of_entity))}"
+        what = self._described(list(values_of_entity))
+        label = tr("Set {field} of {what}", field=f"{component}.{names}", what=what)
         return self._perform(label, tuple(commands), stroke=stroke)
 
     def set_settings(self, settings: SceneSettings, *, stroke: object = None) -> Done | None:
         """Changes the scene's settings."""
         if settings == self._scene.settings and stroke is None:
             return None
-        return self._perform("Change the scene's settings", (SetSettings(settings=settings),), stroke=stroke)
+        return self._perform(tr("Change the scene's settings"), (SetSettings(settings=settings),), stroke=stroke)
 
     def add_component(self, entities: Iterable[int], component: str) -> Done | None:
         """Gives a component with its defaults to all of the entities that have none."""
         declaration_of(component)
         targets = [e for e in entities if self._scene.exists(e) and component not in self._scene.components_of(e)]
         commands = tuple(AddComponent(entity=entity, component=component) for entity in targets)
-        return self._perform(f"Add {component} to {self._described(targets)}", commands)
+        return self._perform(
+            tr("Add {component} to {what}", component=component, what=self._described(targets)), commands
+        )
 
     def remove_component(self, entities: Iterable[int], component: str) -> Done | None:
         """Takes a component away."""
         targets = [e for e in entities if self._scene.exists(e) and component in self._scene.components_of(e)]
         commands = tuple(RemoveComponent(entity=entity, component=component) for entity in targets)
-        return self._perform(f"Remove {component} from {self._described(targets)}", commands)
+        return self._perform(
+            tr("Remove {component} from {what}", component=component, what=self._described(targets)), commands
+        )
 
     def spawn(self, kind: str, *, parent: int = 0, at: Point | None = None) -> Done | None:
         """Makes a box, a sphere, ... at a point in the world [m], or where its parent is, and selects it.
@@ -138,7 +147,7 @@ class Operations:
             point = np.asarray(matrix.transform_points(local_from_world, point), dtype=np.float64)
         x, y, z = (round(float(value), 4) for value in point)
         record = primitive_record(kind, name=self._free_name(kind, parent), position=(x, y, z))
-        return self._spawn(f"Add {record.name}", (Spawn(records=(record,), parent=parent),))
+        return self._spawn(tr("Add {what}", what=record.name), (Spawn(records=(record,), parent=parent),))
 
     def duplicate(self) -> Done | None:
         """Copies the selected entities with all below them, each beside its original, and selects the copies."""
@@ -150,13 +159,13 @@ class Operations:
             name = self._free_name(records[0].name, parent)
             renamed = (_renamed(records[0], name), *records[1:])
             commands.append(Spawn(records=renamed, parent=parent, index=index + 1))
-        return self._spawn(f"Duplicate {self._described(self.tops(self._selection))}", tuple(commands))
+        return self._spawn(tr("Duplicate {what}", what=self._described(self.tops(self._selection))), tuple(commands))
 
     def delete(self) -> Done | None:
         """Ends the selected entities with all below them."""
         doomed = self.tops(self._selection)
         commands = tuple(Despawn(entity=entity) for entity in doomed)
-        return self._perform(f"Delete {self._described(doomed)}", commands)
+        return self._perform(tr("Delete {what}", what=self._described(doomed)), commands)
 
     def tops(self, entities: Iterable[int]) -> list[int]:
         """Those that have none of the others above them, in the order of the tree."""
@@ -180,8 +189,8 @@ class Operations:
 
     def _described(self, entities: list[int]) -> str:
         if len(entities) == 1:
-            return self._scene.name_of(entities[0]) or "an entity"
-        return f"{len(entities)} entities"
+            return self._scene.name_of(entities[0]) or tr("an entity")
+        return tr("{count} entities", count=len(entities))
 
     def _free_name(self, name: str, parent: int) -> str:
         """`name`, or with the first number behind it that no sibling has."""

@@ -14,8 +14,26 @@ import platformdirs
 _log = logging.getLogger(__name__)
 
 RECENT_LIMIT: Final = 12
+SESSION_LIMIT: Final = 24
 
 Theme = Literal["dark", "light"]
+
+
+class Layout(msgspec.Struct, frozen=True, kw_only=True):
+    """Where the panels are."""
+
+    docking: str  # as ImGui writes it into its file
+    hidden_panels: tuple[str, ...] = ()
+
+
+class SessionState(msgspec.Struct, frozen=True, kw_only=True):
+    """How a session was looked at when the editor left it."""
+
+    target: tuple[float, float, float]  # [m] what the camera turns about
+    yaw: float  # [rad]
+    pitch: float  # [rad]
+    distance: float  # [m]
+    tools: dict[str, str | bool | float] = {}  # of `ui.Tools`, by the names of its fields
 
 
 class Preferences(msgspec.Struct, kw_only=True):
@@ -28,7 +46,11 @@ class Preferences(msgspec.Struct, kw_only=True):
     recent_scenes: list[str] = []  # paths, the newest first
     recent_recordings: list[str] = []
     recent_endpoints: list[str] = []
+    recent_actions: list[str] = []  # what was chosen in the palette, by `PaletteEntry.key`
     has_seen_tour: bool = False
+    hidden_panels: tuple[str, ...] = ()  # by name
+    layouts: dict[str, Layout] = {}  # those a person gave a name
+    sessions: dict[str, SessionState] = {}  # by the names of sessions, the one seen last at the end
 
 
 def configuration_directory() -> Path:
@@ -60,6 +82,14 @@ def save_preferences(preferences: Preferences, path: Path) -> None:
         draft.replace(path)
     except OSError as error:
         _log.warning("the editor's preferences were not saved: %s", error)
+
+
+def keep_session(preferences: Preferences, name: str, state: SessionState) -> None:
+    """Remembers how a session was looked at, and forgets the one that was left longest ago where there are too many."""
+    preferences.sessions.pop(name, None)
+    preferences.sessions[name] = state
+    for oldest in list(preferences.sessions)[:-SESSION_LIMIT]:
+        del preferences.sessions[oldest]
 
 
 def remember(recent: list[str], newest: str) -> None:

@@ -33,6 +33,10 @@ class SceneFile:
         """Whether there are edits that no file has."""
         return self._history.version != self._saved_version
 
+    def forget(self) -> None:
+        """Another scene: it was saved nowhere, and what was edited is not its own."""
+        self.path, self._saved_version = None, self._history.version
+
     def save(self, path: str | Path, *, name: str = "") -> None:
         """Writes the scene as it is now, moving bodies where they are now; `name` is what it calls itself, if not as its file.
 

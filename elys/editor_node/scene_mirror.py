@@ -136,6 +136,31 @@ class EditorScene:
         while entity and (entity := self.parent_of(entity)):
             yield entity
 
+    def path_of(self, entity: int) -> tuple[str, ...]:
+        """Its name and those above it, from the top down."""
+        return tuple(self.name_of(above) for above in (entity, *self.ancestors_of(entity)))[::-1]
+
+    def found_paths(self, paths: Sequence[tuple[str, ...]]) -> list[int]:
+        """The first entities that are called so from the top down, for each path that leads to one."""
+        names_below: dict[int, dict[str, int]] = {}  # of those that are looked into: there may be thousands of paths
+
+        def below(parent: int) -> dict[str, int]:
+            if parent not in names_below:
+                # Backwards, so that of several of one name the first stays.
+                names_below[parent] = {self.name_of(child): child for child in reversed(self.children_of(parent))}
+            return names_below[parent]
+
+        found: list[int] = []
+        for path in paths:
+            entity = 0
+            for name in path:
+                entity = below(entity).get(name, 0)
+                if not entity:
+                    break
+            else:
+                found.append(entity)
+        return found
+
     def is_enabled(self, entity: int) -> bool:
         """Its own switch."""
         return self.mirror.entities[entity].enabled

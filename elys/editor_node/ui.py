@@ -9,11 +9,13 @@ from imgui_bundle import imgui
 
 from elys.bus.messages.views import Shows
 from elys.editor_node.actions import Actions
+from elys.editor_node.attachments import Attachments
 from elys.editor_node.key_bindings import KeyBindings
 from elys.editor_node.language import tr
+from elys.editor_node.link_meter import LinkMeter
 from elys.editor_node.model import EditorModel
 from elys.editor_node.preferences import Preferences
-from elys.editor_node.theme import ACCENT, Fonts, Rgba
+from elys.editor_node.theme import FILL, TEXT_DIM, Fonts, Rgba
 
 Tool = Literal["select", "move", "rotate", "scale"]
 
@@ -39,11 +41,12 @@ class Landmarks:
     """
 
     is_wanted: bool = False
+    pointed_at: frozenset[str] = frozenset()  # noted all the same: what the tour points at
     rectangles: dict[str, tuple[float, float, float, float]] = field(default_factory=dict)
 
     def note(self, name: str) -> None:
         """Remembers where the last widget is."""
-        if self.is_wanted:
+        if self.is_wanted or name in self.pointed_at:
             low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
             self.rectangles[name] = (low.x, low.y, high.x, high.y)
 
@@ -62,6 +65,8 @@ class Ui:
     actions: Actions
     keys: KeyBindings
     preferences: Preferences
+    attachments: Attachments
+    meter: LinkMeter
     tools: Tools = field(default_factory=Tools)
     landmarks: Landmarks = field(default_factory=Landmarks)
     focus: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m] what the viewport's camera looks at
@@ -77,7 +82,7 @@ def icon_button(
 ) -> bool:
     """A flat square button with an icon; True when it is pressed."""
     height = imgui.get_frame_height()
-    imgui.push_style_color(imgui.Col_.button, imgui.ImVec4(*(ACCENT[:3]), 0.30 if active else 0.0))
+    imgui.push_style_color(imgui.Col_.button, imgui.ImVec4(*FILL[:3], 0.30 if active else 0.0))
     if color is not None:
         imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*color))
     imgui.push_style_var_x(imgui.StyleVar_.frame_padding, 0.0)
@@ -99,16 +104,27 @@ def action_item(ui: Ui, name: str, label: str = "") -> None:
     action = ui.actions[name]
     is_on = action.is_on() if action.is_on is not None else False
     text = f"{label or tr(action.label)}###{name}"
-    if imgui.menu_item(text, ui.keys.label_of(name), is_on, action.is_possible())[0]:
+    if imgui.menu_item(text, ui.keys.label_of(name), is_on, ui.actions.may_run(name))[0]:
         action.run()
     ui.landmarks.note(f"menu/{name}")
 
 
-def dim_text(text: str) -> None:
-    """Less important text."""
-    imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(imgui.Col_.text_disabled))
+def colored_text(color: Rgba, text: str) -> None:
+    """Text that says by its colour what kind of thing it is."""
+    imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*color))
     imgui.text_unformatted(text)
     imgui.pop_style_color()
+
+
+def dim_text(text: str) -> None:
+    """Less important text."""
+    colored_text(TEXT_DIM, text)
+
+
+def with_keys(ui: Ui, text: str, name: str) -> str:
+    """A tooltip, with the keys that do the same."""
+    keys = ui.keys.label_of(name)
+    return f"{text} ({keys})" if keys else text
 
 
 def centered_text(text: str, width: float) -> None:

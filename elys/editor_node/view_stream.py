@@ -104,6 +104,12 @@ class ViewStream:
         request = PickRequest(camera=self.shown.camera, width=self.shown.width, height=self.shown.height, x=x, y=y)
         return await self._session.request(topics.PICK, request, key=self.renderer.id, timeout=2.0)
 
+    def forget(self) -> None:
+        """Another session: no picture of it has come yet."""
+        self._arrived = self.shown = None
+        self.lost_renderer, self.latency = False, 0.0
+        self.refresh()
+
     def refresh(self) -> None:
         """Forgets what was answered and asks anew: another renderer, or another run of the host."""
         self._asked, self._answered, self._is_waiting, self._asked_at = None, None, False, 0.0

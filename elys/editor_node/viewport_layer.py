@@ -56,7 +56,7 @@ class ViewportLayer:
         self._modifiers = Modifiers.NONE
         self._held: set[int] = set()
         self._hold_pointer = hold_pointer
-        self._is_placed = False  # whether the camera was put where the scene wants it
+        self.is_placed = False  # whether the camera was put where the scene wants it
 
     @property
     def is_flying(self) -> bool:
@@ -86,8 +86,8 @@ class ViewportLayer:
 
     def update(self, elapsed: float) -> None:
         """Flies on while keys are held; looks at a scene as its own camera does when it comes into sight first."""
-        if not self._is_placed and self._model.scene.is_known:
-            self._is_placed = True
+        if not self.is_placed and self._model.scene.is_known:
+            self.is_placed = True
             self._look_as_the_scene_does()
         if not self.is_flying:
             return

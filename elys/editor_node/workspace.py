@@ -3,19 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Final, get_args
 
 from imgui_bundle import imgui
 
 from elys.bus.messages.views import Shows
 from elys.editor_node.language import tr, tr_label
-from elys.editor_node.panels import console, diagnostics, hierarchy, inspector, keys_help, profiler, timeline, viewport
+from elys.editor_node.palette import PaletteEntry
+from elys.editor_node.panels import (
+    console,
+    diagnostics,
+    hierarchy,
+    inspector,
+    keys_help,
+    profiler,
+    timeline,
+    tour,
+    viewport,
+)
+from elys.editor_node.panels.command_palette import CommandPalette
 from elys.editor_node.panels.hierarchy import HierarchyPanel, draw_add_menu
 from elys.editor_node.panels.keys_help import draw_help
+from elys.editor_node.panels.layout_menu import LayoutMenu
+from elys.editor_node.panels.link import LinkWindow, draw_banner
+from elys.editor_node.panels.preferences_window import PreferencesWindow
 from elys.editor_node.panels.save_dialog import SaveDialog
+from elys.editor_node.panels.start_page import StartPage
 from elys.editor_node.panels.toolbar import StatusBar, Toolbar
 from elys.editor_node.panels.viewport import ViewportPanel
-from elys.editor_node.ui import Ui, action_item, dim_text
+from elys.editor_node.preferences import Layout
+from elys.editor_node.shortcuts import ChordCapture
+from elys.editor_node.theme import icons
+from elys.editor_node.ui import Ui, action_item, dim_text, with_keys
 
 _DOCK_NAME: Final = "editor"
 # Left, right and lower panels take these shares of the window; the viewport has the rest.
@@ -29,9 +49,16 @@ class Workspace:
     """Draws a whole frame of the editor's widgets."""
 
     def __init__(
-        self, ui: Ui, viewport_panel: ViewportPanel, *, ask_to_close: Callable[[], None], close: Callable[[], None]
+        self,
+        ui: Ui,
+        viewport_panel: ViewportPanel,
+        *,
+        ask_to_close: Callable[[], None],
+        close: Callable[[], None],
+        load_docking: Callable[[str], None],
+        capture: ChordCapture,
     ) -> None:
-        """`ask_to_close` asks to close the window, `close` closes it."""
+        """`ask_to_close` asks to close the window, `close` closes it; `load_docking` places the panels before the next frame."""
         self.ui = ui
         self.hierarchy = HierarchyPanel()
         self.viewport = viewport_panel
@@ -48,7 +75,16 @@ class Workspace:
             "Profiler": profiler.ProfilerPanel().draw,
             "Diagnostics": diagnostics.DiagnosticsPanel().draw,
         }
-        self._hidden: set[str] = set()
+        self.start_page = StartPage()
+        self.link = LinkWindow()
+        self.tour = tour.Tour()
+        self.preferences = PreferencesWindow(capture, lambda: ui.model.request_redraw(0.0))
+        self.palette = CommandPalette(ui, show_entity=self._show_entity)
+        self.palette.others = self._recent_entries
+        self.layouts = LayoutMenu(now=self.layout, use=self._use_layout)
+        self._load_docking = load_docking
+        self._hidden: set[str] = set(ui.preferences.hidden_panels)
+        self._opens_about = False
         self._resets_layout = False
         self._opens_help = False
         self._frames_to_focus = _FOCUS_FRAMES  # of tabs that share a place the first is to be in front
@@ -58,8 +94,22 @@ class Workspace:
     def draw(self, elapsed: float) -> None:
         """One frame."""
         self._draw_menu()
-        self._toolbar.draw(self.ui)
+        if self.ui.attachments.is_attached:
+            self._toolbar.draw(self.ui)
         self._status_bar.draw(self.ui, frame_time=self.frame_time, view_latency=self.viewport.stream.latency)
+        if self.ui.attachments.is_attached:
+            self._draw_panels()
+        else:
+            self.viewport.is_hovered = False
+            self.start_page.draw(self.ui)
+        self._draw_help()
+        self.save_dialog.draw(self.ui)
+        self.layouts.draw_dialog(self.ui)
+        self.link.draw(self.ui)
+        self.preferences.draw(self.ui)
+        self.palette.draw(self.ui)
+
+    def _draw_panels(self) -> None:
         self._dock()
         for name, draw in self._panels.items():
             if name not in self._hidden:
@@ -69,8 +119,56 @@ class Workspace:
             # A tab comes to the front when its window has kept the focus into the next frame.
             imgui.set_window_focus(console.TITLE if self._frames_to_focus else viewport.TITLE)
         self._show_timeline_once()
-        self._draw_help()
-        self.save_dialog.draw(self.ui)
+        self._note_panels()
+        draw_banner(self.ui, self.viewport.rectangle)
+        self.tour.draw(self.ui)
+
+    def _note_panels(self) -> None:
+        """Where the panels came to stand, for those who point at them."""
+        landmarks = self.ui.landmarks
+        for name in self._panels:
+            place = f"panel/{name}"
+            if landmarks.is_wanted or place in landmarks.pointed_at:
+                window = imgui.internal.find_window_by_name(f"###{name}")
+                if window is not None:
+                    low, size = window.pos, window.size
+                    landmarks.rectangles[place] = (low.x, low.y, low.x + size.x, low.y + size.y)
+
+    def _show_entity(self, entity: int) -> None:
+        self.ui.model.selection.replace((entity,))
+        self.ui.actions.run("view.frame")
+
+    def _recent_entries(self) -> list[PaletteEntry]:
+        """What was open lately, for the palette."""
+        attachments, preferences = self.ui.attachments, self.ui.preferences
+        found: list[PaletteEntry] = []
+        for path in preferences.recent_scenes if attachments.openers is not None else ():
+            run = partial(attachments.open_scene, path)
+            label = tr("Open scene {name}", name=path)
+            found.append(PaletteEntry(key=f"scene:{path}", kind="scene", label=label, words=(label, path), run=run))
+        for path in preferences.recent_recordings if attachments.openers is not None else ():
+            run = partial(attachments.open_recording, path)
+            label = tr("Open recording {name}", name=path)
+            found.append(
+                PaletteEntry(key=f"recording:{path}", kind="recording", label=label, words=(label, path), run=run)
+            )
+        for endpoint in preferences.recent_endpoints:
+            run = partial(attachments.connect, endpoint)
+            label = tr("Connect to {endpoint}", endpoint=endpoint)
+            found.append(PaletteEntry(key=f"session:{endpoint}", kind="session", label=label, words=(label,), run=run))
+        return found
+
+    def layout(self) -> Layout:
+        """How the panels stand now."""
+        return Layout(docking=imgui.save_ini_settings_to_memory(), hidden_panels=tuple(sorted(self._hidden)))
+
+    def _use_layout(self, layout: Layout) -> None:
+        self._hidden = set(layout.hidden_panels)
+        self._load_docking(layout.docking)
+
+    def show_about(self) -> None:
+        """Opens the box that says what this is."""
+        self._opens_about = True
 
     def _show_timeline_once(self) -> None:
         """Who opens a replay wants to go back and forth in it."""
@@ -82,6 +180,11 @@ class Workspace:
         """All panels back to where they were at first."""
         self._resets_layout = True
         self._hidden.clear()
+
+    @property
+    def hidden_panels(self) -> tuple[str, ...]:
+        """Those that are closed, by name."""
+        return tuple(sorted(self._hidden))
 
     def show_help(self) -> None:
         """Opens the page of keys."""
@@ -108,13 +211,15 @@ class Workspace:
         imgui.pop_font()
         self._draw_file_menu()
         self._draw_edit_menu()
-        if imgui.begin_menu(tr_label("Add")):
+        if self.ui.attachments.is_attached and imgui.begin_menu(tr_label("Add")):
             draw_add_menu(self.ui, parent=0)
             imgui.end_menu()
         self._draw_view_menu()
-        if imgui.begin_menu(tr_label("Help")):
-            action_item(self.ui, "help.keys")
-            imgui.end_menu()
+        self._draw_help_menu()
+        if imgui.menu_item(f"{icons.ICON_FA_MAGNIFYING_GLASS}###palette", "", False)[0]:
+            self.palette.open()
+        self.ui.landmarks.note("menu/palette")
+        imgui.set_item_tooltip(with_keys(self.ui, tr("Find and do anything"), "view.palette"))
         status = self.ui.model.status
         if status is not None:
             text = "  -  ".join(dict.fromkeys((status.scene, self.ui.model.session.name)))
@@ -127,8 +232,22 @@ class Workspace:
             action_item(self.ui, "file.save")
             action_item(self.ui, "file.save_as")
             imgui.separator()
+            action_item(self.ui, "file.connect")
+            action_item(self.ui, "file.detach")
+            imgui.separator()
+            action_item(self.ui, "file.preferences")
             action_item(self.ui, "file.quit")
             imgui.end_menu()
+        else:
+            self.ui.landmarks.note("menu/file")
+
+    def _draw_help_menu(self) -> None:
+        if imgui.begin_menu(tr_label("Help")):
+            for name in ("help.keys", "help.tour", "help.about"):
+                action_item(self.ui, name)
+            imgui.end_menu()
+        else:
+            self.ui.landmarks.note("menu/help")
 
     def _draw_edit_menu(self) -> None:
         history = self.ui.model.history
@@ -160,14 +279,24 @@ class Workspace:
                 action_item(self.ui, f"view.{view}", tr(view.capitalize()))
                 self.ui.landmarks.note(f"show/{view}")
             imgui.end_menu()
-        action_item(self.ui, "view.reset_layout")
+        if imgui.begin_menu(tr_label("Layout")):
+            self.layouts.draw_items(self.ui)
+            imgui.end_menu()
+        else:
+            self.ui.landmarks.note("menu/layout")
+        for name in ("view.larger_text", "view.smaller_text", "view.link"):
+            action_item(self.ui, name)
         imgui.end_menu()
 
     def _draw_help(self) -> None:
         if self._opens_help:
             imgui.open_popup(keys_help.TITLE)
             self._opens_help = False
+        if self._opens_about:
+            imgui.open_popup(tour.ABOUT)
+            self._opens_about = False
         draw_help(self.ui)
+        tour.draw_about(self.ui)
 
 
 def _build_layout(dock: int) -> None:

@@ -27,11 +27,16 @@ def view(connect: str | None, *, frame_limit: int) -> None:
 
 
 def edit(connect: str | None) -> None:
-    """An editor and a render node of its own."""
-    from elys.bus.discovery import choose_endpoint
+    """An editor and a render node of its own; with nothing to attach to, the editor's start page."""
+    from elys.bus.discovery import choose_endpoint, find_sessions
     from elys.render_node.window import probe_display
+    from elys.verbs.nodes import editor
     from elys.verbs.run import start
 
+    if not connect and not find_sessions():
+        probe_display()
+        editor(None, starts_alone=True, frame_limit=0)
+        return
     endpoint = choose_endpoint(connect)
     probe_display()
     asyncio.run(_require_session(endpoint))

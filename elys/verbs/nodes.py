@@ -128,13 +128,21 @@ def render(connect: str | None) -> None:
     run_until_asked(work())
 
 
-def editor(connect: str | None, *, frame_limit: int) -> None:
-    """The editor's process."""
+def editor(connect: str | None, *, starts_alone: bool = False, frame_limit: int) -> None:
+    """The editor's process; one that starts alone begins with its start page."""
     from elys.editor_node.node import run_editor
+    from elys.verbs.openers import ChildProcesses
 
     async def work() -> None:
-        async with joined(connect, kind="editor", timeout=60.0) as session:
-            await run_editor(session, frames=frame_limit or None)
+        openers = ChildProcesses()
+        try:
+            if starts_alone:
+                await run_editor(None, openers=openers, frames=frame_limit or None)
+                return
+            async with joined(connect, kind="editor", timeout=60.0) as session:
+                await run_editor(session, openers=openers, frames=frame_limit or None)
+        finally:
+            await openers.close()
 
     start_logging()
     run_until_asked(work())

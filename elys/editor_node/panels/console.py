@@ -9,6 +9,7 @@ from imgui_bundle import imgui
 
 from elys.bus.messages.session import LogLevel
 from elys.editor_node.console_log import LEVELS, ConsoleLine
+from elys.editor_node.language import tr, tr_title
 from elys.editor_node.theme import ACCENT, ERROR, GOOD, TEXT, TEXT_DIM, WARNING, Rgba, icons
 from elys.editor_node.ui import Ui, color_code, icon_button
 
@@ -34,7 +35,7 @@ class ConsolePanel:
 
     def draw(self, ui: Ui) -> None:
         """Draws the panel."""
-        if imgui.begin(TITLE)[0]:
+        if imgui.begin(tr_title(TITLE))[0]:
             self._draw_filters(ui)
             if imgui.begin_child("###lines", (0.0, 0.0), 0, imgui.WindowFlags_.horizontal_scrollbar.value):
                 imgui.push_font(ui.fonts.mono, 0.0)
@@ -48,17 +49,17 @@ class ConsolePanel:
     def _draw_filters(self, ui: Ui) -> None:
         for level in LEVELS:
             is_on = level in self._levels
-            tooltip = f"{'Hide' if is_on else 'Show'} {level}"
+            tooltip = tr("Hide {what}", what=tr(level)) if is_on else tr("Show {what}", what=tr(level))
             if icon_button(_ICONS[level], level, tooltip, active=is_on, color=_COLORS[level] if is_on else TEXT_DIM):
                 self._levels ^= {level}
             imgui.same_line(0.0, 2.0)
         imgui.same_line(0.0, 10.0)
         imgui.set_next_item_width(-imgui.get_frame_height() * 1.15 - imgui.get_style().item_inner_spacing.x)
-        hint = f"{icons.ICON_FA_MAGNIFYING_GLASS}  Filter"
+        hint = f"{icons.ICON_FA_MAGNIFYING_GLASS}  {tr('Filter')}"
         _, self._text = imgui.input_text_with_hint("###filter", hint, self._text)
         ui.landmarks.note("console/filter")
         imgui.same_line(0.0, imgui.get_style().item_inner_spacing.x)
-        if icon_button(icons.ICON_FA_TRASH_CAN, "clear", "Clear"):
+        if icon_button(icons.ICON_FA_TRASH_CAN, "clear", tr("Clear")):
             ui.model.console.clear()
 
     def _draw_lines(self, ui: Ui) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from imgui_bundle import imgui
 
 from elys.bus.messages.physics import Diagnostics
+from elys.editor_node.language import tr, tr_title
 from elys.editor_node.theme import icons
 from elys.editor_node.ui import Ui, centered_text, dim_text
 
@@ -39,10 +40,10 @@ class DiagnosticsPanel:
 
     def draw(self, ui: Ui) -> None:
         """Draws the panel."""
-        if imgui.begin(TITLE)[0]:
+        if imgui.begin(tr_title(TITLE))[0]:
             if not ui.model.diagnostics:
                 imgui.dummy((0.0, imgui.get_frame_height() * 0.5))
-                centered_text("No tick was measured yet", imgui.get_content_region_avail().x)
+                centered_text(tr("No tick was measured yet"), imgui.get_content_region_avail().x)
             else:
                 newest = ui.model.diagnostics[-1]
                 dim_text(_summary(newest))
@@ -53,8 +54,14 @@ class DiagnosticsPanel:
 
 def _summary(newest: Diagnostics) -> str:
     momentum = "  ".join(f"{value:.3g}" for value in newest.momentum)
-    awake = f"{newest.awake} of {newest.bodies} bodies awake in {newest.islands} islands"
-    return f"{awake}     {newest.contacts} contacts     momentum {momentum} kg m/s"
+    awake = tr(
+        "{awake} of {bodies} bodies awake in {islands} islands",
+        awake=newest.awake,
+        bodies=newest.bodies,
+        islands=newest.islands,
+    )
+    contacts = tr("{count} contacts", count=newest.contacts)
+    return f"{awake}     {contacts}     " + tr("momentum {momentum} kg m/s", momentum=momentum)
 
 
 def _draw_curve(ui: Ui, curve: _Curve, newest: Diagnostics) -> None:
@@ -64,7 +71,7 @@ def _draw_curve(ui: Ui, curve: _Curve, newest: Diagnostics) -> None:
     imgui.plot_lines(f"###{curve.label}", values, graph_size=size)
     imgui.same_line()
     imgui.align_text_to_frame_padding()
-    imgui.text_unformatted(f"{curve.label}  {curve.form.format(curve.value(newest))}")
+    imgui.text_unformatted(f"{tr(curve.label)}  {curve.form.format(curve.value(newest))}")
     for place, entity in enumerate(curve.entities(newest)):
         if entity and ui.model.scene.exists(entity):
             imgui.same_line()

@@ -7,7 +7,7 @@ from typing import Final
 from imgui_bundle import imgui
 
 import elys
-from elys.editor_node.language import tr
+from elys.editor_node.language import tr, tr_label
 from elys.editor_node.ui import Ui, dim_text
 
 TITLE: Final = "Keys and mouse###help"
@@ -24,7 +24,9 @@ def draw_help(ui: Ui) -> None:
     """Draws the window, if its popup is open."""
     center = imgui.get_main_viewport().get_center()
     imgui.set_next_window_pos(center, imgui.Cond_.appearing.value, (0.5, 0.5))
-    if not imgui.begin_popup_modal(TITLE, True, imgui.WindowFlags_.always_auto_resize.value)[0]:
+    if not imgui.begin_popup_modal(
+        tr_label("Keys and mouse", "help"), True, imgui.WindowFlags_.always_auto_resize.value
+    )[0]:
         return
     if imgui.begin_table("keys", 2):
         bound = [(", ".join(map(str, ui.keys.chords_of(a.name))), tr(a.label)) for a in ui.actions]

@@ -7,20 +7,11 @@ from typing import Final
 import numpy as np
 from imgui_bundle import imgui
 
-from elys.editor_node.theme import AXIS_X, AXIS_Y, AXIS_Z, FIELD, TEXT_DIM, Rgba, icons
+from elys.editor_node.language import tr, tr_title
+from elys.editor_node.theme import FIELD, SERIES, TEXT_DIM, icons
 from elys.editor_node.ui import Ui, centered_text, color_code, dim_text
 
 TITLE: Final = f"{icons.ICON_FA_GAUGE_HIGH}  Profiler###Profiler"
-_PALETTE: Final[tuple[Rgba, ...]] = (
-    AXIS_Z,
-    AXIS_Y,
-    (0.90, 0.70, 0.33, 1.0),
-    AXIS_X,
-    (0.56, 0.44, 0.85, 1.0),
-    (0.30, 0.70, 0.70, 1.0),
-    (0.85, 0.50, 0.70, 1.0),
-    (0.55, 0.58, 0.62, 1.0),
-)
 
 
 class ProfilerPanel:
@@ -28,11 +19,11 @@ class ProfilerPanel:
 
     def draw(self, ui: Ui) -> None:
         """Draws the panel."""
-        if imgui.begin(TITLE)[0]:
+        if imgui.begin(tr_title(TITLE))[0]:
             profiles = ui.model.profiles
             if not profiles:
                 imgui.dummy((0.0, imgui.get_frame_height() * 0.5))
-                centered_text("No tick was measured yet", imgui.get_content_region_avail().x)
+                centered_text(tr("No tick was measured yet"), imgui.get_content_region_avail().x)
             else:
                 self._draw_summary(ui)
                 self._draw_stages(ui)
@@ -41,9 +32,10 @@ class ProfilerPanel:
     def _draw_summary(self, ui: Ui) -> None:
         totals = np.array([profile.total for profile in ui.model.profiles], np.float32)
         newest = ui.model.profiles[-1]
-        counts = "     ".join(f"{value} {name}" for name, value in newest.counts.items())
+        counts = "     ".join(f"{value} {tr(name)}" for name, value in newest.counts.items())
         median, worst = np.percentile(totals, (50, 99))
-        dim_text(f"tick {newest.total:.2f} ms     median {median:.2f}     p99 {worst:.2f}     {counts}")
+        figures = {"total": f"{newest.total:.2f}", "median": f"{median:.2f}", "worst": f"{worst:.2f}"}
+        dim_text(tr("tick {total} ms     median {median}     p99 {worst}", **figures) + f"     {counts}")
         size = (imgui.get_content_region_avail().x, imgui.get_frame_height() * 1.6)
         imgui.plot_histogram("###ticks", totals, scale_min=0.0, scale_max=float(totals.max()), graph_size=size)
 
@@ -63,6 +55,6 @@ class ProfilerPanel:
                 (low.x, low.y + 2.0), (low.x + room, low.y + height - 2.0), color_code(FIELD), 3.0
             )
             right = low.x + max(room * cost / longest, 2.0)
-            color = color_code(_PALETTE[place % len(_PALETTE)])
+            color = color_code(SERIES[place % len(SERIES)])
             draw_list.add_rect_filled((low.x, low.y + 2.0), (right, low.y + height - 2.0), color, 3.0)
             draw_list.add_text((low.x + room + 8.0, low.y), color_code(TEXT_DIM), f"{cost:.3f} ms")

@@ -10,8 +10,9 @@ from imgui_bundle import imgui
 
 from elys.common.errors import ElysError
 from elys.common.scene import SCENE_SUFFIX
+from elys.editor_node.language import tr, tr_label
 from elys.editor_node.theme import ERROR
-from elys.editor_node.ui import Ui, dim_text
+from elys.editor_node.ui import Ui, colored_text, dim_text
 
 _SAVE: Final = "Save scene###save"
 _CLOSE: Final = "Close ELYS###close"
@@ -60,24 +61,26 @@ class SaveDialog:
         self._draw_close(ui)
 
     def _draw_where(self, ui: Ui) -> None:
-        if not imgui.begin_popup_modal(_SAVE, None, imgui.WindowFlags_.always_auto_resize.value)[0]:
+        if not imgui.begin_popup_modal(
+            tr_label("Save scene", "save"), None, imgui.WindowFlags_.always_auto_resize.value
+        )[0]:
             return
         if imgui.is_window_appearing():
             imgui.set_keyboard_focus_here()
         imgui.set_next_item_width(imgui.get_font_size() * 34.0)
         flags = imgui.InputTextFlags_.enter_returns_true.value
         entered, self._path = imgui.input_text("###path", self._path, flags)
-        dim_text("As it is now, with moving bodies where they are now.")
+        dim_text(tr("As it is now, with moving bodies where they are now."))
         if self._path and Path(self._path).is_file() and Path(self._path) != ui.model.file.path:
-            dim_text("There is such a file already: it will be replaced.")
+            dim_text(tr("There is such a file already: it will be replaced."))
         if self._error:
             imgui.push_text_wrap_pos(imgui.get_font_size() * 34.0)
-            imgui.text_colored(imgui.ImVec4(*ERROR), self._error)
+            colored_text(ERROR, self._error)
             imgui.pop_text_wrap_pos()
-        saves = imgui.button("Save") or entered
+        saves = imgui.button(tr_label("Save")) or entered
         ui.landmarks.note("save/save")
         imgui.same_line()
-        if imgui.button("Cancel") or imgui.is_key_pressed(imgui.Key.escape):
+        if imgui.button(tr_label("Cancel")) or imgui.is_key_pressed(imgui.Key.escape):
             self._closes_after = False
             imgui.close_current_popup()
         if saves and self._write(ui, self._path):
@@ -85,21 +88,23 @@ class SaveDialog:
         imgui.end_popup()
 
     def _draw_close(self, ui: Ui) -> None:
-        if not imgui.begin_popup_modal(_CLOSE, None, imgui.WindowFlags_.always_auto_resize.value)[0]:
+        if not imgui.begin_popup_modal(
+            tr_label("Close ELYS", "close"), None, imgui.WindowFlags_.always_auto_resize.value
+        )[0]:
             return
-        imgui.text_unformatted("There are edits that were not saved.")
+        imgui.text_unformatted(tr("There are edits that were not saved."))
         imgui.spacing()
-        if imgui.button("Save and close"):
+        if imgui.button(tr_label("Save and close")):
             self._closes_after = True
             imgui.close_current_popup()
             self.save(ui)
         imgui.same_line()
-        if imgui.button("Close without saving"):
+        if imgui.button(tr_label("Close without saving")):
             imgui.close_current_popup()
             self._close()
         ui.landmarks.note("close/close")
         imgui.same_line()
-        if imgui.button("Cancel") or imgui.is_key_pressed(imgui.Key.escape):
+        if imgui.button(tr_label("Cancel")) or imgui.is_key_pressed(imgui.Key.escape):
             imgui.close_current_popup()
         imgui.end_popup()
 

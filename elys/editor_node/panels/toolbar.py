@@ -6,14 +6,15 @@ from typing import Final
 
 from imgui_bundle import imgui
 
+from elys.editor_node.language import tr
 from elys.editor_node.theme import ACCENT, ERROR, GOOD, TEXT_DIM, WARNING, Rgba, icons
-from elys.editor_node.ui import Tool, Ui, color_code, dim_text, icon_button
+from elys.editor_node.ui import Tool, Ui, color_code, colored_text, dim_text, icon_button, with_keys
 
 _TOOLS: Final[tuple[tuple[Tool, str, str], ...]] = (
-    ("select", icons.ICON_FA_ARROW_POINTER, "Select (Q)"),
-    ("move", icons.ICON_FA_UP_DOWN_LEFT_RIGHT, "Move (W); Ctrl snaps"),
-    ("rotate", icons.ICON_FA_ROTATE, "Rotate (E); Ctrl snaps"),
-    ("scale", icons.ICON_FA_UP_RIGHT_AND_DOWN_LEFT_FROM_CENTER, "Scale (R); Ctrl snaps"),
+    ("select", icons.ICON_FA_ARROW_POINTER, "Select"),
+    ("move", icons.ICON_FA_UP_DOWN_LEFT_RIGHT, "Move; Ctrl snaps"),
+    ("rotate", icons.ICON_FA_ROTATE, "Rotate; Ctrl snaps"),
+    ("scale", icons.ICON_FA_UP_RIGHT_AND_DOWN_LEFT_FROM_CENTER, "Scale; Ctrl snaps"),
 )
 _RATES: Final = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 0.0)
 _BAR_FLAGS: Final = (
@@ -41,29 +42,36 @@ class Toolbar:
 
     def _draw_edits(self, ui: Ui) -> None:
         model, history = ui.model, ui.model.history
-        tooltip = f"Undo {history.undo_label} (Ctrl+Z)" if history.undo_label else "Nothing to undo"
+        tooltip = tr("Nothing to undo")
+        if history.undo_label:
+            tooltip = with_keys(ui, f"{tr('Undo')} {history.undo_label}", "edit.undo")
         if icon_button(icons.ICON_FA_ROTATE_LEFT, "undo", tooltip, enabled=bool(history.undo_label)):
             model.undo()
         ui.landmarks.note("toolbar/undo")
         imgui.same_line(0.0, 2.0)
-        tooltip = f"Redo {history.redo_label} (Ctrl+Y)" if history.redo_label else "Nothing to redo"
+        tooltip = tr("Nothing to redo")
+        if history.redo_label:
+            tooltip = with_keys(ui, f"{tr('Redo')} {history.redo_label}", "edit.redo")
         if icon_button(icons.ICON_FA_ROTATE_RIGHT, "redo", tooltip, enabled=bool(history.redo_label)):
             model.redo()
         ui.landmarks.note("toolbar/redo")
 
     def _draw_tools(self, ui: Ui) -> None:
         tools = ui.tools
-        for tool, icon, tooltip in _TOOLS:
+        for tool, icon, words in _TOOLS:
+            tooltip = with_keys(ui, tr(words), f"tool.{tool}")
             if icon_button(icon, tool, tooltip, active=tools.tool == tool):
                 tools.tool = tool
             ui.landmarks.note(f"toolbar/{tool}")
             imgui.same_line(0.0, 2.0)
         imgui.same_line(0.0, 10.0)
         icon = icons.ICON_FA_CUBE if tools.is_local else icons.ICON_FA_GLOBE
-        if icon_button(icon, "space", "Along the entity's own axes" if tools.is_local else "Along the world's axes"):
+        tooltip = tr("Along the entity's own axes") if tools.is_local else tr("Along the world's axes")
+        if icon_button(icon, "space", with_keys(ui, tooltip, "tool.local")):
             tools.is_local = not tools.is_local
         imgui.same_line(0.0, 2.0)
-        if icon_button(icons.ICON_FA_BORDER_ALL, "grid", "Grid", active=tools.shows_grid):
+        tooltip = with_keys(ui, tr("Grid"), "view.grid")
+        if icon_button(icons.ICON_FA_BORDER_ALL, "grid", tooltip, active=tools.shows_grid):
             tools.shows_grid = not tools.shows_grid
 
     def _draw_time(self, ui: Ui) -> None:
@@ -74,12 +82,13 @@ class Toolbar:
         can_play = model.connected and status is not None
         icon = icons.ICON_FA_PAUSE if model.is_playing else icons.ICON_FA_PLAY
         color = WARNING if model.is_playing else GOOD
-        tooltip = "Pause (Space)" if model.is_playing else "Play (Space)"
+        tooltip = with_keys(ui, tr("Pause") if model.is_playing else tr("Play"), "time.play")
         if icon_button(icon, "play", tooltip, enabled=can_play, color=color):
             model.toggle_playing()
         ui.landmarks.note("toolbar/play")
         imgui.same_line(0.0, 2.0)
-        if icon_button(icons.ICON_FA_FORWARD_STEP, "step", "One tick (.)", enabled=can_play):
+        tooltip = with_keys(ui, tr("One tick on"), "time.step")
+        if icon_button(icons.ICON_FA_FORWARD_STEP, "step", tooltip, enabled=can_play):
             model.step()
         ui.landmarks.note("toolbar/step")
         imgui.same_line(0.0, 6.0)
@@ -92,16 +101,16 @@ class Toolbar:
                     model.set_rate(offer)
             imgui.end_combo()
         imgui.end_disabled()
-        imgui.set_item_tooltip("Simulated seconds in a second")
+        imgui.set_item_tooltip(tr("Simulated seconds in a second"))
 
     def _draw_health(self, ui: Ui) -> None:
         status = ui.model.status
         lamp, word = _lamp_of(ui)
         texts = []
         if status is not None:
-            texts = [f"tick {status.tick:,}".replace(",", " "), f"{status.simulation_time:.2f} s"]
+            texts = [tr("tick {tick}", tick=f"{status.tick:,}".replace(",", " ")), f"{status.simulation_time:.2f} s"]
             if status.playing:
-                texts.append(f"{status.realtime_factor:.2f}x real time")
+                texts.append(tr("{factor}x real time", factor=f"{status.realtime_factor:.2f}"))
         texts.append(word)
         line = "     ".join(texts)
         width = imgui.calc_text_size(line).x + imgui.get_frame_height()
@@ -109,6 +118,10 @@ class Toolbar:
         imgui.align_text_to_frame_padding()
         dim_text(line)
         place = imgui.get_item_rect_max()
+        if imgui.is_item_clicked():
+            ui.actions.run("view.link")
+        ui.landmarks.note("toolbar/link")
+        imgui.set_item_tooltip(with_keys(ui, tr("How the link to the simulation does"), "view.link"))
         radius = imgui.get_font_size() * 0.28
         middle = (imgui.get_item_rect_min().y + place.y) / 2.0
         imgui.get_window_draw_list().add_circle_filled((place.x + radius * 2.5, middle), radius, color_code(lamp))
@@ -135,38 +148,41 @@ class StatusBar:
         model = ui.model
         model.fade_messages()
         if model.error:
-            imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*ERROR))
-            imgui.text_unformatted(f"{icons.ICON_FA_TRIANGLE_EXCLAMATION}  {model.error}")
-            imgui.pop_style_color()
+            colored_text(ERROR, f"{icons.ICON_FA_TRIANGLE_EXCLAMATION}  {model.error}")
             if imgui.is_item_clicked():
                 model.error = ""
             elif imgui.is_item_hovered():
                 imgui.set_tooltip(model.error)
             return
         if model.notice:
-            imgui.text_colored(imgui.ImVec4(*GOOD), f"{icons.ICON_FA_CHECK}  {model.notice}")
+            colored_text(GOOD, f"{icons.ICON_FA_CHECK}  {model.notice}")
+            return
+        if not ui.attachments.is_attached:
+            dim_text(tr("not attached"))
             return
         count = len(model.selection)
-        selected = model.scene.name_of(model.selection.primary) if count == 1 else f"{count} selected"
-        dim_text(f"{len(model.scene.mirror.entities)} entities" + (f"     {selected}" if count else ""))
+        selected = model.scene.name_of(model.selection.primary) if count == 1 else tr("{count} selected", count=count)
+        entities = tr("{count} entities", count=len(model.scene.mirror.entities))
+        dim_text(entities + (f"     {selected}" if count else ""))
 
 
 def pace_text(frame_time: float, view_latency: float) -> str:
     """How old the picture is, where there is anything newer, and what a frame costs; times in seconds."""
-    texts = [f"picture {view_latency * 1e3:.0f} ms behind the simulation"] if view_latency > 0.0 else []
-    return "     ".join([*texts, f"interface {frame_time * 1e3:.1f} ms"])
+    late = tr("picture {milliseconds} ms behind the simulation", milliseconds=f"{view_latency * 1e3:.0f}")
+    own = tr("interface {milliseconds} ms", milliseconds=f"{frame_time * 1e3:.1f}")
+    return f"{late}     {own}" if view_latency > 0.0 else own
 
 
 def _rate_label(rate: float) -> str:
-    return f"{rate:g}x" if rate else "max"
+    return f"{rate:g}x" if rate else tr("max")
 
 
 def _lamp_of(ui: Ui) -> tuple[Rgba, str]:
     status = ui.model.status
     if not ui.model.connected:
-        return ERROR, "reconnecting"
+        return (ERROR, tr("reconnecting")) if ui.attachments.is_attached else (TEXT_DIM, tr("not attached"))
     if status is None:
-        return TEXT_DIM, "waiting"
+        return TEXT_DIM, tr("waiting")
     if status.kind == "replay":
-        return ACCENT, "replay"
-    return (GOOD, "playing") if status.playing else (WARNING, "paused")
+        return ACCENT, tr("replay")
+    return (GOOD, tr("playing")) if status.playing else (WARNING, tr("paused"))

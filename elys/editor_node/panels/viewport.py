@@ -11,8 +11,9 @@ from elys.bus.messages.views import ViewCamera
 from elys.common.math import quaternion
 from elys.editor_node.camera import OrbitCamera
 from elys.editor_node.gpu import ViewportPicture
+from elys.editor_node.language import tr, tr_title
 from elys.editor_node.panels.gizmo import Gizmo
-from elys.editor_node.theme import AXES, ERROR, PANEL_LOW, TEXT, TEXT_DIM, WARNING, Rgba, icons
+from elys.editor_node.theme import AXES, NOTICE, ON_AXIS, PANEL_LOW, TEXT, TEXT_DIM, WARNING, Rgba, icons
 from elys.editor_node.ui import Ui, color_code
 from elys.editor_node.view_stream import View, ViewStream
 
@@ -49,7 +50,7 @@ class ViewportPanel:
         imgui.push_style_var(imgui.StyleVar_.window_padding, (0.0, 0.0))
         flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse | imgui.WindowFlags_.no_nav
         flags |= imgui.WindowFlags_.no_background
-        is_visible = imgui.begin(TITLE, None, flags.value)[0]
+        is_visible = imgui.begin(tr_title(TITLE), None, flags.value)[0]
         imgui.pop_style_var()
         self.is_hovered = False
         if is_visible:
@@ -93,15 +94,15 @@ class ViewportPanel:
 
     def _notice(self, ui: Ui) -> tuple[str, Rgba]:
         if not ui.model.connected:
-            return f"{icons.ICON_FA_PLUG_CIRCLE_XMARK}  simulation lost - reconnecting", ERROR
+            return "", TEXT  # a banner says it: see `link.py`
         if self.stream.renderer is None:
             lost = self.stream.lost_renderer
-            text = "renderer lost - waiting for another" if lost else "waiting for a render node"
+            text = tr("renderer lost - waiting for another") if lost else tr("waiting for a render node")
             return f"{icons.ICON_FA_HOURGLASS_HALF}  {text}", WARNING
         if self.stream.shown is None:
-            return f"{icons.ICON_FA_HOURGLASS_HALF}  waiting for the first picture", TEXT_DIM
+            return f"{icons.ICON_FA_HOURGLASS_HALF}  {tr('waiting for the first picture')}", TEXT_DIM
         if ui.model.is_replay:
-            return f"{icons.ICON_FA_FILM}  this is a recording: it cannot be edited", TEXT_DIM
+            return f"{icons.ICON_FA_FILM}  {tr('this is a recording: it cannot be edited')}", TEXT_DIM
         return "", TEXT
 
     def _draw_notice(self, text: str, color: Rgba, *, in_middle: bool) -> None:
@@ -111,7 +112,7 @@ class ViewportPanel:
         top = y + (height - size.y) / 2.0 if in_middle else y + 16.0
         draw_list = imgui.get_window_draw_list()
         low, high = (left - 16.0, top - 8.0), (left + size.x + 16.0, top + size.y + 8.0)
-        draw_list.add_rect_filled(low, high, color_code((0.07, 0.075, 0.085, 0.92)), 6.0)
+        draw_list.add_rect_filled(low, high, color_code(NOTICE), 6.0)
         draw_list.add_rect(low, high, color_code((*color[:3], 0.6)), 6.0)
         draw_list.add_text((left, top), color_code(color), text)
 
@@ -129,4 +130,4 @@ class ViewportPanel:
             draw_list.add_circle_filled((tip[0], tip[1]), 8.0, color)
             size = imgui.calc_text_size(_AXIS_NAMES[axis])
             place = (tip[0] - size.x / 2.0, tip[1] - size.y / 2.0)
-            draw_list.add_text(place, color_code((0.05, 0.05, 0.06, 1.0)), _AXIS_NAMES[axis])
+            draw_list.add_text(place, color_code(ON_AXIS), _AXIS_NAMES[axis])

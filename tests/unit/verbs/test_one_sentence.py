@@ -181,7 +181,7 @@ def test_what_is_no_endpoint_is_said_at_once(elys, verb: str, endpoint: str) -> 
 
 
 @pytest.mark.parametrize(
-    "words", [("view",), ("edit",), ("topic", "hz"), ("topic", "echo", "log"), ("record", "-o", "x.mcap")]
+    "words", [("view",), ("topic", "hz"), ("topic", "echo", "log"), ("record", "-o", "x.mcap")]
 )
 def test_without_a_session_there_is_nothing_to_attach_to(elys, words: tuple[str, ...]) -> None:
     assert "no session is running on this machine: start one with `elys run SCENE`" in elys(*words).sentence
@@ -190,7 +190,7 @@ def test_without_a_session_there_is_nothing_to_attach_to(elys, words: tuple[str,
 
 @pytest.mark.parametrize(
     "words",
-    [("run", "stack"), ("view", "--connect", "tcp/127.0.0.1:9"), ("edit", "--connect", "tcp/127.0.0.1:9")],
+    [("run", "stack"), ("edit",), ("view", "--connect", "tcp/127.0.0.1:9"), ("edit", "--connect", "tcp/127.0.0.1:9")],
 )
 def test_without_a_display_a_window_is_not_tried(elys, words: tuple[str, ...]) -> None:
     sentence = elys(*words).sentence

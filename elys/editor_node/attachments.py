@@ -1,0 +1,231 @@
+"""Which session the editor is attached to, and how it comes to another: by endpoint, found on this machine, or started for it."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from collections.abc import Awaitable, Callable
+from typing import Final, Protocol
+
+from elys.bus.discovery import SessionRecord, complete_endpoint, find_sessions, join_session
+from elys.bus.log import SessionLogHandler, log_to_session
+from elys.bus.session import Session
+from elys.common.errors import BusError, ElysError
+from elys.editor_node.language import tr
+from elys.editor_node.preferences import Preferences, remember
+from elys.editor_node.seat import Seat
+
+JOIN_TIMEOUT: Final = 5.0  # [s]
+LOOK_INTERVAL: Final = 1.0  # [s] between two looks for sessions, while somebody wants to see them
+RENDERER_PATIENCE: Final = 0.5  # [s] for a render node to show itself, before one is started
+_log = logging.getLogger(__name__)
+
+Join = Callable[[str], Awaitable[Session]]
+
+
+class Openers(Protocol):
+    """What takes other nodes, and so is given to the editor by whoever started it."""
+
+    @property
+    def samples(self) -> tuple[tuple[str, str], ...]:
+        """Scenes that can always be opened: name and title."""
+
+    async def simulate(self, scene: str) -> str:
+        """Starts a simulation of a scene file or a sample; its endpoint. ElysError says why not."""
+
+    async def play(self, recording: str) -> str:
+        """Starts a player of a recording; its endpoint. ElysError says why not."""
+
+    async def draw(self, endpoint: str) -> None:
+        """Starts a render node for the session at an endpoint. ElysError says why not."""
+
+
+class Attachments:
+    """Connecting never blocks: it is done beside the frames, `doing` says what, and `error` what came of it."""
+
+    def __init__(
+        self,
+        seat: Seat,
+        preferences: Preferences,
+        *,
+        openers: Openers | None = None,
+        join: Join | None = None,
+        on_change: Callable[[], None] = lambda: None,
+        on_leave: Callable[[], None] = lambda: None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """`on_leave` is called before a session is left for good."""
+        self.seat = seat
+        self.openers = openers
+        self.doing = ""  # what is under way, for the person to read
+        self.error = ""  # why the last wish was not fulfilled
+        self.endpoint = str(getattr(seat.transport, "endpoint", "")) if seat.session is not None else ""
+        self.sessions: tuple[SessionRecord, ...] = ()  # that run on this machine, as far as somebody looks
+        self._preferences = preferences
+        self._join = join or (lambda endpoint: join_session(endpoint, kind=seat.node.kind, node=seat.node))
+        self._on_change = on_change
+        self._on_leave = on_leave
+        self._clock = clock
+        self._work: asyncio.Task[None] | None = None
+        self._looking: asyncio.Task[None] | None = None
+        self._looked_at = -LOOK_INTERVAL
+        self._lost_at: float | None = None
+        self._own: Session | None = None  # joined here, and so to be closed here
+        self._leaving: set[asyncio.Task[None]] = set()
+        self._log_handler: SessionLogHandler | None = None
+        seat.on_link(self._link_changed)
+
+    # --- what is so ------------------------------------------------------------------------------------------------
+
+    @property
+    def is_attached(self) -> bool:
+        """Whether there is a session, be it that its host is gone for the moment."""
+        return self.seat.session is not None
+
+    @property
+    def lost_for(self) -> float | None:
+        """How long [s] the host of the session has been gone; None while it is there."""
+        return self._clock() - self._lost_at if self._lost_at is not None and self.is_attached else None
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether something is under way."""
+        return self._work is not None and not self._work.done()
+
+    def look(self) -> None:
+        """Keeps `sessions` up to date while nothing is attached, else for a while. Call it each frame in which they are shown."""
+        self._looked_at = self._clock()
+        if self._looking is None or self._looking.done():
+            self._looking = self.seat.start(self._look())
+
+    # --- what can be wished for ------------------------------------------------------------------------------------
+
+    def connect(self, text: str) -> None:
+        """Attaches to the session at an endpoint, as a person writes one."""
+        try:
+            endpoint = complete_endpoint(text.strip())
+        except BusError as error:
+            self._refuse(str(error))
+            return
+        self._begin(tr("Connecting to {endpoint}", endpoint=endpoint), self._connect(endpoint))
+
+    def open_scene(self, scene: str) -> None:
+        """Starts a simulation of a scene file or a sample, and attaches to it."""
+        self._open(
+            tr("Starting a simulation of {name}", name=scene), scene, "simulate", self._preferences.recent_scenes
+        )
+
+    def open_recording(self, recording: str) -> None:
+        """Starts a player of a recording, and attaches to it."""
+        self._open(tr("Opening {name}", name=recording), recording, "play", self._preferences.recent_recordings)
+
+    def retry(self) -> None:
+        """Knocks anew at the endpoint of the session whose host is gone; attaches to whoever answers there."""
+        self._begin(tr("Connecting to {endpoint}", endpoint=self.endpoint), self._connect(self.endpoint))
+
+    def detach(self) -> None:
+        """Leaves the session, which goes on without the editor."""
+        self.cancel()
+        self.error = ""
+        if self.is_attached:
+            self._on_leave()
+            self._let_go()
+        self._on_change()
+
+    def cancel(self) -> None:
+        """Gives up what is under way."""
+        if self._work is not None:
+            self._work.cancel()
+        self._work, self.doing = None, ""
+        self._on_change()
+
+    async def close(self) -> None:
+        """Leaves for good, before the editor ends."""
+        self.cancel()
+        if self.is_attached:
+            self._on_leave()
+        own, self._own = self._own, None
+        if self._log_handler is not None:
+            self._log_handler.detach()
+        await asyncio.gather(*self._leaving)
+        await self.seat.close()
+        if own is not None:
+            await own.close()
+
+    # --- inside ----------------------------------------------------------------------------------------------------
+
+    def _open(self, doing: str, name: str, how: str, recent: list[str]) -> None:
+        if self.openers is None:
+            self._refuse(tr("this editor cannot start other processes: start one with `elys run` and connect to it"))
+            return
+        opener: Callable[[str], Awaitable[str]] = getattr(self.openers, how)
+
+        async def work() -> None:
+            await self._connect(await opener(name))
+            remember(recent, name)
+
+        self._begin(doing, work())
+
+    def _begin(self, doing: str, work: Awaitable[None]) -> None:
+        self.cancel()
+        self.doing, self.error = doing, ""
+        self._work = self.seat.start(self._told(work))
+        self._on_change()
+
+    async def _told(self, work: Awaitable[None]) -> None:
+        me = asyncio.current_task()
+        try:
+            await work
+        except ElysError as error:
+            self.error = str(error)
+            _log.info("%s", error)
+        finally:
+            if self._work is me:
+                self.doing = ""
+            self._on_change()
+
+    def _refuse(self, reason: str) -> None:
+        self.error = reason
+        self._on_change()
+
+    async def _connect(self, endpoint: str) -> None:
+        session = await self._join(endpoint)
+        if self.is_attached:
+            self._on_leave()
+            self._let_go()
+        self._own, self.endpoint = session, endpoint
+        self._log_handler = log_to_session(session)
+        self.seat.attach(session)
+        remember(self._preferences.recent_endpoints, endpoint)
+        self._on_change()
+        if self.openers is not None:
+            await asyncio.sleep(RENDERER_PATIENCE)
+            if self.seat.session is session and not session.nodes_of("render"):
+                await self.openers.draw(endpoint)
+
+    def _let_go(self) -> None:
+        self.seat.detach()
+        self._lost_at = None
+        own, self._own = self._own, None
+        if self._log_handler is not None:
+            self._log_handler.detach()
+            self._log_handler = None
+        if own is not None:  # who was given a session closes it himself
+            leaving = self.seat.start(own.close())
+            self._leaving.add(leaving)
+            leaving.add_done_callback(self._leaving.discard)
+
+    async def _look(self) -> None:
+        while not self.is_attached or self._clock() - self._looked_at < 3.0 * LOOK_INTERVAL:
+            found = tuple(await asyncio.to_thread(find_sessions))
+            if found != self.sessions:
+                self.sessions = found
+                self._on_change()
+            await asyncio.sleep(LOOK_INTERVAL)
+
+    def _link_changed(self, connected: bool) -> None:
+        self._lost_at = None if connected else self._clock()
+        if connected:
+            self.error = ""
+        self._on_change()
