@@ -33,9 +33,11 @@ from elys.common.errors import BusError, ConnectionLost
 from elys.editor_node.console_log import ConsoleLog
 from elys.editor_node.history import History, Outcome
 from elys.editor_node.operations import Operations
+from elys.editor_node.prefab_values import PrefabValues
 from elys.editor_node.scene_file import SceneFile
 from elys.editor_node.scene_mirror import EditorScene
 from elys.editor_node.selection import Selection
+from elys.editor_node.set_values import SetValues
 
 COMMAND_TIMEOUT: Final = 5.0  # [s]
 POINT_RADIUS: Final = 1.0  # [m] around an entity without extent, to be looked at
@@ -60,6 +62,8 @@ class EditorModel:
         self.console = ConsoleLog()
         self.selection = Selection()
         self.scene = EditorScene(session, on_change=self._scene_changed, on_state=lambda: self.request_redraw(0.1))
+        self.set_values = SetValues(self.scene.mirror)
+        self.prefabs = PrefabValues(self.scene, start=session.start, on_change=lambda: self.request_redraw(0.0))
         self.history = History(self._ask, self.scene, on_outcome=self._tell_outcome, on_new_ids=self._follow_new_ids)
         self.edit = Operations(self.scene, self.selection, self.history)
         self.file = SceneFile(self.scene, self.history)
@@ -250,6 +254,7 @@ class EditorModel:
         self.request_redraw(0.25)
 
     def _command_seen(self, record: CommandRecord, _: str) -> None:
+        self.set_values.command_seen(record)
         if record.origin == self.session.node.id:
             return
         verdict = "" if record.accepted else f" refused: {record.reason}"

@@ -28,6 +28,7 @@ class Preferences(msgspec.Struct, kw_only=True):
     recent_scenes: list[str] = []  # paths, the newest first
     recent_recordings: list[str] = []
     recent_endpoints: list[str] = []
+    folded: list[str] = []  # components that the inspector shows folded
     has_seen_tour: bool = False
 
 

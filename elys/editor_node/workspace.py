@@ -34,6 +34,7 @@ class Workspace:
         """`ask_to_close` asks to close the window, `close` closes it."""
         self.ui = ui
         self.hierarchy = HierarchyPanel()
+        self.inspector = inspector.InspectorPanel()
         self.viewport = viewport_panel
         self.save_dialog = SaveDialog(close)
         self.ask_to_close = ask_to_close
@@ -42,7 +43,7 @@ class Workspace:
         self._panels = {
             "Viewport": self.viewport.draw,
             "Hierarchy": self.hierarchy.draw,
-            "Inspector": inspector.InspectorPanel().draw,
+            "Inspector": self.inspector.draw,
             "Console": console.ConsolePanel().draw,
             "Timeline": timeline.TimelinePanel().draw,
             "Profiler": profiler.ProfilerPanel().draw,
