@@ -64,7 +64,6 @@ class NumberTyping:
     wanted: str = ""  # the place to go on to
     drawn: list[str] = field(default_factory=list)  # places of numbers in the order of this frame
     order: list[str] = field(default_factory=list)  # of the frame before
-    tab: int = 0  # which way Tab was pressed in this frame
 
     def start(self, place: str, text: str) -> None:
         """From the next frame on a text field stands at that place."""

@@ -109,6 +109,7 @@ class AddComponentPopup:
     def __init__(self) -> None:
         self.opens = False  # asked for from elsewhere
         self._search = ""
+        self._types_on = False  # Enter found nothing: the person types another word
 
     def draw(self, ui: Ui, entities: Sequence[int], owned: Collection[str]) -> None:
         """Draws the button, and the list while it is open."""
@@ -123,13 +124,14 @@ class AddComponentPopup:
         imgui.set_next_window_size((high.x - low.x, 0.0))
         if not imgui.begin_popup("add component"):
             return
-        if imgui.is_window_appearing():
+        if imgui.is_window_appearing() or self._types_on:
             imgui.set_keyboard_focus_here()
         imgui.set_next_item_width(-1.0)
         flags = imgui.InputTextFlags_.enter_returns_true.value
         entered, self._search = imgui.input_text_with_hint("###search", tr("Search"), self._search, flags)
         ui.landmarks.note("component/search")
         chosen = self._draw_list(ui, owned, takes_first=entered)
+        self._types_on = entered and not chosen
         if chosen:
             ui.model.edit.add_component(entities, chosen)
             imgui.close_current_popup()

@@ -17,11 +17,7 @@ from elys.editor_node.ui import color_code
 
 _UNBOUNDED: Final = 3.4e38
 _NARROW: Final = 95.0  # below this a number leaves its unit out
-_TYPING_FLAGS: Final = (
-    imgui.InputTextFlags_.auto_select_all
-    | imgui.InputTextFlags_.enter_returns_true
-    | imgui.InputTextFlags_.callback_completion  # Tab goes on to the next number instead of ImGui's next field
-).value
+_TYPING_FLAGS: Final = (imgui.InputTextFlags_.auto_select_all | imgui.InputTextFlags_.enter_returns_true).value
 
 
 def edit_numbers(
@@ -130,13 +126,14 @@ class _Number:
         if starts:
             imgui.set_keyboard_focus_here()
             typing.starts = False
-        typing.tab = 0
-        entered, text = imgui.input_text(self.label + "typed", typing.text, _TYPING_FLAGS, self._tab_pressed)
+        entered, text = imgui.input_text(self.label + "typed", typing.text, _TYPING_FLAGS)
         self._note()
+        imgui.set_item_key_owner(imgui.Key.tab)  # it goes on to the next number instead of ImGui's next field
         typing.text = text[:MAX_LENGTH]
-        if entered or typing.tab:
-            if self._commit(edit, initial="" if mixed else self._text) and typing.tab:
-                typing.go_on(self._place, typing.tab)
+        has_tab = imgui.is_item_active() and imgui.is_key_pressed(imgui.Key.tab)
+        if entered or has_tab:
+            if self._commit(edit, initial="" if mixed else self._text) and has_tab:
+                typing.go_on(self._place, -1 if imgui.get_io().key_shift else 1)
         elif imgui.is_item_deactivated() and not starts:
             if imgui.is_key_pressed(imgui.Key.escape):
                 typing.stop()
@@ -151,7 +148,7 @@ class _Number:
         self._note()
         if self._axis is not None:
             _mark_axis(self._axis)
-        is_double = imgui.is_item_hovered() and imgui.is_mouse_double_clicked(0)
+        is_double = imgui.is_item_hovered() and imgui.get_mouse_clicked_count(0) >= 2
         if is_double or (imgui.is_item_activated() and imgui.get_io().key_ctrl):
             mixed = self._context.mixed[self._axis or 0]
             self._context.typing.start(self._place, "" if mixed else self._text)
@@ -176,10 +173,6 @@ class _Number:
         typing.stop()
         self._context.refuse("")
         return True
-
-    def _tab_pressed(self, _: object) -> int:
-        self._context.typing.tab = -1 if imgui.get_io().key_shift else 1
-        return 0
 
     def _note(self) -> None:
         self._context.note("" if self._axis is None else str(self._axis))
