@@ -1,4 +1,4 @@
-"""What the selected entities have in common and where they differ, found a few hundred entities a frame.
+"""What the selected entities have in common and where they differ, found some hundred entities a frame.
 
 Five thousand entities of ten components are not compared sixty times a second: every frame looks at the next ones and keeps
 what it found. What was found to differ in the first pass over a selection shows at once; later passes replace it when done.
@@ -14,7 +14,7 @@ import msgspec
 from elys.common.components import Component, FieldDeclaration, declaration_of, declarations
 from elys.editor_node.scene_mirror import EditorScene
 
-BUDGET: Final = 1000  # of a frame: entities at rest cost 1
+BUDGET: Final = 300  # of a frame: entities at rest cost 1
 LIVE_COST: Final = 16  # of one whose pose comes with every state frame
 
 

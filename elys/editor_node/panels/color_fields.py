@@ -78,8 +78,8 @@ def _draw_picker(field: FieldDeclaration, value: Sequence[float], context: Field
             edit.began = edit.ended = True
     if may_shine:
         imgui.set_next_item_width(imgui.get_font_size() * 7.0)
-        flags = (imgui.SliderFlags_.always_clamp | imgui.SliderFlags_.logarithmic).value
-        speed = max(0.01, 0.01 * intensity)
+        flags = imgui.SliderFlags_.always_clamp.value
+        speed = 0.01 * intensity  # a pixel is as much of the light, however much there is
         changed, dragged = imgui.drag_float(
             tr_label("Intensity", "intensity"), intensity, speed, 1.0, MOST_INTENSITY, "%.3f", flags
         )
