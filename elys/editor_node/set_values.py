@@ -27,6 +27,7 @@ class SetValues:
     def __init__(self, mirror: SceneMirror) -> None:
         self._mirror = mirror
         self._set: dict[int, dict[str, Component]] = {}
+        self._epoch = 0
         mirror.listen(self._follow)
 
     def of(self, entity: int, component: str) -> Component | None:
@@ -60,7 +61,7 @@ class SetValues:
     def _follow(self, update: MirrorUpdate) -> None:
         entities = self._mirror.entities
         if update.reset:
-            self._set = {entity: dict(found.components) for entity, found in entities.items()}
+            self._take_all()
             return
         moved = {change.entity for change in update.changes if isinstance(change, Reparented)}
         for change in update.changes:
@@ -78,3 +79,13 @@ class SetValues:
                     self._set.get(entity, {}).pop(name, None)
         for entity in update.removed:
             self._set.pop(entity, None)
+
+    def _take_all(self) -> None:
+        """After a snapshot: of the same run (a gap in the deltas, a seek) what was set stays set; only what is new is taken."""
+        known = self._set if self._mirror.epoch == self._epoch else {}
+        self._epoch = self._mirror.epoch
+        self._set = {}
+        for entity, found in self._mirror.entities.items():
+            owned = known.get(entity)
+            values = dict(found.components)
+            self._set[entity] = values if owned is None else {name: owned.get(name, v) for name, v in values.items()}

@@ -195,7 +195,7 @@ def _draw_list(context: FieldContext, found: Callable[[], Sequence[T]], label: C
                     picked = one
                 imgui.pop_id()
                 context.note(f"pick/{label(one)}")
-                _label_item(label(one), indent=0.0)
+                _label_item(label(one))
         clipper.end()
     imgui.end_child()
     if picked is not None:
@@ -218,10 +218,10 @@ def _small_button(icon: str, name: str, tooltip: str, context: FieldContext, *, 
     return pressed
 
 
-def _label_item(text: str, *, indent: float | None = None) -> None:
+def _label_item(text: str) -> None:
     """Writes on the last item: a name may hold anything, and in a label ## would hide what follows."""
     low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
-    left = low.x + (imgui.get_style().frame_padding.x if indent is None else indent)
+    left = low.x + imgui.get_style().frame_padding.x
     top = low.y + (high.y - low.y - imgui.get_text_line_height()) / 2.0
     draw_list = imgui.get_window_draw_list()
     draw_list.push_clip_rect(low, high, True)

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from elys.common.assets import AssetStore
 from elys.common.components import Component, Light, about, component, forget
 from elys.common.scene import EntityRecord, open_scene
-from elys.editor_node.events import MouseButton, MouseMoved, MousePressed, MouseReleased
+from elys.editor_node.events import MouseButton, MousePressed, MouseReleased
 from elys.editor_node.fields import DraggedAsset, drag_asset
 from elys.editor_node.keys import Key
 from tests.unit.editor_node.person import CTRL, SHIFT
