@@ -81,7 +81,7 @@ async def draw_inspector(path: Path) -> None:
                 await frames_of(editor, 12)
                 file = path.with_name(f"{path.stem}-{name}.png")
                 editor.screenshot(file)
-                left, top, right, _ = editor.ui.landmarks.rectangles["inspector/search"]
+                left, _, right, _ = editor.ui.landmarks.rectangles["inspector/search"]
                 with Image.open(file) as whole:
                     part = whole.crop((int(left) - 12, 56, int(right) + 12, 870)).convert("RGB")
                 file.unlink()

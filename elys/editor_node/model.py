@@ -72,6 +72,7 @@ class EditorModel:
         self.diagnostics: deque[Diagnostics] = deque(maxlen=240)  # likewise
         self.connected = session.connected
         self._told_stroke: object = None
+        self._structure_version = -1
         self._wanted_time: float | None = None  # [s] to seek to
         self._seeking: asyncio.Task[None] | None = None
         self.error = ""  # why what the person tried last did not work, until something else did or a while has passed
@@ -231,7 +232,9 @@ class EditorModel:
             self.selection.replace(new_ids.values())
 
     def _scene_changed(self) -> None:
-        self.selection.keep_only(self.scene.exists)
+        if self.scene.structure_version != self._structure_version:  # else nobody can be gone
+            self._structure_version = self.scene.structure_version
+            self.selection.keep_only(self.scene.exists)
         self.request_redraw(0.0)
 
     def _status_arrived(self, status: SessionStatus, _: str) -> None:

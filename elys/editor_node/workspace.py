@@ -141,6 +141,9 @@ class Workspace:
         imgui.separator()
         for name in ("edit.duplicate", "edit.rename", "edit.delete", "edit.select_all"):
             action_item(self.ui, name)
+        imgui.separator()
+        for name in ("search", "add_component", "fold_all", "unfold_all", "revert_all"):
+            action_item(self.ui, f"inspector.{name}")
         imgui.end_menu()
 
     def _draw_view_menu(self) -> None:
