@@ -54,7 +54,9 @@ def edit_entity(value: int, context: FieldContext) -> FieldEdit:
     has_value = bool(value) or is_mixed
     if _small_button(icons.ICON_FA_XMARK, "clear", tr("None"), context, enabled=has_value):
         edit.choose(0)
-    if _small_button(icons.ICON_FA_ARROW_RIGHT, "follow", tr("Select it"), context, enabled=scene.exists(value)):
+    if _small_button(
+        icons.ICON_FA_ARROW_RIGHT, "follow", tr("Select it"), context, enabled=scene.exists(value), only_looks=True
+    ):
         context.ui.model.selection.replace((value,))
     return edit
 
@@ -88,6 +90,7 @@ def edit_asset(field: FieldDeclaration, value: str, context: FieldContext) -> Fi
         tr("Select all that use it"),
         context,
         enabled=bool(value) and not is_mixed,
+        only_looks=True,
     )
     if users_wanted:
         context.ui.model.selection.replace(users_of(context.scene, value))
@@ -204,8 +207,13 @@ def _draw_list(context: FieldContext, found: Callable[[], Sequence[T]], label: C
     return picked
 
 
-def _small_button(icon: str, name: str, tooltip: str, context: FieldContext, *, enabled: bool = True) -> bool:
-    """A square button on the same line."""
+def _small_button(
+    icon: str, name: str, tooltip: str, context: FieldContext, *, enabled: bool = True, only_looks: bool = False
+) -> bool:
+    """A square button on the same line; one that changes nothing (`only_looks`) can be pressed in a recording too."""
+    is_freed = only_looks and context.ui.model.is_replay  # from what disables all fields of a recording
+    if is_freed:
+        imgui.end_disabled()
     imgui.same_line(0.0, inner_spacing())
     imgui.begin_disabled(not enabled)
     imgui.push_style_var_x(imgui.StyleVar_.frame_padding, 0.0)
@@ -215,6 +223,8 @@ def _small_button(icon: str, name: str, tooltip: str, context: FieldContext, *, 
     context.note(name)
     if imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip):
         imgui.set_tooltip(tooltip)
+    if is_freed:
+        imgui.begin_disabled(True)
     return pressed
 
 

@@ -34,10 +34,12 @@ from elys.editor_node.field_values import (
     FieldChange,
     has_bar,
     is_radiance,
+    label_of,
     may_keep_proportions,
     switch_of,
     values_of_each,
 )
+from elys.editor_node.language import translations
 from elys.editor_node.rotations import ShownAngles, degrees_from, nearest_degrees, rotation_from
 
 TRANSFORM, BODY, MATERIAL = declaration_of("Transform"), declaration_of("RigidBody"), declaration_of("Material")
@@ -176,6 +178,15 @@ def test_components_are_offered_by_group_and_what_they_do():
     assert {offer.declaration.name for offer in offers("physics", declarations(), owned=("Joint",))} >= {"RigidBody"}
     assert "Joint" not in [offer.declaration.name for offer in offers("physics", declarations(), owned=("Joint",))]
     assert all(name in declarations() for group in GROUPS.values() for name in group)
+
+
+def test_every_field_of_every_component_is_told_in_french():
+    french = translations("fr")
+    for declaration in declarations().values():
+        if declaration.struct.__module__.startswith("elys."):  # not what tests declare
+            assert declaration.text in french, declaration.name
+            for field in declaration.fields:
+                assert {label_of(field), field.text} <= french.keys(), f"{declaration.name}.{field.name}"
 
 
 # --- with a scene ------------------------------------------------------------------------------------------------------
