@@ -24,7 +24,6 @@ from elys.editor_node.scene_mirror import EditorScene
 
 ECHO_TIMEOUT: Final = 0.2  # [s] after which an edit that changed nothing visible is taken as done
 ENTRY_LIMIT: Final = 500
-SENT_AT_ONCE: Final = 50  # commands of one edit; the event loop comes round between them
 
 Send = Callable[[Command], Awaitable[CommandReply]]
 
@@ -208,11 +207,7 @@ class History:
         return outcome, Entry(label=entry.label, commands=tuple(inverses), respawned=tuple(respawned))
 
     async def _send_all(self, batch: tuple[Command, ...], outcome: Outcome) -> list[CommandReply | None]:
-        sending: list[asyncio.Future[CommandReply]] = []
-        for start in range(0, len(batch), SENT_AT_ONCE):
-            sending += [asyncio.ensure_future(self._send(command)) for command in batch[start : start + SENT_AT_ONCE]]
-            await asyncio.sleep(0)  # thousands of commands are not to hold up a frame
-        answers = await asyncio.gather(*sending, return_exceptions=True)
+        answers = await asyncio.gather(*(self._send(command) for command in batch), return_exceptions=True)
         replies: list[CommandReply | None] = []
         for answer in answers:
             if isinstance(answer, CommandReply):

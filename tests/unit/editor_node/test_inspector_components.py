@@ -282,8 +282,8 @@ def many_components():
         forget(struct)
 
 
-def test_thirty_components_and_thousands_of_entities(by_hand, many_components):
-    count = 300
+def test_thirty_components_of_many_entities(by_hand, many_components):
+    count = 120
     parts = {name: {} for name in many_components}
     records = [EntityRecord(name=f"Thing {n}", components={"Transform": {}, **parts}) for n in range(count)]
 
@@ -297,8 +297,7 @@ def test_thirty_components_and_thousands_of_entities(by_hand, many_components):
         await hand.enter("Part00/value_0", "2")
         assert {entity.components["Part00"].value_0 for entity in hand.entities.values()} == {2.0}
         await person.press(Key.Z, CTRL)
-        await hand.settle()
-        assert {entity.components["Part00"].value_0 for entity in hand.entities.values()} == {0.0}
+        await person.until(lambda: {e.components["Part00"].value_0 for e in hand.entities.values()} == {0.0})
         await person.click("inspector/search")
         await person.type("part29")
         await person.frames(3)
