@@ -8,9 +8,9 @@ from elys.bus.messages.views import Shows
 from elys.editor_node.actions import Action, Actions
 from elys.editor_node.language import LANGUAGES
 from elys.editor_node.model import EditorModel
+from elys.editor_node.panels.inspector import InspectorPanel
 from elys.editor_node.panels.preferences_window import change_font_scale, change_language
 from elys.editor_node.preferences import Theme
-from elys.editor_node.panels.inspector import InspectorPanel
 from elys.editor_node.ui import Tool, Tools, Ui
 from elys.editor_node.viewport_layer import ViewportLayer
 from elys.editor_node.workspace import Workspace
