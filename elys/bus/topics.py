@@ -171,6 +171,15 @@ PICK: Final = Query(
     text="asks the render node named by the key what is seen at a pixel",
     keyed=True,
 )
+THUMBNAIL: Final = Query(
+    name="thumbnail",
+    request=views.ThumbnailRequest,
+    reply=views.Thumbnail,
+    text="asks the render node named by the key for a small picture of entities that are in no scene",
+    request_encoding=Encoding.MSGPACK,
+    reply_encoding=Encoding.MSGPACK,
+    keyed=True,
+)
 ASSET: Final = Query(
     name="asset",
     request=bytes,
@@ -204,7 +213,7 @@ TOPICS: Final[tuple[Topic[Any], ...]] = (
     VIEW_REQUEST,
     VIEW_FRAME,
 )
-QUERIES: Final[tuple[Query[Any, Any], ...]] = (HELLO, SNAPSHOT, COMMAND, PICK, ASSET, ASSET_OFFER)
+QUERIES: Final[tuple[Query[Any, Any], ...]] = (HELLO, SNAPSHOT, COMMAND, PICK, THUMBNAIL, ASSET, ASSET_OFFER)
 
 _CHUNK = re.compile(r"[A-Za-z0-9_.-]+\Z")
 
