@@ -59,6 +59,7 @@ class AssetLibrary:
         self.missing_error = ""
         self._looks_for_missing = False
         self._contents: dict[Path, AssetContent] = {}
+        self._followed: dict[Path, AssetContent] = {}  # the last that could be read: what the scene may show
         self._pictures: OrderedDict[Version, Pixels | None] = OrderedDict()  # None: there is none, an icon does
         self._undrawn: set[Version] = set()  # for lack of a render node
         self._wanted: dict[Version, AssetFile] = {}
@@ -89,7 +90,15 @@ class AssetLibrary:
         if self._working is not None:
             self._working.cancel()
             self._working = None
-        for kept in (self._contents, self._pictures, self._undrawn, self._wanted, self._read_ahead, self._at_host):
+        for kept in (
+            self._contents,
+            self._followed,
+            self._pictures,
+            self._undrawn,
+            self._wanted,
+            self._read_ahead,
+            self._at_host,
+        ):
             kept.clear()
 
     # --- what is shown ---------------------------------------------------------------------------------------------
@@ -156,8 +165,8 @@ class AssetLibrary:
             del self._contents[path]
         self._plan_reading()
         for file in changed:
-            before = self._contents.get(file.path)
-            if before is not None and not before.error and self.reloads and not self._model.is_replay:
+            before = self._followed.get(file.path)
+            if before is not None and self.reloads and not self._model.is_replay:
                 self._model.session.start(self._reload(before, file))
         self._show()
         self._work()
@@ -195,18 +204,20 @@ class AssetLibrary:
             else:
                 file = self._read_ahead.pop()
                 if file.path not in self._contents:
-                    content, _ = await asyncio.to_thread(read_asset, file, AssetStore())
-                    self._contents[file.path] = content
+                    self._learn((await asyncio.to_thread(read_asset, file, AssetStore()))[0])
 
     async def _picture_of(self, file: AssetFile) -> None:
         """Reads a file and makes its thumbnail, or finds out that there is none."""
-        cache = self._cache = self._cache or await asyncio.to_thread(ThumbnailCache)
+        cache = self._cache if self._cache is not None else await asyncio.to_thread(ThumbnailCache)
+        self._cache = cache
         content, drawn = await asyncio.to_thread(_read_and_draw, file, cache)
-        self._contents[file.path] = content
         if isinstance(drawn, str):
             self._keep(file, None)
-            self._contents[file.path] = content if content.error else _noted(content, drawn)
-        elif isinstance(drawn, ThumbnailRequest):
+            content = dataclasses.replace(content, note=drawn)
+        self._learn(content)
+        if isinstance(drawn, str):
+            return
+        if isinstance(drawn, ThumbnailRequest):
             await self._ask_for(file, content, drawn, cache)
         else:
             self._keep(file, drawn)
@@ -227,10 +238,15 @@ class AssetLibrary:
             self._undrawn.add(file.version)
         except (BusError, AssetError) as error:
             self._keep(file, None)
-            self._contents[file.path] = _noted(content, str(error))
+            self._learn(dataclasses.replace(content, note=str(error)))
         else:
             self._keep(file, pixels)
             await asyncio.to_thread(cache.put, content.key, pixels)
+
+    def _learn(self, content: AssetContent) -> None:
+        self._contents[content.file.path] = content
+        if not content.error:
+            self._followed.setdefault(content.file.path, content)
 
     def _keep(self, file: AssetFile, pixels: Pixels | None) -> None:
         self._pictures[file.version] = pixels
@@ -246,10 +262,11 @@ class AssetLibrary:
 
     async def _reload(self, before: AssetContent, file: AssetFile) -> None:
         content, _ = await self.placing.reload(before, file)
-        # One that cannot be read just now is compared with what was there last when it can.
-        self._contents[file.path] = content if not content.error else before
-        if content.error:
+        self._contents[file.path] = content
+        if content.error:  # it is compared with what was there last when it can be read again
             self._model.say("warning", content.error)
+        else:
+            self._followed[file.path] = content
         self._show()
 
     async def _look_for_missing(self) -> None:
@@ -291,8 +308,3 @@ def _read_and_draw(
         return content, thumbnail_request(file, records, store)
     except AssetError as error:
         return content, str(error)
-
-
-def _noted(content: AssetContent, note: str) -> AssetContent:
-    """The content, with a sentence about its thumbnail."""
-    return dataclasses.replace(content, note=note)

@@ -137,7 +137,7 @@ def ground_point(camera: ViewCamera, aspect: float, x: float, y: float, focus: S
     if camera.ortho_height > 0.0:
         eye = eye + np.asarray(quaternion.rotate(rotation, across), dtype=np.float64)
         across = np.zeros(3)
-    ray = np.asarray(quaternion.rotate(rotation, across + (0.0, 0.0, -1.0)), dtype=np.float64)
+    ray = np.asarray(quaternion.rotate(rotation, (*across[:2], -1.0)), dtype=np.float64)
     ray /= np.linalg.norm(ray)
     distance = -eye[1] / ray[1] if abs(ray[1]) > 1e-6 else np.inf
     if not 0.0 < distance < _GROUND_REACH:

@@ -11,6 +11,7 @@ from imgui_bundle import imgui
 from elys.bus.messages.views import Shows
 from elys.editor_node.language import tr, tr_label
 from elys.editor_node.palette import PaletteEntry
+from elys.editor_node.panels import assets as assets_panel
 from elys.editor_node.panels import (
     console,
     diagnostics,
@@ -22,6 +23,7 @@ from elys.editor_node.panels import (
     tour,
     viewport,
 )
+from elys.editor_node.panels.assets import AssetsPanel
 from elys.editor_node.panels.command_palette import CommandPalette
 from elys.editor_node.panels.hierarchy import HierarchyPanel, draw_add_menu
 from elys.editor_node.panels.keys_help import draw_help
@@ -57,12 +59,14 @@ class Workspace:
         close: Callable[[], None],
         load_docking: Callable[[str], None],
         capture: ChordCapture,
+        assets: AssetsPanel,
     ) -> None:
         """`ask_to_close` asks to close the window, `close` closes it; `load_docking` places the panels before the next frame."""
         self.ui = ui
         self.hierarchy = HierarchyPanel()
         self.inspector = inspector.InspectorPanel()
         self.viewport = viewport_panel
+        self.assets = assets
         self.save_dialog = SaveDialog(close)
         self.ask_to_close = ask_to_close
         self._toolbar = Toolbar()
@@ -72,6 +76,7 @@ class Workspace:
             "Hierarchy": self.hierarchy.draw,
             "Inspector": self.inspector.draw,
             "Console": console.ConsolePanel().draw,
+            "Assets": self.assets.draw,
             "Timeline": timeline.TimelinePanel().draw,
             "Profiler": profiler.ProfilerPanel().draw,
             "Diagnostics": diagnostics.DiagnosticsPanel().draw,
@@ -233,6 +238,9 @@ class Workspace:
             action_item(self.ui, "file.save")
             action_item(self.ui, "file.save_as")
             imgui.separator()
+            action_item(self.ui, "assets.import")
+            action_item(self.ui, "assets.folder")
+            imgui.separator()
             action_item(self.ui, "file.connect")
             action_item(self.ui, "file.detach")
             imgui.separator()
@@ -314,7 +322,7 @@ def _build_layout(dock: int) -> None:
     lower = builder.dock_builder_split_node(right.id_at_opposite_dir, imgui.Dir.down, _LOWER_SHARE)
     builder.dock_builder_dock_window(hierarchy.TITLE, left.id_at_dir)
     builder.dock_builder_dock_window(inspector.TITLE, right.id_at_dir)
-    for title in (console.TITLE, timeline.TITLE, profiler.TITLE, diagnostics.TITLE):
+    for title in (console.TITLE, assets_panel.TITLE, timeline.TITLE, profiler.TITLE, diagnostics.TITLE):
         builder.dock_builder_dock_window(title, lower.id_at_dir)
     builder.dock_builder_dock_window(viewport.TITLE, lower.id_at_opposite_dir)
     builder.dock_builder_finish(dock)
