@@ -31,6 +31,7 @@ class AssetDialogs:
         self._asks = ""
         self._text = ""
         self._error = ""
+        self._types_on = False  # the cursor goes back into the text, which was wrong
         self._sources: list[Path] = []
         self._target = Path()
         self._clash = ImportPlan()
@@ -87,7 +88,7 @@ class AssetDialogs:
             try:
                 folder = choose_folder(ui.preferences, self._text)
             except OSError as error:
-                self._error = str(error)
+                self._error, self._types_on = str(error), True
             else:
                 self._browsing.enter("")
                 self._library.open(folder)
@@ -105,11 +106,12 @@ class AssetDialogs:
                 self.take_files(ui, (path,))
                 imgui.close_current_popup()
             else:
-                self._error = tr("There is no file {path}", path=path)
+                self._error, self._types_on = tr("There is no file {path}", path=path), True
         imgui.end_popup()
 
     def _draw_path(self, ui: Ui, hint: str) -> bool:
-        if imgui.is_window_appearing():
+        if imgui.is_window_appearing() or self._types_on:
+            self._types_on = False
             imgui.set_keyboard_focus_here()
         imgui.set_next_item_width(imgui.get_font_size() * 32.0)
         flags = imgui.InputTextFlags_.enter_returns_true.value

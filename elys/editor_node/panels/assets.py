@@ -23,6 +23,7 @@ from elys.editor_node.theme import ERROR, WARNING, icons
 from elys.editor_node.ui import Ui, colored_text, dim_text, icon_button, with_keys
 
 TITLE: Final = f"{icons.ICON_FA_FOLDER_OPEN}  Assets###Assets"
+_LOOKED_AT: Final = 8  # frames: while the panels take their places each is seen for one or two
 _SMALLEST, _LARGEST = 24.0, 192.0  # [px at 96 dpi] of a tile
 
 
@@ -39,6 +40,8 @@ class AssetsPanel:
         self._shelf = shelf
         self._missing_of = (-1, -1)
         self._starts_search = False
+        self._comes_to_front = 0  # frames: a tab is in front when its window has kept the focus into the next one
+        self._frames_seen = 0
         viewport.take_drop = self.take_drop
 
     def begin_frame(self) -> None:
@@ -47,22 +50,27 @@ class AssetsPanel:
 
     def search(self) -> None:
         """Puts the cursor into the search."""
-        self._starts_search = True
-        imgui.set_window_focus(TITLE)
+        self._starts_search, self._comes_to_front = True, 2
 
     def toggle_missing(self) -> None:
         """Shows what the scene names and nobody has, or the folder again."""
         self.shows_missing = not self.shows_missing
-        self._missing_of = (-1, -1)
-        imgui.set_window_focus(TITLE)
+        self._missing_of, self._comes_to_front = (-1, -1), 2
 
     def draw(self, ui: Ui) -> None:
         """Draws the panel."""
+        if self._comes_to_front:
+            self._comes_to_front -= 1
+            imgui.set_next_window_focus()
+            ui.model.request_redraw(0.0)
         is_visible = imgui.begin(tr_title(TITLE))[0]
+        self._frames_seen = self._frames_seen + 1 if is_visible else 0
         # A folder that was chosen before is followed from the start; else nothing is read until somebody looks.
-        if self.library.folder is None and (is_visible or ui.preferences.recent_folders):
+        if self.library.folder is None and (self._frames_seen > _LOOKED_AT or ui.preferences.recent_folders):
             self.library.open(project_folder(ui.preferences, ui.model.file.path))
         if is_visible:
+            if self.library.folder is None:
+                ui.model.request_redraw(0.0)
             self._draw_bar(ui)
             if self.shows_missing:
                 self._draw_missing(ui)
