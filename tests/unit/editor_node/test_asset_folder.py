@@ -169,7 +169,7 @@ def test_files_are_read_as_what_a_scene_holds_of_them(project: Path):
     assert records[0].prefab == str(project / "square.gltf")
     prefab, records = read_asset(found(project, "pair.prefab.json"), store)
     assert prefab.references == {model.parts["0/0"]}
-    assert [record.name for record in records][0] == "Pair"
+    assert records[0].name == "Pair"
     assert records[0].prefab == str(project / "pair.prefab.json")
     light, records = read_asset(found(project, "sky.hdr"), store)
     assert records[0].components["Environment"]["image"] == light.parts[""]

@@ -299,7 +299,7 @@ def test_the_scene_follows_a_texture_that_changes_on_the_disk_and_undo_takes_it_
         assert browser.host_assets.has(new)
         await browser.model.history.settle()
         assert browser.model.history.undo_label == "Reload grass.png"
-        await person.press(Key.Z, CTRL)
+        browser.editor.ui.actions.run("edit.undo")
         await person.until(lambda: textures() == [f"{old}?scale=2,2", old])
 
     at_the_browser(scenario)
