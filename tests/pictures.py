@@ -6,12 +6,16 @@ import asyncio
 import os
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from elys.bus import topics
 from elys.bus.messages.commands import CommandRequest, StepTicks
 from elys.verbs.nodes import joined
 from tests.benchmarks.processes import environment, running
 from tests.editor_pictures import draw_editor_pictures
+
+if TYPE_CHECKING:
+    from elys.editor_node.node import Editor
 
 PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
 ENDPOINT = "tcp/127.0.0.1:17560"
@@ -32,6 +36,9 @@ def main() -> None:
         asyncio.run(draw_editor(PICTURES / "editor.png"))
         os.environ["ELYS_RUNTIME_DIR"] = env["ELYS_RUNTIME_DIR"]  # of which sessions the start page is to tell
         asyncio.run(draw_editor_pictures(PICTURES / "editor", ENDPOINT))
+    table = (*elys, "run", "docs/examples/table.scene.json", "--headless", "--paused", "--listen", ENDPOINT)
+    with environment() as env, running(table, env=env, wait_for="simulating"):
+        asyncio.run(draw_inspector(PICTURES / "editor-inspector.png"))
 
 
 async def draw_editor(path: Path) -> None:
@@ -55,6 +62,62 @@ async def draw_editor(path: Path) -> None:
             editor.application.close()
             await window
     print(path)
+
+
+async def draw_inspector(path: Path) -> None:
+    """The inspector twice: on a ball that has fallen a while and is being given a wrong unit, and on a part of a prefab."""
+    from imgui_bundle import imgui
+    from PIL import Image
+
+    from elys.editor_node.node import Editor
+
+    async with joined(ENDPOINT, kind="editor") as session:
+        with Editor(session, null_platform=True, size=(1600, 1000)) as editor:
+            window = asyncio.create_task(editor.run())
+            model, rows = editor.model, editor.workspace.inspector.rows
+            while not model.scene.is_known:
+                await asyncio.sleep(0.05)
+            editor.preferences.folded[:] = ["Collider", "Material"]
+            await session.request(topics.COMMAND, CommandRequest(origin="pictures", command=StepTicks(count=20)))
+
+            async def picture_of(name: str) -> Image.Image:
+                await frames_of(editor, 12)
+                file = path.with_name(f"{path.stem}-{name}.png")
+                editor.screenshot(file)
+                left, _, right, _ = editor.ui.landmarks.rectangles["inspector/search"]
+                with Image.open(file) as whole:
+                    part = whole.crop((int(left) - 12, 56, int(right) + 12, 870)).convert("RGB")
+                file.unlink()
+                return part
+
+            editor.ui.landmarks.is_wanted = True
+            entities = {entity.name: entity.id for entity in model.scene.mirror.entities.values()}
+            model.selection.replace([entities["Ball"]])
+            await frames_of(editor, 12)
+            field = "inspector/RigidBody/gravity_scale"
+            rows._typing.start(field, "2 m/s")  # as a person's double click and keys would
+            await frames_of(editor, 3)
+            imgui.get_io().add_key_event(imgui.Key.enter, True)
+            await frames_of(editor, 2)
+            imgui.get_io().add_key_event(imgui.Key.enter, False)
+            ball = await picture_of("ball")
+            model.selection.replace([entities["Bulb"]])
+            bulb = await picture_of("bulb")
+            both = Image.new("RGB", (ball.width + 16 + bulb.width, ball.height), (19, 20, 23))
+            both.paste(ball, (0, 0))
+            both.paste(bulb, (ball.width + 16, 0))
+            both.save(path)
+            editor.application.close()
+            await window
+    print(path)
+
+
+async def frames_of(editor: Editor, count: int) -> None:
+    """Waits until so many frames were drawn."""
+    goal = editor.application.frame_count + count
+    while editor.application.frame_count < goal:
+        editor.application.keep_awake(1.0)
+        await asyncio.sleep(0.01)
 
 
 if __name__ == "__main__":

@@ -248,7 +248,7 @@ def _resolved(job: _Expansion, changes: ComponentChanges, place: _Place) -> Comp
 def _asset(job: _Expansion, value: str, field_name: str, place: _Place) -> str:
     """The content reference for what an ASSET field says; a texture keeps how it is laid over the mesh."""
     options = ""
-    if _expected_kind(field_name) == "image":
+    if expected_kind(field_name) == "image":
         value, options = split_texture(value)
         try:
             parse_texture(value + options)
@@ -259,14 +259,15 @@ def _asset(job: _Expansion, value: str, field_name: str, place: _Place) -> str:
     reference = value if is_reference(value) else _file_asset(job, value, field_name, place)
     if not job.assets.has(reference):
         _fail(place, f"there is no asset {value}; name the file it comes from")
-    expected = _expected_kind(field_name)
+    expected = expected_kind(field_name)
     kind = job.assets.kind(reference)
     if expected and kind and kind != expected:
         _fail(place, f"{value} is a {kind}, expected a {expected}")
     return reference + options
 
 
-def _expected_kind(field_name: str) -> AssetKind | None:
+def expected_kind(field_name: str) -> AssetKind | None:
+    """What an ASSET field of that name holds; None where nothing says so."""
     if field_name.endswith("_texture") or field_name == "image":
         return "image"
     return _KINDS.get(field_name)
@@ -278,7 +279,7 @@ def _file_asset(job: _Expansion, value: str, field_name: str, place: _Place) -> 
     if suffix in MODEL_SUFFIXES:
         model = _model(job, _path(place.directory, name, place), place)
         return _part_of_model(model, Path(name).name, fragment, place)
-    expected = _expected_kind(field_name)
+    expected = expected_kind(field_name)
     if expected is not None and expected in _HEIGHT_READERS and suffix in HEIGHT_SUFFIXES:
         return _read_once(job, expected, _HEIGHT_READERS[expected], _path(place.directory, name, place), place)
     if suffix in IMAGE_SUFFIXES:

@@ -8,6 +8,7 @@ from elys.bus.messages.views import Shows
 from elys.editor_node.actions import Action, Actions
 from elys.editor_node.language import LANGUAGES
 from elys.editor_node.model import EditorModel
+from elys.editor_node.panels.inspector import InspectorPanel
 from elys.editor_node.panels.preferences_window import change_font_scale, change_language
 from elys.editor_node.preferences import Theme
 from elys.editor_node.ui import Tool, Tools, Ui
@@ -20,6 +21,7 @@ def add_actions(actions: Actions, ui: Ui, workspace: Workspace, viewport: Viewpo
     actions.add(
         *_file_actions(ui, workspace),
         *_edit_actions(ui, workspace),
+        *_inspector_actions(ui, workspace.inspector),
         *_time_actions(ui.model),
         *_tool_actions(ui.tools),
         *_view_actions(ui, workspace, viewport),
@@ -96,6 +98,26 @@ def _edit_actions(ui: Ui, workspace: Workspace) -> tuple[Action, ...]:
         Action(name="edit.delete", label="Delete", keys=("Delete",), run=model.edit.delete, is_possible=any_selected),
         Action(name="edit.select_all", label="Select all", keys=("Ctrl+A",), run=select_all),
         Action(name="edit.select_nothing", label="Select nothing", keys=("Escape",), run=selection.clear),
+    )
+
+
+def _inspector_actions(ui: Ui, panel: InspectorPanel) -> tuple[Action, ...]:
+    model = ui.model
+
+    def is_editable() -> bool:
+        return len(model.selection) > 0 and not model.is_replay
+
+    return (
+        Action(name="inspector.search", label="Find a field", keys=("Ctrl+Shift+F",), run=panel.search),
+        Action(name="inspector.add_component", label="Add component", run=panel.add_component, is_possible=is_editable),
+        Action(name="inspector.fold_all", label="Fold all components", run=lambda: panel.fold_all(ui, True)),
+        Action(name="inspector.unfold_all", label="Unfold all components", run=lambda: panel.fold_all(ui, False)),
+        Action(
+            name="inspector.revert_all",
+            label="Revert to the prefab",
+            run=lambda: panel.revert_all(ui),
+            is_possible=is_editable,
+        ),
     )
 
 

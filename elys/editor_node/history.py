@@ -232,11 +232,13 @@ class History:
     ) -> None:
         """Waits until the mirror shows what was accepted; what changes nothing shows nothing, so not for long."""
 
+        # Each is looked at until it is seen, and not again: thousands come back one by one.
+        unseen = deque((c, reply, b) for c, reply, b in zip(batch, replies, befores, strict=True) if reply is not None)
+
         def is_seen() -> bool:
-            return all(
-                reply is None or edits.is_echoed(command, reply, self._scene, before)
-                for command, reply, before in zip(batch, replies, befores, strict=True)
-            )
+            while unseen and edits.is_echoed(unseen[0][0], unseen[0][1], self._scene, unseen[0][2]):
+                unseen.popleft()
+            return not unseen
 
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(ECHO_TIMEOUT):

@@ -34,9 +34,11 @@ from elys.editor_node.console_log import ConsoleLog
 from elys.editor_node.history import History, Outcome
 from elys.editor_node.language import tr
 from elys.editor_node.operations import Operations
+from elys.editor_node.prefab_values import PrefabValues
 from elys.editor_node.scene_file import SceneFile
 from elys.editor_node.scene_mirror import EditorScene
 from elys.editor_node.selection import Selection
+from elys.editor_node.set_values import SetValues
 
 COMMAND_TIMEOUT: Final = 5.0  # [s]
 POINT_RADIUS: Final = 1.0  # [m] around an entity without extent, to be looked at
@@ -61,6 +63,8 @@ class EditorModel:
         self.console = ConsoleLog()
         self.selection = Selection()
         self.scene = EditorScene(session, on_change=self._scene_changed, on_state=lambda: self.request_redraw(0.1))
+        self.set_values = SetValues(self.scene.mirror)
+        self.prefabs = PrefabValues(self.scene, start=session.start, on_change=lambda: self.request_redraw(0.0))
         self.history = History(self._ask, self.scene, on_outcome=self._tell_outcome, on_new_ids=self._follow_new_ids)
         self.edit = Operations(self.scene, self.selection, self.history)
         self.file = SceneFile(self.scene, self.history)
@@ -71,6 +75,7 @@ class EditorModel:
         self._known_session = (session.name, session.epoch)  # of which the mirror tells
         self._wanted_paths: list[tuple[str, ...]] = []  # of what was selected before the host started anew
         self._told_stroke: object = None
+        self._structure_version = -1
         self._wanted_time: float | None = None  # [s] to seek to
         self._seeking: asyncio.Task[None] | None = None
         self.error = ""  # why what the person tried last did not work, until something else did or a while has passed
@@ -235,7 +240,9 @@ class EditorModel:
             found = self.scene.found_paths(self._wanted_paths)
             self._wanted_paths = []
             self.selection.replace(found)
-        self.selection.keep_only(self.scene.exists)
+        if self.scene.structure_version != self._structure_version:  # else nobody can be gone
+            self._structure_version = self.scene.structure_version
+            self.selection.keep_only(self.scene.exists)
         self.request_redraw(0.0)
 
     def _status_arrived(self, status: SessionStatus, _: str) -> None:
@@ -258,6 +265,7 @@ class EditorModel:
         self.request_redraw(0.25)
 
     def _command_seen(self, record: CommandRecord, _: str) -> None:
+        self.set_values.command_seen(record)
         if record.origin == self.session.node.id:
             return
         verdict = "" if record.accepted else f" refused: {record.reason}"

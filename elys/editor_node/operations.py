@@ -23,9 +23,9 @@ from elys.bus.messages.commands import (
     SetSettings,
     Spawn,
 )
-from elys.common.components import check_value, declaration_of
+from elys.common.components import check_value, component_from, declaration_of, values_of
 from elys.common.math import matrix
-from elys.common.scene import EntityRecord, SceneSettings
+from elys.common.scene import ComponentChanges, EntityRecord, SceneSettings
 from elys.editor_node.edits import records_of
 from elys.editor_node.history import History, Outcome
 from elys.editor_node.language import tr
@@ -125,6 +125,30 @@ class Operations:
         return self._perform(
             tr("Add {component} to {what}", component=component, what=self._described(targets)), commands
         )
+
+    def lay_over(self, label: str, changes_of_entity: Mapping[int, ComponentChanges]) -> Done | None:
+        """Lays changes over entities' components, as an instance's are laid over its prefab's: one edit, whatever it takes.
+
+        A component that an entity lacks is added, None takes one away. `label` says what it is, before whose.
+        """
+        commands: list[Command] = []
+        for entity, changes in changes_of_entity.items():
+            if not self._scene.exists(entity):
+                continue
+            for name, values in changes.items():
+                current = self._scene.component_of(entity, name)
+                if values is None:
+                    if current is not None:
+                        commands.append(RemoveComponent(entity=entity, component=name))
+                    continue
+                checked = values_of(component_from(name, values, base=current))
+                given = {field: checked[field] for field in values}
+                if current is None:
+                    commands.append(AddComponent(entity=entity, component=name, values=given))
+                elif any(getattr(current, field) != value for field, value in given.items()):
+                    commands.append(SetComponent(entity=entity, component=name, values=given))
+        targets = list(dict.fromkeys(getattr(command, "entity", 0) for command in commands))
+        return self._perform(f"{label} {self._described(targets)}", tuple(commands))
 
     def remove_component(self, entities: Iterable[int], component: str) -> Done | None:
         """Takes a component away."""

@@ -47,6 +47,7 @@ class Preferences(msgspec.Struct, kw_only=True):
     recent_recordings: list[str] = []
     recent_endpoints: list[str] = []
     recent_actions: list[str] = []  # what was chosen in the palette, by `PaletteEntry.key`
+    folded: list[str] = []  # components that the inspector shows folded
     has_seen_tour: bool = False
     hidden_panels: tuple[str, ...] = ()  # by name
     layouts: dict[str, Layout] = {}  # those a person gave a name

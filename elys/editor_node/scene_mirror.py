@@ -69,6 +69,7 @@ class EditorScene:
     ) -> None:
         self.mirror = SceneMirror()
         self.structure_version = 0  # rises when the tree, a name or a switch changes
+        self.version = 0  # rises with everything that is heard of the scene, state frames as well
         self.is_known = False  # whether there was a snapshot yet
         self._session = session
         self._on_change = on_change
@@ -330,6 +331,7 @@ class EditorScene:
 
     def _updated(self, update: MirrorUpdate) -> None:
         self.is_known = True
+        self.version += 1
         if update.reset or not all(isinstance(change, _VALUE_CHANGES) for change in update.changes):
             self.structure_version += 1
         if update.reset:
@@ -341,6 +343,7 @@ class EditorScene:
         self._on_change()
 
     def _frame_kept(self, frame: StateFrame) -> None:
+        self.version += 1
         self._on_state()
 
     def _live(self, entity: int, value: Transform | RigidBody, row: int) -> Component:

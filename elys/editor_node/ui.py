@@ -10,6 +10,7 @@ from imgui_bundle import imgui
 from elys.bus.messages.views import Shows
 from elys.editor_node.actions import Actions
 from elys.editor_node.attachments import Attachments
+from elys.editor_node.fields import DraggedAsset
 from elys.editor_node.key_bindings import KeyBindings
 from elys.editor_node.language import tr
 from elys.editor_node.link_meter import LinkMeter
@@ -69,6 +70,7 @@ class Ui:
     meter: LinkMeter
     tools: Tools = field(default_factory=Tools)
     landmarks: Landmarks = field(default_factory=Landmarks)
+    dragged_asset: DraggedAsset | None = None  # what a payload of kind ASSET_PAYLOAD stands for
     focus: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m] what the viewport's camera looks at
 
 

@@ -61,6 +61,7 @@ class Workspace:
         """`ask_to_close` asks to close the window, `close` closes it; `load_docking` places the panels before the next frame."""
         self.ui = ui
         self.hierarchy = HierarchyPanel()
+        self.inspector = inspector.InspectorPanel()
         self.viewport = viewport_panel
         self.save_dialog = SaveDialog(close)
         self.ask_to_close = ask_to_close
@@ -69,7 +70,7 @@ class Workspace:
         self._panels = {
             "Viewport": self.viewport.draw,
             "Hierarchy": self.hierarchy.draw,
-            "Inspector": inspector.InspectorPanel().draw,
+            "Inspector": self.inspector.draw,
             "Console": console.ConsolePanel().draw,
             "Timeline": timeline.TimelinePanel().draw,
             "Profiler": profiler.ProfilerPanel().draw,
@@ -259,6 +260,9 @@ class Workspace:
         imgui.separator()
         for name in ("edit.duplicate", "edit.rename", "edit.delete", "edit.select_all"):
             action_item(self.ui, name)
+        imgui.separator()
+        for name in ("search", "add_component", "fold_all", "unfold_all", "revert_all"):
+            action_item(self.ui, f"inspector.{name}")
         imgui.end_menu()
 
     def _draw_view_menu(self) -> None:

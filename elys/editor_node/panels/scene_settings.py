@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from typing import Any, Final
 
 import msgspec
 from imgui_bundle import imgui
 
-from elys.common.components import FieldDeclaration, Kind
+from elys.common.components import Component, ComponentDeclaration, FieldDeclaration, Kind
+from elys.common.errors import ComponentError
 from elys.common.scene import PictureSettings, SceneSettings
-from elys.editor_node.panels.field_rows import FieldRows
+from elys.editor_node.field_search import shows_field
+from elys.editor_node.field_values import values_of_each
+from elys.editor_node.language import tr
+from elys.editor_node.panels.field_rows import FieldActions, FieldRows, FieldState
 from elys.editor_node.ui import Ui, dim_text
 
 _DEFAULTS: Final = SceneSettings()
@@ -69,39 +74,57 @@ _PICTURE_FIELDS: Final = (
 )
 
 
-def draw_scene_settings(ui: Ui, rows: FieldRows) -> None:
-    """A line for each setting that may change while the scene runs."""
+# As components, so that their fields are checked and found like any others.
+_SETTINGS: Final = ComponentDeclaration(name="Settings", struct=Component, text="", fields=_FIELDS)
+_PICTURE: Final = ComponentDeclaration(name="Picture", struct=Component, text="", fields=_PICTURE_FIELDS)
+
+
+def draw_scene_settings(ui: Ui, rows: FieldRows, search: str = "") -> None:
+    """A line for each setting that may change while the scene runs, and that has each word of the search in its name."""
     scene = ui.model.scene
     imgui.push_font(ui.fonts.bold, 0.0)
-    imgui.text_unformatted(scene.mirror.scene or "Scene")
+    imgui.text_unformatted(scene.mirror.scene or tr("Scene"))
     imgui.pop_font()
-    dim_text(f"{len(scene.mirror.entities)} entities, {scene.settings.tick_rate} ticks a second")
+    dim_text(
+        tr("{count} entities, {rate} ticks a second", count=len(scene.mirror.entities), rate=scene.settings.tick_rate)
+    )
     imgui.spacing()
     if not rows.begin("settings"):
         return
     for declared in _FIELDS:
-        name = declared.name
-        change = rows.draw(
-            ui,
-            declared,
-            f"inspector/settings/{name}",
-            (getattr(scene.settings, name),),
-            reset=partial(_set, ui, name, declared.default, None),
-        )
-        if change is not None:
-            _set(ui, name, change.value, change.stroke)
+        _draw_setting(ui, rows, search, _SETTINGS, declared, scene.settings, partial(_set, ui))
     for declared in _PICTURE_FIELDS:
-        name = declared.name
-        change = rows.draw(
-            ui,
-            declared,
-            f"inspector/settings/picture/{name}",
-            (getattr(scene.settings.picture, name),),
-            reset=partial(_set_picture, ui, name, declared.default, None),
-        )
-        if change is not None:
-            _set_picture(ui, name, change.value, change.stroke)
+        _draw_setting(ui, rows, search, _PICTURE, declared, scene.settings.picture, partial(_set_picture, ui))
     imgui.end_table()
+
+
+def _draw_setting(
+    ui: Ui,
+    rows: FieldRows,
+    search: str,
+    owner: ComponentDeclaration,
+    declared: FieldDeclaration,
+    values: SceneSettings | PictureSettings,
+    send: Callable[[str, Any, object], None],
+) -> None:
+    if not shows_field(search, owner, declared):
+        return
+    name, value = declared.name, getattr(values, declared.name)
+    part = "picture/" if owner is _PICTURE else ""
+    path = f"inspector/settings/{part}{name}"
+    state = FieldState(is_default=value == declared.default)
+    actions = FieldActions(reset=partial(send, name, declared.default, None))
+    change = rows.draw(ui, declared, path, value, state, actions)
+    if change is None:
+        return
+    try:
+        chosen = values_of_each(owner, declared, {0: value}, change)[0]
+    except ComponentError as error:
+        rows.refuse(path, str(error))
+        return
+    if change.entry is not None:
+        rows.show(path, chosen)
+    send(name, chosen, change.stroke)
 
 
 def _set_picture(ui: Ui, name: str, value: Any, stroke: object) -> None:

@@ -102,9 +102,17 @@ class SceneHost:
         try:
             changes, entities = self._changes(request.command)
         except ElysError as error:
+            self._tell(request, reason=str(error))
             return c.CommandReply(accepted=False, tick=self.tick, reason=str(error))
+        self._tell(request)
         self._publish(changes)
         return c.CommandReply(accepted=True, tick=self.tick, entities=entities)
+
+    def _tell(self, request: c.CommandRequest, *, reason: str = "") -> None:
+        record = c.CommandRecord(
+            tick=self.tick, origin=request.origin, command=request.command, accepted=not reason, reason=reason
+        )
+        self.session.publish(topics.COMMANDS, record)
 
     def _publish(self, changes: list[s.SceneChange]) -> None:
         if not changes:

@@ -6,6 +6,7 @@ import asyncio
 from typing import TYPE_CHECKING
 
 import pytest
+from imgui_bundle import imgui
 
 from elys.bus.session import Session
 from elys.editor_node.events import (
@@ -62,8 +63,13 @@ class Person:
         await self.point(name)
         if held:
             await self.do(KeyPressed(_KEY_OF[held], held))
+        io = imgui.get_io()
+        patience = io.mouse_double_click_time, io.mouse_single_click_delay
         for _ in range(times):
             await self.do(MousePressed(MouseButton.LEFT, held), MouseReleased(MouseButton.LEFT, held))
+            # However slowly frames are drawn here, the next one makes it a double click.
+            io.mouse_double_click_time, io.mouse_single_click_delay = 60.0, 61.0
+        io.mouse_double_click_time, io.mouse_single_click_delay = patience
         if held:
             await self.do(KeyReleased(_KEY_OF[held]))
 

@@ -13,7 +13,8 @@ from elys.common.components import Collider, Joint, Light, MeshRenderer, declara
 from elys.common.ids import entity_of
 from elys.common.scene import EntityRecord
 from elys.editor_node import node
-from elys.editor_node.fields import asset_label, has_effect
+from elys.editor_node.field_values import has_effect
+from elys.editor_node.fields import asset_label
 from elys.editor_node.imgui_layer import ImGuiLayer
 from elys.editor_node.keys import Key
 from elys.editor_node.model import MESSAGE_TIME

@@ -13,8 +13,9 @@ from scipy.spatial.transform import Rotation
 
 from elys.common.scene import EntityRecord
 from elys.editor_node.camera import OrbitCamera, project
+from elys.editor_node.colors import linear_from_srgb, srgb_from_linear
 from elys.editor_node.console_log import ConsoleLog
-from elys.editor_node.fields import degrees_from, linear_from_srgb, rotation_from, srgb_from_linear
+from elys.editor_node.rotations import degrees_from, rotation_from
 from elys.editor_node.selection import Selection
 
 ANGLES = st.floats(-180.0, 180.0)

@@ -136,6 +136,7 @@ def test_components_are_added_and_removed(at_the_editor, screenshot_directory):
         await person.click("inspector/add")
         await person.frames(3)
         editor.screenshot(screenshot_directory / "editor-add-component.png")
+        await person.type("cam")
         await person.click("component/Camera")
         await person.until(lambda: "Camera" in host.mirror.entities[sun].components)
         await person.frames(3)

@@ -180,9 +180,7 @@ def test_what_is_no_endpoint_is_said_at_once(elys, verb: str, endpoint: str) -> 
     assert f"'{endpoint}' is no endpoint: give tcp/HOST:PORT" in sentence
 
 
-@pytest.mark.parametrize(
-    "words", [("view",), ("topic", "hz"), ("topic", "echo", "log"), ("record", "-o", "x.mcap")]
-)
+@pytest.mark.parametrize("words", [("view",), ("topic", "hz"), ("topic", "echo", "log"), ("record", "-o", "x.mcap")])
 def test_without_a_session_there_is_nothing_to_attach_to(elys, words: tuple[str, ...]) -> None:
     assert "no session is running on this machine: start one with `elys run SCENE`" in elys(*words).sentence
     assert not Path("x.mcap").exists()
