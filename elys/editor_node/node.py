@@ -20,6 +20,7 @@ from elys.editor_node.language import use_language
 from elys.editor_node.model import EditorModel
 from elys.editor_node.panels.viewport import ViewportPanel
 from elys.editor_node.preferences import Preferences, configuration_directory, load_preferences, save_preferences
+from elys.editor_node.recovery import Recovery, state_directory
 from elys.editor_node.shortcuts import ShortcutLayer
 from elys.editor_node.ui import Ui
 from elys.editor_node.view_stream import ViewStream
@@ -61,7 +62,9 @@ class Editor:
         use_language(self.preferences.language)
         self.context = WindowContext()
         self.application = Application(self.window)
-        self.model = EditorModel(session, request_redraw=self.application.request_redraw)
+        # As with preferences: tests and pictures leave nothing behind and find nothing.
+        recovery = None if self._directory is None else Recovery(state_directory())
+        self.model = EditorModel(session, request_redraw=self.application.request_redraw, recovery=recovery)
         self.stream = ViewStream(session, on_frame=self.application.request_redraw)
         self._picture = self.context.picture()
         self.panel = ViewportPanel(self.stream, self._picture, OrbitCamera())
@@ -94,6 +97,8 @@ class Editor:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
+        if kind is None:
+            self.model.documents.close()
         if self._directory is not None:
             self.preferences.keys = self.ui.keys.chosen
             save_preferences(self.preferences, self._directory / PREFERENCES)

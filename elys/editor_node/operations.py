@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from elys.bus.messages.commands import (
     AddComponent,
-    Command,
     Despawn,
+    Edit,
     RemoveComponent,
     Rename,
     Reparent,
@@ -68,7 +68,7 @@ class Operations:
             index -= sum(entity in before for entity in moving)
         else:
             moving = [entity for entity in moving if scene.parent_of(entity) != parent]
-        commands: list[Command] = []
+        commands: list[Edit] = []
         for offset, entity in enumerate(moving):
             place = index + offset if index >= 0 else -1
             if scene.place_of(entity) != (parent, place):
@@ -93,7 +93,7 @@ class Operations:
     ) -> Done | None:
         """Sets values of a component, each entity its own."""
         declaration = declaration_of(component)
-        commands: list[Command] = []
+        commands: list[Edit] = []
         for entity, values in values_of_entity.items():
             current = self._scene.component_of(entity, component)
             if current is None:
@@ -143,7 +143,7 @@ class Operations:
     def duplicate(self) -> Done | None:
         """Copies the selected entities with all below them, each beside its original, and selects the copies."""
         # From the last on, so that a copy does not shift the places of those that are still to be copied.
-        commands: list[Command] = []
+        commands: list[Edit] = []
         for entity in reversed(self.tops(self._selection)):
             parent, index = self._scene.place_of(entity)
             records, _ = records_of(self._scene, entity)
@@ -165,10 +165,10 @@ class Operations:
         tops = [entity for entity in chosen if not chosen.intersection(scene.ancestors_of(entity))]
         return sorted(tops, key=scene.order_of)
 
-    def _perform(self, label: str, commands: tuple[Command, ...], *, stroke: object = None) -> Done | None:
+    def _perform(self, label: str, commands: tuple[Edit, ...], *, stroke: object = None) -> Done | None:
         return self._history.perform(label, commands, stroke=stroke) if commands else None
 
-    def _spawn(self, label: str, commands: tuple[Command, ...]) -> Done | None:
+    def _spawn(self, label: str, commands: tuple[Edit, ...]) -> Done | None:
         done = self._perform(label, commands)
         if done is not None:
             done.add_done_callback(self._select_spawned)

@@ -9,7 +9,18 @@ from imgui_bundle import imgui
 
 from elys.bus.messages.views import Shows
 from elys.editor_node.language import tr, tr_label
-from elys.editor_node.panels import console, diagnostics, hierarchy, inspector, keys_help, profiler, timeline, viewport
+from elys.editor_node.panels import (
+    changes,
+    console,
+    diagnostics,
+    hierarchy,
+    history_list,
+    inspector,
+    keys_help,
+    profiler,
+    timeline,
+    viewport,
+)
 from elys.editor_node.panels.hierarchy import HierarchyPanel, draw_add_menu
 from elys.editor_node.panels.keys_help import draw_help
 from elys.editor_node.panels.save_dialog import SaveDialog
@@ -37,6 +48,7 @@ class Workspace:
         self.viewport = viewport_panel
         self.save_dialog = SaveDialog(close)
         self.ask_to_close = ask_to_close
+        self.changes = changes.ChangesPanel()
         self._toolbar = Toolbar()
         self._status_bar = StatusBar()
         self._panels = {
@@ -47,10 +59,13 @@ class Workspace:
             "Timeline": timeline.TimelinePanel().draw,
             "Profiler": profiler.ProfilerPanel().draw,
             "Diagnostics": diagnostics.DiagnosticsPanel().draw,
+            "History": history_list.HistoryPanel().draw,
+            "Changes": self.changes.draw,
         }
         self._hidden: set[str] = set()
         self._resets_layout = False
         self._opens_help = False
+        self._comes_to_front = ""
         self._frames_to_focus = _FOCUS_FRAMES  # of tabs that share a place the first is to be in front
         self._has_shown_timeline = False
         self.frame_time = 0.0  # [s] of the last frame, for the status bar
@@ -68,6 +83,9 @@ class Workspace:
             self._frames_to_focus -= 1
             # A tab comes to the front when its window has kept the focus into the next frame.
             imgui.set_window_focus(console.TITLE if self._frames_to_focus else viewport.TITLE)
+        if self._comes_to_front:
+            imgui.set_window_focus(self._comes_to_front)
+            self._comes_to_front = ""
         self._show_timeline_once()
         self._draw_help()
         self.save_dialog.draw(self.ui)
@@ -82,6 +100,11 @@ class Workspace:
         """All panels back to where they were at first."""
         self._resets_layout = True
         self._hidden.clear()
+
+    def show(self, title: str) -> None:
+        """Brings a panel to the front, open if it was not."""
+        self._hidden.discard(title.rpartition("###")[2])
+        self._comes_to_front = title
 
     def show_help(self) -> None:
         """Opens the page of keys."""
@@ -124,8 +147,12 @@ class Workspace:
 
     def _draw_file_menu(self) -> None:
         if imgui.begin_menu(tr_label("File")):
+            action_item(self.ui, "file.open")
             action_item(self.ui, "file.save")
             action_item(self.ui, "file.save_as")
+            action_item(self.ui, "file.save_running")
+            action_item(self.ui, "file.revert")
+            action_item(self.ui, "file.changes")
             imgui.separator()
             action_item(self.ui, "file.quit")
             imgui.end_menu()
@@ -137,6 +164,7 @@ class Workspace:
             return
         action_item(self.ui, "edit.undo", f"{tr('Undo')} {history.undo_label}")
         action_item(self.ui, "edit.redo", f"{tr('Redo')} {history.redo_label}")
+        action_item(self.ui, "edit.history")
         imgui.separator()
         for name in ("edit.duplicate", "edit.rename", "edit.delete", "edit.select_all"):
             action_item(self.ui, name)
@@ -181,7 +209,14 @@ def _build_layout(dock: int) -> None:
     lower = builder.dock_builder_split_node(right.id_at_opposite_dir, imgui.Dir.down, _LOWER_SHARE)
     builder.dock_builder_dock_window(hierarchy.TITLE, left.id_at_dir)
     builder.dock_builder_dock_window(inspector.TITLE, right.id_at_dir)
-    for title in (console.TITLE, timeline.TITLE, profiler.TITLE, diagnostics.TITLE):
+    for title in (
+        console.TITLE,
+        timeline.TITLE,
+        profiler.TITLE,
+        diagnostics.TITLE,
+        history_list.TITLE,
+        changes.TITLE,
+    ):
         builder.dock_builder_dock_window(title, lower.id_at_dir)
     builder.dock_builder_dock_window(viewport.TITLE, lower.id_at_opposite_dir)
     builder.dock_builder_finish(dock)
