@@ -78,7 +78,7 @@ class Operations:
 
     def set_enabled(self, entities: Iterable[int], enabled: bool) -> Done | None:
         """Switches entities, and with them all below."""
-        targets = [e for e in entities if self._scene.exists(e) and self._scene.is_enabled(e) != enabled]
+        targets = [e for e in dict.fromkeys(entities) if self._scene.exists(e) and self._scene.is_enabled(e) != enabled]
         label = f"{'Enable' if enabled else 'Disable'} {self._described(targets)}"
         return self._perform(label, tuple(SetEnabled(entity=entity, enabled=enabled) for entity in targets))
 
@@ -115,13 +115,19 @@ class Operations:
     def add_component(self, entities: Iterable[int], component: str) -> Done | None:
         """Gives a component with its defaults to all of the entities that have none."""
         declaration_of(component)
-        targets = [e for e in entities if self._scene.exists(e) and component not in self._scene.components_of(e)]
+        targets = [
+            e
+            for e in dict.fromkeys(entities)
+            if self._scene.exists(e) and component not in self._scene.components_of(e)
+        ]
         commands = tuple(AddComponent(entity=entity, component=component) for entity in targets)
         return self._perform(f"Add {component} to {self._described(targets)}", commands)
 
     def remove_component(self, entities: Iterable[int], component: str) -> Done | None:
         """Takes a component away."""
-        targets = [e for e in entities if self._scene.exists(e) and component in self._scene.components_of(e)]
+        targets = [
+            e for e in dict.fromkeys(entities) if self._scene.exists(e) and component in self._scene.components_of(e)
+        ]
         commands = tuple(RemoveComponent(entity=entity, component=component) for entity in targets)
         return self._perform(f"Remove {component} from {self._described(targets)}", commands)
 

@@ -96,6 +96,7 @@ class EditHistory:
     def __init__(self, scene: EditedScene) -> None:
         self._scene = scene
         self._stamps: dict[int, dict[str, _Stamp]] = {}
+        self._writer_of: dict[int, str] = {}  # of a content
         self._authors: dict[str, _Lists] = {}
         self.revision = 0
         self.content = 0
@@ -139,6 +140,7 @@ class EditHistory:
     def forget(self) -> None:
         """Another scene: nothing of what was done can be undone."""
         self._stamps.clear()
+        self._writer_of.clear()
         for lists in self._authors.values():
             lists.undoable.clear()
             lists.redoable.clear()
@@ -163,6 +165,7 @@ class EditHistory:
         entities, inverse = self._scene.apply(edits)
         self.revision += 1
         number, scene_before, self.content = self.revision, self.content, self.revision
+        self._writer_of[number] = writer
         for entity, part in parts:
             self._stamp(entity, part, _Stamp(number, number, writer))
         for top in _tops(edits, entities):
@@ -221,6 +224,7 @@ class EditHistory:
         entities, inverse = self._scene.apply(entry.edits)
         self.revision += 1
         number = self.revision
+        self._writer_of[number] = author
         is_whole = all(was[part] == content for part, content in entry.after.items())
         for (entity, part), content in entry.before.items():
             self._stamp(entity, part, _Stamp(content if is_whole else number, number, author))
@@ -268,17 +272,17 @@ class EditHistory:
         for entity, part in (*parts, *self._doomed(edits)):
             stamp = self._stamps.get(entity, {}).get(part)
             if stamp is not None and stamp.edit > since and stamp.author != by_other_than:
-                raise EditConflict(self._sentence(entity, part, stamp, "look and try again"))
+                raise EditConflict(self._sentence(entity, part, stamp.author, "look and try again"))
 
     def _require_left(self, entry: _Entry, author: str) -> None:
         for (entity, part), content in entry.after.items():
             if self._content((entity, part)) != content:
-                stamp = self._stamps[entity][part]
-                raise EditConflict(self._sentence(entity, part, stamp, "its earlier value was not put back over that"))
+                who = self._writer_of.get(self._content((entity, part)), "somebody")
+                raise EditConflict(self._sentence(entity, part, who, "its earlier value was not put back over that"))
         for entity, part in self._doomed(entry.edits):
             stamp = self._stamps[entity][part]
             if stamp.edit > entry.number and stamp.author != author:
-                raise EditConflict(self._sentence(entity, part, stamp, "it was not ended with that"))
+                raise EditConflict(self._sentence(entity, part, stamp.author, "it was not ended with that"))
 
     def _doomed(self, edits: Iterable[Edit]) -> Iterable[Part]:
         """What has a stamp of the entities that edits end."""
@@ -287,11 +291,9 @@ class EditHistory:
                 for entity in self._scene.below(edit.entity):
                     yield from ((entity, part) for part in self._stamps.get(entity, ()))
 
-    def _sentence(self, entity: int, part: str, stamp: _Stamp, rest: str) -> str:
+    def _sentence(self, entity: int, part: str, who: str, rest: str) -> str:
         whose = f"{self._scene.named(entity)}'s" if entity else "the scene's"
-        return (
-            f"{whose} {part} {'were' if part.endswith('ings') else 'was'} changed by {stamp.author} meanwhile: {rest}"
-        )
+        return f"{whose} {part} {'were' if part.endswith('ings') else 'was'} changed by {who} meanwhile: {rest}"
 
     def _content(self, part: Part) -> int:
         stamp = self._stamps.get(part[0], {}).get(part[1])

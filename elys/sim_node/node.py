@@ -36,6 +36,7 @@ from elys.common.clock import FixedStepClock
 from elys.common.errors import EditConflict, ElysError, RequestError
 from elys.sim_node.edit_history import Done, EditHistory
 from elys.sim_node.guard import Guard
+from elys.sim_node.paused_physics import PausedPhysics
 from elys.sim_node.scene.snapshot import take_snapshot
 from elys.sim_node.simulation import Simulation
 from elys.sim_node.systems.apply_edits import EditableSimulation, load_scene
@@ -101,6 +102,7 @@ class SimulationNode:
         self._events: list[Event] = []
         self._settings_told = simulation.settings
         self._revision_told = 0
+        self._paused_physics = PausedPhysics(simulation)
         self._is_another_scene = False
         self._wake = asyncio.Event()
 
@@ -156,6 +158,8 @@ class SimulationNode:
         """One tick: commands, then if time goes on the world's step, then all that others shall know of it."""
         stages = StageTimes()
         late = self._clock.lateness() * 1000.0
+        if not self.playing and any(edits_of(waiting.request.command) for waiting in self._waiting):
+            self._paused_physics.keep(self.history.content)
         replies = self._apply_commands()
         stages.done("apply_commands")
         stepping = self.playing or self._steps_asked > 0
@@ -163,6 +167,7 @@ class SimulationNode:
             self._step(stages)
         else:
             self.simulation.settle()
+            self._paused_physics.follow(self.history.content)
             stages.done("follow_changes")
         self._publish_changes()
         if replies or (stepping and is_heard(self.session, topics.STATE)):
@@ -186,6 +191,7 @@ class SimulationNode:
             self.guard.end_tick(events)
 
     def _step(self, stages: StageTimes) -> None:
+        self._paused_physics.forget()
         self.simulation.step()
         stages.include(self.simulation.stage_times)
         self._clock.advance()
@@ -274,6 +280,7 @@ class SimulationNode:
             raise RequestError(f"the scene names {len(lacking)} assets that the host has not got: offer them first")
         entities = load_scene(self.simulation, command)
         self.history.forget()
+        self._paused_physics.forget()
         self._is_another_scene = True
         self._events.append(Event(kind="scene_loaded", values={"scene": command.name}))
         self._publish_status()

@@ -18,8 +18,10 @@ from __future__ import annotations
 
 import hashlib
 import logging
+from typing import Any
 
 import msgspec
+from numpy.typing import NDArray
 
 from elys.bus.messages.session import Event
 from elys.common.assets.store import AssetStore
@@ -187,6 +189,11 @@ class Simulation:
         self.tick = round(self.time * settings.tick_rate)  # another tick rate must not make time jump
         self.settings = settings
         self.physics.settings = physics_settings(settings, self._threads)
+
+    def take_physics_back(self, snapshot: dict[str, NDArray[Any]]) -> None:
+        """Physics as `physics.snapshot` gave it, when components are what they were then."""
+        self.physics.restore(snapshot)
+        self._bodies.outdate()
 
     def moving_bodies(self) -> MovingBodies:
         """Where all bodies that can move are."""
