@@ -101,6 +101,7 @@ class History:
         self._stroke_number = 0
         self._stroke_from = 0
         self._remembered_stroke: object = None  # of the last entry
+        self._forgotten = 0  # times
 
     @property
     def undo_label(self) -> str:
@@ -163,6 +164,7 @@ class History:
         self.undoable.clear()
         self.redoable.clear()
         self.conflict, self.is_attached = None, False
+        self._forgotten += 1
         self._wake.set()
 
     async def settle(self) -> None:
@@ -176,14 +178,11 @@ class History:
     async def run(self) -> None:
         """Sends what is enqueued, until cancelled."""
         while True:
+            self._wake.clear()
             if not self.is_attached:
                 with contextlib.suppress(BusError):  # asked again with the first edit
                     await self._come_in()
-            while not self._queue and self.is_attached:
-                self._wake.clear()
-                await self._wake.wait()
             if not self._queue:
-                self._wake.clear()
                 await self._wake.wait()
                 continue
             work = self._under_way = self._queue.popleft()
@@ -197,7 +196,11 @@ class History:
             self._on_outcome(outcome)
 
     async def _come_in(self) -> None:
+        forgotten = self._forgotten
         told = await self._attach()
+        if forgotten != self._forgotten:
+            self._wake.set()  # what was told is of the scene before
+            return
         self.author, self.initial = told.author, told.initial
         self.undoable, self.redoable = list(told.undoable), list(told.redoable)
         self._remembered_stroke = None

@@ -124,6 +124,9 @@ class SceneDocuments:
         reply = await self._ask(command, timeout=LOAD_TIMEOUT)
         if not reply.accepted:
             raise SceneError(f"{opened.path.name} was not opened: {reply.reason}")
+        async with asyncio.timeout(SNAPSHOT_TIMEOUT):  # until it is what the panels show
+            while self._scene.mirror.sequence < reply.sequence:
+                await self._scene.wait_for_change()
 
     # --- comparing ---------------------------------------------------------------------------------------------------
 
