@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 from collections import deque
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
@@ -27,7 +28,9 @@ from elys.editor_node import edits
 from elys.editor_node.scene_mirror import EditorScene
 
 ECHO_TIMEOUT: Final = 1.0  # [s] after which an edit counts as done though the scene does not show it
+ATTACH_PAUSE: Final = 0.5  # [s] before the host is asked again which edits there are
 ENTRY_LIMIT: Final = 500
+_log = logging.getLogger(__name__)
 
 Kind = Literal["do", "undo", "redo"]
 
@@ -180,10 +183,13 @@ class History:
         while True:
             self._wake.clear()
             if not self.is_attached:
-                with contextlib.suppress(BusError):  # asked again with the first edit
+                try:
                     await self._come_in()
+                except BusError as error:
+                    _log.debug("what can be undone is not known, asking again: %s", error)
             if not self._queue:
-                await self._wake.wait()
+                with contextlib.suppress(TimeoutError):
+                    await asyncio.wait_for(self._wake.wait(), None if self.is_attached else ATTACH_PAUSE)
                 continue
             work = self._under_way = self._queue.popleft()
             try:
