@@ -36,7 +36,8 @@ class SaveDialog:
         self._is_running_state = False
         self._afterwards: Callable[[], None] | None = None  # what was put off until the scene is saved
         self._is_busy = False
-        self._is_done = False  # what the open dialog asked for was done: it closes
+        self._opened = 0  # dialogs so far
+        self._done = 0  # the last of them whose wish was fulfilled: it closes
         self._choice = FileChoice()
         self._asked_recovery = ""
 
@@ -95,6 +96,7 @@ class SaveDialog:
         if self._asks:
             imgui.open_popup(tr_label(self._asks))
             self._asks = ""
+            self._opened += 1
         for title, draw in (
             (_SAVE, self._draw_where),
             (_OPEN, self._draw_which),
@@ -127,7 +129,7 @@ class SaveDialog:
         if imgui.button(tr_label("Cancel")) or imgui.is_key_pressed(imgui.Key.escape):
             self._afterwards = None
             imgui.close_current_popup()
-        if self._is_done:
+        if self._done == self._opened:
             imgui.close_current_popup()
         elif saves:
             self._write(ui)
@@ -164,7 +166,7 @@ class SaveDialog:
         imgui.same_line()
         if imgui.button(tr_label("Cancel")) or imgui.is_key_pressed(imgui.Key.escape):
             imgui.close_current_popup()
-        if self._is_done:
+        if self._done == self._opened:
             imgui.close_current_popup()
         elif opens or entered:
             self._open(ui)
@@ -263,13 +265,14 @@ class SaveDialog:
                 self._asks = self._asks or on_failure
                 ui.model.say("error", str(error))
             else:
-                self._is_done = True
+                self._done = dialog
                 self._go_on()
             finally:
                 self._is_busy = False
                 ui.model.request_redraw(0.0)
 
-        self._is_busy, self._is_done, self._error = True, False, ""
+        self._is_busy, self._error = True, ""
+        dialog = self._opened
         ui.model.session.start(do())
 
     async def _save(self, ui: Ui, path: str) -> None:

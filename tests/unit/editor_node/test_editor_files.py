@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import subprocess
 import sys
@@ -40,10 +41,18 @@ def shown(person) -> dict[str, tuple[float, float, float, float]]:
     return person.editor.ui.landmarks.rectangles
 
 
+async def until(person, condition) -> None:
+    """As `person.until`, for as long as a dialog's first pictures take on a busy machine without a graphics card."""
+    async with asyncio.timeout(60.0):
+        while not condition():
+            person.application.keep_awake(1.0)
+            await asyncio.sleep(0.005)
+
+
 async def click(person, name: str) -> None:
     """Clicks something once it stands still: a dialog finds its size and place in its first frames."""
     shown(person)
-    await person.until(lambda: name in person.editor.ui.landmarks.rectangles)
+    await until(person, lambda: name in person.editor.ui.landmarks.rectangles)
     await person.frames(3)
     await person.click(name)
 
@@ -62,15 +71,15 @@ def test_the_history_is_clicked_along(at_the_editor, screenshot_directory):
         assert {f"history/{place}" for place in range(5)} <= editor.ui.landmarks.rectangles.keys()
         editor.screenshot(screenshot_directory / "editor-history.png")
         await click(person, "history/1")
-        await person.until(lambda: mass_of(person) == 6.0 and not model.history.is_busy)
+        await until(person, lambda: mass_of(person) == 6.0 and not model.history.is_busy)
         assert model.file.is_dirty
         await click(person, "history/3")
-        await person.until(lambda: mass_of(person) == 8.0 and not model.history.is_busy)
+        await until(person, lambda: mass_of(person) == 8.0 and not model.history.is_busy)
         assert not model.file.is_dirty  # the file has just this
         await click(person, "history/0")
-        await person.until(lambda: mass_of(person) == 5.0 and not model.history.undo_label)
+        await until(person, lambda: mass_of(person) == 5.0 and not model.history.undo_label)
         await click(person, "history/4")
-        await person.until(lambda: person.stage.host.mirror.entities[crate].name == "Treasure")
+        await until(person, lambda: person.stage.host.mirror.entities[crate].name == "Treasure")
 
     at_the_editor(scenario)
 
@@ -83,14 +92,14 @@ def test_an_undo_over_somebody_elses_edit_is_refused_and_may_be_forced_by_hand(a
         theirs = c.SetComponent(entity=crate, component="RigidBody", values={"mass": 20.0})
         await host._take(c.CommandRequest(origin="robot", author="Ada", command=theirs), "")
         await person.press(Key.Z, CTRL)
-        await person.until(lambda: "Crate's RigidBody was changed by Ada meanwhile" in model.error)
+        await until(person, lambda: "Crate's RigidBody was changed by Ada meanwhile" in model.error)
         assert mass_of(person) == 20.0
         editor.ui.actions.run("edit.history")
         await person.frames(4)
         editor.screenshot(screenshot_directory / "editor-conflict.png")
         await click(person, "history/force")
-        await person.until(lambda: mass_of(person) == 5.0)
-        await person.until(lambda: model.history.conflict is None)
+        await until(person, lambda: mass_of(person) == 5.0)
+        await until(person, lambda: model.history.conflict is None)
 
     at_the_editor(scenario)
 
@@ -107,7 +116,7 @@ def test_another_scene_is_opened_by_hand_after_the_question_what_becomes_of_edit
         await click(person, "lose/lose")
         await click(person, "open/broken.scene.json")
         await click(person, "open/open")
-        await person.until(lambda: "broken.scene.json:1:2: not JSON" in model.error)
+        await until(person, lambda: "broken.scene.json:1:2: not JSON" in model.error)
         assert any(entity.name == "Treasure" for entity in host.mirror.entities.values())  # nothing happened
         await person.frames(2)
         editor.screenshot(screenshot_directory / "editor-open.png")
@@ -115,8 +124,8 @@ def test_another_scene_is_opened_by_hand_after_the_question_what_becomes_of_edit
         await click(person, "open/..")
         await click(person, "open/kitchen.scene.json")
         await click(person, "open/open")
-        await person.until(lambda: [entity.name for entity in host.mirror.entities.values()] == ["Pot"])
-        await person.until(lambda: model.file.path == tmp_path / "kitchen.scene.json" and not model.file.is_dirty)
+        await until(person, lambda: [entity.name for entity in host.mirror.entities.values()] == ["Pot"])
+        await until(person, lambda: model.file.path == tmp_path / "kitchen.scene.json" and not model.file.is_dirty)
         assert editor.preferences.recent_scenes == [str(tmp_path / "kitchen.scene.json")]
         assert f"Opened {tmp_path / 'kitchen.scene.json'}" in model.notice
         # It is the first of those opened lately, a click away.
@@ -125,11 +134,11 @@ def test_another_scene_is_opened_by_hand_after_the_question_what_becomes_of_edit
         assert "open/open" not in rectangles
         await model.edit.rename(person.stage.named("Pot"), "Pan")
         await person.press(Key.S, CTRL)
-        await person.until(lambda: not model.file.is_dirty)
+        await until(person, lambda: not model.file.is_dirty)
         await person.press(Key.O, CTRL)
         await click(person, "open/recent/kitchen.scene.json")
-        await person.until(lambda: not model.history.undo_label and model.history.is_attached)
-        await person.until(lambda: [entity.name for entity in host.mirror.entities.values()] == ["Pan"])
+        await until(person, lambda: not model.history.undo_label and model.history.is_attached)
+        await until(person, lambda: [entity.name for entity in host.mirror.entities.values()] == ["Pan"])
 
     at_the_editor(scenario)
 
@@ -138,22 +147,22 @@ def test_revert_goes_back_to_the_file_and_changes_are_listed_before(at_the_edito
     async def scenario(person):
         editor, model, host = person.editor, person.editor.model, person.stage.host
         await model.documents.open(tmp_path / "kitchen.scene.json")
-        await person.until(lambda: model.history.is_attached and model.file.path is not None)
+        await until(person, lambda: model.history.is_attached and model.file.path is not None)
         pot = person.stage.named("Pot")
         await model.edit.set_fields([pot], "Transform", {"position": (0.0, 3.0, 0.0)})
         await model.edit.add_component([pot], "Light")
         editor.ui.actions.run("file.changes")
-        await person.until(lambda: len(editor.workspace.changes.lines) == 2)
+        await until(person, lambda: len(editor.workspace.changes.lines) == 2)
         await person.frames(3)
         assert "changes/1" in editor.ui.landmarks.rectangles
         editor.screenshot(screenshot_directory / "editor-changes.png")
         editor.ui.actions.run("file.revert")
         await click(person, "lose/lose")
-        await person.until(lambda: "opened" in model.notice.lower() and not model.file.is_dirty)
-        await person.until(
-            lambda: host.mirror.entities[person.stage.named("Pot")].components.keys().isdisjoint({"Light"})
+        await until(person, lambda: "opened" in model.notice.lower() and not model.file.is_dirty)
+        await until(
+            person, lambda: host.mirror.entities[person.stage.named("Pot")].components.keys().isdisjoint({"Light"})
         )
-        await person.until(lambda: editor.workspace.changes.lines == [])
+        await until(person, lambda: editor.workspace.changes.lines == [])
 
     at_the_editor(scenario)
 
@@ -164,18 +173,18 @@ def test_the_running_state_is_saved_beside_the_scene(at_the_editor, tmp_path, sc
         crate = person.stage.named("Crate")
         await model.edit.rename(crate, "Treasure")
         person.stage.host.publish_frame({crate: (4.0, 5.0, 6.0)})
-        await person.until(lambda: model.scene.frame is not None)
+        await until(person, lambda: model.scene.frame is not None)
         editor.ui.actions.run("file.save_running")
         await person.frames(3)
         editor.screenshot(screenshot_directory / "editor-save-running.png")
         await click(person, "save/save")
         path = tmp_path / "yard-running.scene.json"
-        await person.until(lambda: path.is_file() and "yard-running" in model.notice)
+        await until(person, lambda: path.is_file() and "yard-running" in model.notice)
         assert model.file.is_dirty and model.file.path is None
         await person.press(Key.S, CTRL | SHIFT)
         await person.frames(3)
         await click(person, "save/save")
-        await person.until(lambda: not model.file.is_dirty)
+        await until(person, lambda: not model.file.is_dirty)
 
     at_the_editor(scenario)
     record = next(
@@ -200,10 +209,10 @@ def test_a_full_disk_is_said_where_it_was_saved(at_the_editor, tmp_path, monkeyp
         with monkeypatch.context() as patch:
             patch.setattr("elys.common.scene_writing.replace_file", fail)
             await click(person, "save/save")
-            await person.until(lambda: "cannot be written: No space left on device" in model.error)
+            await until(person, lambda: "cannot be written: No space left on device" in model.error)
         assert model.file.is_dirty and not (tmp_path / "yard.scene.json").exists()
         await click(person, "save/save")  # the question is still there
-        await person.until(lambda: not model.file.is_dirty)
+        await until(person, lambda: not model.file.is_dirty)
         assert (tmp_path / "yard.scene.json").is_file()
 
     at_the_editor(scenario)
@@ -233,7 +242,7 @@ def test_what_a_crash_has_left_is_offered_and_opened_by_hand(at_the_editor, tmp_
         editor.workspace.save_dialog._asked_recovery = ""
         model.documents.look_for_left_behind()
         await click(person, "recover/open")
-        await person.until(lambda: [entity.name for entity in host.mirror.entities.values()] == ["Plum"])
-        await person.until(lambda: model.file.is_dirty and not scene.exists())
+        await until(person, lambda: [entity.name for entity in host.mirror.entities.values()] == ["Plum"])
+        await until(person, lambda: model.file.is_dirty and not scene.exists())
 
     at_the_editor(scenario)
