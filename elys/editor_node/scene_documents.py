@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import time
 from collections.abc import Awaitable, Callable
@@ -124,9 +125,10 @@ class SceneDocuments:
         reply = await self._ask(command, timeout=LOAD_TIMEOUT)
         if not reply.accepted:
             raise SceneError(f"{opened.path.name} was not opened: {reply.reason}")
-        async with asyncio.timeout(SNAPSHOT_TIMEOUT):  # until it is what the panels show
-            while self._scene.mirror.sequence < reply.sequence:
-                await self._scene.wait_for_change()
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(SNAPSHOT_TIMEOUT):  # until it is what the panels show
+                while self._scene.mirror.sequence < reply.sequence:
+                    await self._scene.wait_for_change()
 
     # --- comparing ---------------------------------------------------------------------------------------------------
 
