@@ -19,7 +19,7 @@ from elys.bus.messages.scene import SnapshotRequest
 from elys.bus.session import Session
 from elys.bus.transports.zenoh import MAX_MESSAGE_SIZE
 from elys.common.assets.store import AssetStore
-from elys.common.errors import ElysError, SceneError
+from elys.common.errors import BusError, ElysError, SceneError
 from elys.common.scene import OpenedScene, open_scene
 from elys.editor_node.recovery import Kept, Recovery
 from elys.editor_node.scene_diff import DiffLine, scene_diff
@@ -71,7 +71,7 @@ class SceneDocuments:
         saved = self.file.save(path, name=name, scene=scene)
         self._forget_kept()
         if not self.is_replay:
-            await self._ask(NoteSaved(path=str(saved), content=scene.mirror.content))
+            await self._tell_saved(str(saved), scene.mirror.content)
         return saved
 
     def save_running(self, path: str | Path, *, name: str = "") -> Path:
@@ -82,6 +82,13 @@ class SceneDocuments:
     def is_replay(self) -> bool:
         """Whether the host shows a recording."""
         return any(node.kind == "replay" for node in self._session.nodes.values())
+
+    async def _tell_saved(self, path: str, content: int) -> None:
+        """Lets the host know, and so the other editors; that it does not answer makes the file no worse."""
+        try:
+            await self._ask(NoteSaved(path=path, content=content), timeout=SNAPSHOT_TIMEOUT)
+        except BusError as error:
+            _log.warning("the session does not know that %s has its edits: %s", path, error)
 
     # --- opening -----------------------------------------------------------------------------------------------------
 
@@ -105,7 +112,7 @@ class SceneDocuments:
         opened = await asyncio.to_thread(open_scene, Path(kept.scene), assets)
         await self._load(opened, assets, path=kept.path)
         self.file.saved_content = -1  # no file has it
-        await self._ask(NoteSaved(path=kept.path, content=-1))
+        await self._tell_saved(kept.path, -1)
         self._dirty_since = self._clock() - AUTOSAVE_INTERVAL
         await self.keep_if_due()  # a second crash shall not find less than the first
         self.discard(kept)
