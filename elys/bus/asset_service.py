@@ -8,17 +8,20 @@ from __future__ import annotations
 import asyncio
 import logging
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+import msgspec
 import platformdirs
 
 from elys.bus import topics
 from elys.bus.session import Session
 from elys.bus.transports.transport import Closer
 from elys.bus.transports.zenoh import MAX_MESSAGE_SIZE
-from elys.common.assets.store import PREFIX, AssetKind, AssetStore, is_reference, reference_of
+from elys.common.assets.store import PREFIX, AssetKind, AssetStore, is_reference, reference_of, references_in
 from elys.common.errors import AssetError, MessageError
+from elys.common.scene_document import EntityRecord
 
 ASSET_TIMEOUT: Final = 30.0  # [s] a large mesh over a slow line
 CACHE_SIZE: Final = 4 << 30  # [bytes] above which the files used longest ago are thrown away
@@ -35,6 +38,42 @@ def serve_assets(session: Session, store: AssetStore) -> Closer:
         return data
 
     return session.serve(topics.ASSET, answer)
+
+
+def take_offers(session: Session, store: AssetStore) -> Closer:
+    """Takes assets that others have and this host lacks: those of a scene that shall be opened here."""
+
+    async def answer(request: bytes, key: str) -> bytes:
+        reference = PREFIX + key
+        if request:
+            if reference_of(request) != reference:
+                raise AssetError(f"what was offered as {reference} is {reference_of(request)}")
+            store.put(request, kind="mesh")
+        return b"1" if store.has(reference) else b""
+
+    return session.serve(topics.OFFER, answer)
+
+
+def lacking_assets(store: AssetStore, records: Sequence[EntityRecord]) -> list[str]:
+    """What records name that a store has not got."""
+    named = references_in(msgspec.json.encode([record.components for record in records]))
+    return [reference for reference in named if not store.has(reference)]
+
+
+async def offer_assets(session: Session, store: AssetStore, records: Sequence[EntityRecord]) -> None:
+    """Gives the host what records name and it lacks.
+
+    Raises:
+        AssetError: it is not here either, or too large for one message. BusError: the host refuses it, or is gone.
+    """
+    for reference in references_in(msgspec.json.encode([record.components for record in records])):
+        key = reference.removeprefix(PREFIX)
+        if await session.request(topics.OFFER, b"", key=key, timeout=ASSET_TIMEOUT):
+            continue
+        data = store.get(reference)
+        if len(data) > MAX_MESSAGE_SIZE - 4096:
+            raise AssetError(f"asset {reference} has {len(data) >> 20} MiB, more than one message may carry")
+        await session.request(topics.OFFER, data, key=key, timeout=ASSET_TIMEOUT)
 
 
 def cache_directory() -> Path:

@@ -27,6 +27,7 @@ from elys.bus.messages.commands import (
     SetRate,
     StepTicks,
 )
+from elys.bus.messages.history import HistoryReply, HistoryRequest
 from elys.bus.messages.scene import SceneDelta, Snapshot, SnapshotRequest
 from elys.bus.messages.session import SessionStatus
 from elys.bus.messages.state_frame import HEADER, PLAYING
@@ -84,6 +85,7 @@ class Player:
         self.session.serve(topics.SNAPSHOT, self._give_snapshot)
         self.session.serve(topics.ASSET, self._give_asset)
         self.session.serve(topics.COMMAND, self._take_command)
+        self.session.serve(topics.HISTORY, self._give_history)
         self._set_anchor()
         self._publish_frame()
         async with asyncio.TaskGroup() as group:
@@ -243,6 +245,9 @@ class Player:
     async def _give_snapshot(self, request: SnapshotRequest, key: str) -> Snapshot:
         snapshot = self._mirror.to_snapshot(frame=self.recording.frame(self.position))
         return msgspec.structs.replace(snapshot, epoch=self.session.epoch, sequence=self._sequence)
+
+    async def _give_history(self, request: HistoryRequest, key: str) -> HistoryReply:
+        return HistoryReply(author="")  # nothing can be edited here
 
     async def _give_asset(self, request: bytes, key: str) -> bytes:
         return self.recording.asset(PREFIX + key)

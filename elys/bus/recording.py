@@ -19,7 +19,7 @@ from elys.bus import codec
 from elys.bus.messages.scene import SceneDelta, Snapshot
 from elys.bus.messages.state_frame import HEADER, StateFrame, unpack_frame
 from elys.bus.mirror import SceneMirror
-from elys.bus.topics import PROTOCOL_VERSION, Encoding
+from elys.bus.topics import READABLE_VERSIONS, Encoding
 from elys.bus.transports.mcap import METADATA_NAME
 from elys.bus.transports.mcap_index import (
     DELTA_CHANNEL,
@@ -197,10 +197,10 @@ class Recording:
         made = self.reader.metadata.get(METADATA_NAME)
         if made is None:
             raise RecordingError(f"{self.path} is an MCAP file, but no recording of ELYS")
-        if made.get("protocol") != str(PROTOCOL_VERSION):
+        if made.get("protocol") not in [str(version) for version in READABLE_VERSIONS]:
             raise RecordingError(
                 f"{self.path} was recorded by ELYS {made.get('elys', '?')} in protocol version {made.get('protocol', '?')}; "
-                f"this one reads version {PROTOCOL_VERSION}: open it with that release"
+                f"this one reads versions {' and '.join(map(str, READABLE_VERSIONS))}: open it with that release"
             )
 
     def _read_indexes(self) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -11,14 +11,15 @@ import re
 from dataclasses import dataclass
 from typing import Any, Final, Generic, TypeVar
 
-from elys.bus.messages import commands, physics, scene, session, state_frame, views
+from elys.bus.messages import commands, history, physics, scene, session, state_frame, views
 from elys.common.errors import BusError
 
 M = TypeVar("M")
 Q = TypeVar("Q")
 R = TypeVar("R")
 
-PROTOCOL_VERSION: Final = 2
+PROTOCOL_VERSION: Final = 3
+READABLE_VERSIONS: Final = (2, 3)  # of recordings: what came since has defaults
 ROOT: Final = "elys"
 
 
@@ -164,6 +165,12 @@ COMMAND: Final = Query(
     reply=commands.CommandReply,
     text="asks for a change; answered with accepted or why not",
 )
+HISTORY: Final = Query(
+    name="history",
+    request=history.HistoryRequest,
+    reply=history.HistoryReply,
+    text="what somebody can undo and redo here, and as whom",
+)
 PICK: Final = Query(
     name="pick",
     request=views.PickRequest,
@@ -176,6 +183,15 @@ ASSET: Final = Query(
     request=bytes,
     reply=bytes,
     text="the bytes whose content hash is the key",
+    request_encoding=Encoding.RAW,
+    reply_encoding=Encoding.RAW,
+    keyed=True,
+)
+OFFER: Final = Query(
+    name="offer",
+    request=bytes,
+    reply=bytes,
+    text="bytes for the host whose content hash is the key; none asks whether it has them (answered with some if so)",
     request_encoding=Encoding.RAW,
     reply_encoding=Encoding.RAW,
     keyed=True,
@@ -195,7 +211,7 @@ TOPICS: Final[tuple[Topic[Any], ...]] = (
     VIEW_REQUEST,
     VIEW_FRAME,
 )
-QUERIES: Final[tuple[Query[Any, Any], ...]] = (HELLO, SNAPSHOT, COMMAND, PICK, ASSET)
+QUERIES: Final[tuple[Query[Any, Any], ...]] = (HELLO, SNAPSHOT, COMMAND, HISTORY, PICK, ASSET, OFFER)
 
 _CHUNK = re.compile(r"[A-Za-z0-9_.-]+\Z")
 

@@ -12,6 +12,7 @@
     │   ├── ProtocolError     the other side speaks another version of the protocol
     │   ├── ConnectionLost    nobody answers at the endpoint
     │   └── RequestError      the other side answered, and refused
+    │       └── EditConflict  because somebody else has changed the same meanwhile
     ├── RecordingError        a recording is not one, or is damaged beyond repair
     ├── DisplayError          no display, no EGL, no OpenGL driver
     └── LaunchError           a launch file is wrong or a process could not be started
@@ -68,6 +69,10 @@ class ConnectionLost(BusError):
 
 class RequestError(BusError):
     """The other side refused a request."""
+
+
+class EditConflict(RequestError):
+    """Somebody else has changed meanwhile what an edit would change."""
 
 
 class RecordingError(ElysError):

@@ -8,6 +8,7 @@ from elys.bus.messages.views import Shows
 from elys.editor_node.actions import Action, Actions
 from elys.editor_node.language import LANGUAGES
 from elys.editor_node.model import EditorModel
+from elys.editor_node.panels import changes, history_list
 from elys.editor_node.panels.inspector import InspectorPanel
 from elys.editor_node.panels.preferences_window import change_font_scale, change_language
 from elys.editor_node.preferences import Theme
@@ -30,7 +31,18 @@ def add_actions(actions: Actions, ui: Ui, workspace: Workspace, viewport: Viewpo
 
 def _file_actions(ui: Ui, workspace: Workspace) -> tuple[Action, ...]:
     dialog = workspace.save_dialog
+
+    def has_file() -> bool:
+        return ui.model.file.path is not None and not ui.model.is_replay
+
     return (
+        Action(
+            name="file.open",
+            label="Open...",
+            keys=("Ctrl+O",),
+            run=lambda: dialog.ask_which(ui),
+            is_possible=lambda: not ui.model.is_replay,
+        ),
         Action(name="file.save", label="Save", keys=("Ctrl+S",), run=lambda: dialog.save(ui)),
         Action(name="file.save_as", label="Save as...", keys=("Ctrl+Shift+S",), run=lambda: dialog.ask_where(ui)),
         Action(
@@ -53,6 +65,18 @@ def _file_actions(ui: Ui, workspace: Workspace) -> tuple[Action, ...]:
             keys=("Ctrl+,",),
             run=lambda: setattr(workspace.preferences, "is_open", not workspace.preferences.is_open),
             needs_session=False,
+        ),
+        Action(
+            name="file.save_running",
+            label="Save the running state as...",
+            run=lambda: dialog.ask_where(ui, running=True),
+        ),
+        Action(name="file.revert", label="Revert to the file", run=lambda: dialog.revert(ui), is_possible=has_file),
+        Action(
+            name="file.changes",
+            label="What changed since the file",
+            run=lambda: workspace.show(changes.TITLE),
+            is_possible=has_file,
         ),
         Action(name="file.quit", label="Quit", keys=("Ctrl+Q",), run=workspace.ask_to_close, needs_session=False),
     )
@@ -87,6 +111,7 @@ def _edit_actions(ui: Ui, workspace: Workspace) -> tuple[Action, ...]:
             is_possible=may_redo,
             repeats=True,
         ),
+        Action(name="edit.history", label="History", run=lambda: workspace.show(history_list.TITLE)),
         Action(
             name="edit.duplicate",
             label="Duplicate",

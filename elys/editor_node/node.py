@@ -28,6 +28,7 @@ from elys.editor_node.preferences import (
     load_preferences,
     save_preferences,
 )
+from elys.editor_node.recovery import Recovery, state_directory
 from elys.editor_node.seat import Seat
 from elys.editor_node.session_state import restore_session, session_state
 from elys.editor_node.shortcuts import ChordCapture, ShortcutLayer
@@ -92,7 +93,9 @@ class Editor:
         self.attachments = Attachments(
             self.seat, self.preferences, openers=openers, join=join, on_change=redraw, on_leave=self._keep_session
         )
-        self.model = EditorModel(self.seat, request_redraw=redraw)
+        # As with preferences: tests and pictures leave nothing behind and find nothing.
+        recovery = None if self._directory is None else Recovery(state_directory())
+        self.model = EditorModel(self.seat, request_redraw=redraw, recovery=recovery)
         self.stream = ViewStream(self.seat, on_frame=redraw)
         self._picture = self.context.picture()
         self.panel = ViewportPanel(self.stream, self._picture, OrbitCamera())
@@ -148,6 +151,8 @@ class Editor:
         if self.attachments.is_attached:
             self._keep_session()
         self._save_preferences()
+        if kind is None:
+            self.model.documents.close()
         self.stream.close()
         self._picture.release()
         self.widgets.close()

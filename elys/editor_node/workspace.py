@@ -12,9 +12,11 @@ from elys.bus.messages.views import Shows
 from elys.editor_node.language import tr, tr_label
 from elys.editor_node.palette import PaletteEntry
 from elys.editor_node.panels import (
+    changes,
     console,
     diagnostics,
     hierarchy,
+    history_list,
     inspector,
     keys_help,
     profiler,
@@ -65,6 +67,7 @@ class Workspace:
         self.viewport = viewport_panel
         self.save_dialog = SaveDialog(close)
         self.ask_to_close = ask_to_close
+        self.changes = changes.ChangesPanel()
         self._toolbar = Toolbar()
         self._status_bar = StatusBar()
         self._panels = {
@@ -75,6 +78,8 @@ class Workspace:
             "Timeline": timeline.TimelinePanel().draw,
             "Profiler": profiler.ProfilerPanel().draw,
             "Diagnostics": diagnostics.DiagnosticsPanel().draw,
+            "History": history_list.HistoryPanel().draw,
+            "Changes": self.changes.draw,
         }
         self.start_page = StartPage()
         self.link = LinkWindow()
@@ -88,6 +93,7 @@ class Workspace:
         self._opens_about = False
         self._resets_layout = False
         self._opens_help = False
+        self._comes_to_front = ""
         self._frames_to_focus = _FOCUS_FRAMES  # of tabs that share a place the first is to be in front
         self._has_shown_timeline = False
         self.frame_time = 0.0  # [s] of the last frame, for the status bar
@@ -119,6 +125,9 @@ class Workspace:
             self._frames_to_focus -= 1
             # A tab comes to the front when its window has kept the focus into the next frame.
             imgui.set_window_focus(console.TITLE if self._frames_to_focus else viewport.TITLE)
+        if self._comes_to_front:
+            imgui.set_window_focus(self._comes_to_front)
+            self._comes_to_front = ""
         self._show_timeline_once()
         self._note_panels()
         draw_banner(self.ui, self.viewport.rectangle)
@@ -187,6 +196,11 @@ class Workspace:
         """Those that are closed, by name."""
         return tuple(sorted(self._hidden))
 
+    def show(self, title: str) -> None:
+        """Brings a panel to the front, open if it was not."""
+        self._hidden.discard(title.rpartition("###")[2])
+        self._comes_to_front = title
+
     def show_help(self) -> None:
         """Opens the page of keys."""
         self._opens_help = True
@@ -230,8 +244,12 @@ class Workspace:
 
     def _draw_file_menu(self) -> None:
         if imgui.begin_menu(tr_label("File")):
+            action_item(self.ui, "file.open")
             action_item(self.ui, "file.save")
             action_item(self.ui, "file.save_as")
+            action_item(self.ui, "file.save_running")
+            action_item(self.ui, "file.revert")
+            action_item(self.ui, "file.changes")
             imgui.separator()
             action_item(self.ui, "file.connect")
             action_item(self.ui, "file.detach")
@@ -257,6 +275,7 @@ class Workspace:
             return
         action_item(self.ui, "edit.undo", f"{tr('Undo')} {history.undo_label}")
         action_item(self.ui, "edit.redo", f"{tr('Redo')} {history.redo_label}")
+        action_item(self.ui, "edit.history")
         imgui.separator()
         for name in ("edit.duplicate", "edit.rename", "edit.delete", "edit.select_all"):
             action_item(self.ui, name)
@@ -314,7 +333,14 @@ def _build_layout(dock: int) -> None:
     lower = builder.dock_builder_split_node(right.id_at_opposite_dir, imgui.Dir.down, _LOWER_SHARE)
     builder.dock_builder_dock_window(hierarchy.TITLE, left.id_at_dir)
     builder.dock_builder_dock_window(inspector.TITLE, right.id_at_dir)
-    for title in (console.TITLE, timeline.TITLE, profiler.TITLE, diagnostics.TITLE):
+    for title in (
+        console.TITLE,
+        timeline.TITLE,
+        profiler.TITLE,
+        diagnostics.TITLE,
+        history_list.TITLE,
+        changes.TITLE,
+    ):
         builder.dock_builder_dock_window(title, lower.id_at_dir)
     builder.dock_builder_dock_window(viewport.TITLE, lower.id_at_opposite_dir)
     builder.dock_builder_finish(dock)

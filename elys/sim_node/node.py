@@ -5,30 +5,41 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import socket
 from collections import deque
 from dataclasses import dataclass
 from typing import Final, Protocol
 
+import msgspec
+
 from elys.bus import topics
-from elys.bus.asset_service import serve_assets
+from elys.bus.asset_service import lacking_assets, serve_assets, take_offers
+from elys.bus.edit_parts import edits_of
 from elys.bus.messages.commands import (
     Command,
     CommandRecord,
     CommandReply,
     CommandRequest,
+    LoadScene,
+    NoteSaved,
+    Redo,
     SetPlaying,
     SetRate,
     StepTicks,
+    Undo,
 )
+from elys.bus.messages.history import HistoryReply, HistoryRequest
 from elys.bus.messages.scene import Snapshot, SnapshotRequest
 from elys.bus.messages.session import Event, EventBatch, SessionStatus
 from elys.bus.session import Session
 from elys.common.clock import FixedStepClock
-from elys.common.errors import ElysError, RequestError
+from elys.common.errors import EditConflict, ElysError, RequestError
+from elys.sim_node.edit_history import Done, EditHistory
 from elys.sim_node.guard import Guard
+from elys.sim_node.paused_physics import PausedPhysics
 from elys.sim_node.scene.snapshot import take_snapshot
 from elys.sim_node.simulation import Simulation
-from elys.sim_node.systems.apply_commands import apply_command
+from elys.sim_node.systems.apply_edits import EditableSimulation, load_scene
 from elys.sim_node.systems.publish_state import (
     contact_batch,
     is_heard,
@@ -46,6 +57,7 @@ TICK_TIMES_KEPT: Final = 36_000
 COMMAND_LIMIT: Final = 20_000  # waiting; beyond it commands are refused
 STEP_LIMIT: Final = 1_000_000  # ticks asked for at once
 REASON_LENGTH: Final = 500  # characters of a refusal, which may quote what was sent
+PERSON_LENGTH: Final = 100  # characters of what a person is called
 
 _log = logging.getLogger(__name__)
 
@@ -77,6 +89,7 @@ class SimulationNode:
     ) -> None:
         self.simulation = simulation
         self.session = session
+        self.history = EditHistory(EditableSimulation(simulation))
         self.steps_done = 0
         self.recorder: BackPressure | None = None
         self.guard: Guard | None = None
@@ -88,6 +101,9 @@ class SimulationNode:
         self._sequence = 0
         self._events: list[Event] = []
         self._settings_told = simulation.settings
+        self._revision_told = 0
+        self._paused_physics = PausedPhysics(simulation)
+        self._is_another_scene = False
         self._wake = asyncio.Event()
 
     @property
@@ -105,7 +121,9 @@ class SimulationNode:
         session = self.session
         session.serve(topics.COMMAND, self._take_command)
         session.serve(topics.SNAPSHOT, self._give_snapshot)
+        session.serve(topics.HISTORY, self._give_history)
         serve_assets(session, self.simulation.assets)
+        take_offers(session, self.simulation.assets)
         self._publish_status()
         self._publish_frame()  # who subscribes before the first tick sees the scene as it was loaded
         async with asyncio.TaskGroup() as group:
@@ -140,6 +158,8 @@ class SimulationNode:
         """One tick: commands, then if time goes on the world's step, then all that others shall know of it."""
         stages = StageTimes()
         late = self._clock.lateness() * 1000.0
+        if not self.playing and any(edits_of(waiting.request.command) for waiting in self._waiting):
+            self._paused_physics.keep(self.history.content)
         replies = self._apply_commands()
         stages.done("apply_commands")
         stepping = self.playing or self._steps_asked > 0
@@ -147,6 +167,7 @@ class SimulationNode:
             self._step(stages)
         else:
             self.simulation.settle()
+            self._paused_physics.follow(self.history.content)
             stages.done("follow_changes")
         self._publish_changes()
         if replies or (stepping and is_heard(self.session, topics.STATE)):
@@ -160,7 +181,7 @@ class SimulationNode:
         stages.done("publish_state")
         for waiting, reply in replies:
             if not waiting.reply.done():
-                waiting.reply.set_result(reply)
+                waiting.reply.set_result(msgspec.structs.replace(reply, sequence=self._sequence))
         if self.steps_done == 1 and stepping:
             _log.info("first tick published %.2f s after the process started", process_age())
         if stepping:
@@ -170,6 +191,7 @@ class SimulationNode:
             self.guard.end_tick(events)
 
     def _step(self, stages: StageTimes) -> None:
+        self._paused_physics.forget()
         self.simulation.step()
         stages.include(self.simulation.stage_times)
         self._clock.advance()
@@ -195,14 +217,14 @@ class SimulationNode:
         replies = []
         for _ in range(min(len(self._waiting), COMMANDS_PER_TICK)):
             waiting = self._waiting.popleft()
-            reply = self._apply(waiting.request)
+            command, reply = self._apply(waiting.request)
             replies.append((waiting, reply))
             self.session.publish(
                 topics.COMMANDS,
                 CommandRecord(
                     tick=reply.tick,
                     origin=waiting.request.origin,
-                    command=waiting.request.command,
+                    command=command,
                     accepted=reply.accepted,
                     reason=reply.reason,
                 ),
@@ -211,20 +233,60 @@ class SimulationNode:
             self._wake.set()
         return replies
 
-    def _apply(self, request: CommandRequest) -> CommandReply:
+    def _apply(self, request: CommandRequest) -> tuple[Command, CommandReply]:
+        """What became of a command, and the command as it can be repeated: of an undo, what it did."""
         tick = self.simulation.tick
         try:
-            entities = self._apply_to_time(request.command)
-            if entities is None:
-                entities = apply_command(self.simulation, request.command)
+            done = self._apply_to_time(request.command) or self._apply_to_scene(request)
         except ElysError as error:
-            return CommandReply(accepted=False, tick=tick, reason=str(error)[:REASON_LENGTH])
+            is_conflict = isinstance(error, EditConflict)
+            reason = str(error)[:REASON_LENGTH]
+            return request.command, CommandReply(accepted=False, tick=tick, reason=reason, is_conflict=is_conflict)
         except Exception as error:  # a fault of ELYS's own: it is told in full, and does not end everybody's session
             _log.exception("command %s failed", type(request.command).__name__)
-            return CommandReply(accepted=False, tick=tick, reason=f"ELYS failed: {error!r}"[:REASON_LENGTH])
-        return CommandReply(accepted=True, tick=tick, entities=entities)
+            reason = f"ELYS failed: {error!r}"[:REASON_LENGTH]
+            return request.command, CommandReply(accepted=False, tick=tick, reason=reason)
+        reply = CommandReply(
+            accepted=True, tick=tick, entities=done.entities, content=self.history.content, new_ids=done.new_ids
+        )
+        return done.command, reply
 
-    def _apply_to_time(self, command: Command) -> tuple[int, ...] | None:
+    def _apply_to_scene(self, request: CommandRequest) -> Done:
+        command, history = request.command, self.history
+        match command:
+            case Undo(force=force):
+                return history.undo(request.author, force=force)
+            case Redo(force=force):
+                return history.redo(request.author, force=force)
+            case NoteSaved(path=path, content=content):
+                self.simulation.path, history.saved = path, content
+                return Done((), command, {})
+            case LoadScene():
+                return self._load(command)
+        if not edits_of(command):
+            raise RequestError(f"a running simulation cannot {type(command).__name__}: that is for replays")
+        return history.perform(
+            command,
+            author=request.author,
+            writer=request.author or request.origin,
+            label=request.label,
+            stroke=request.stroke,
+            made_from=request.made_from,
+        )
+
+    def _load(self, command: LoadScene) -> Done:
+        lacking = lacking_assets(self.simulation.assets, command.records)
+        if lacking:
+            raise RequestError(f"the scene names {len(lacking)} assets that the host has not got: offer them first")
+        entities = load_scene(self.simulation, command)
+        self.history.forget()
+        self._paused_physics.forget()
+        self._is_another_scene = True
+        self._events.append(Event(kind="scene_loaded", values={"scene": command.name}))
+        self._publish_status()
+        return Done(entities, command, {})
+
+    def _apply_to_time(self, command: Command) -> Done | None:
         """Commands to the clock rather than the world; None for all others."""
         match command:
             case SetPlaying(playing=playing):
@@ -246,15 +308,22 @@ class SimulationNode:
             case _:
                 return None
         self._publish_status()
-        return ()
+        return Done((), command, {})
+
+    async def _give_history(self, request: HistoryRequest, key: str) -> HistoryReply:
+        if len(request.person) > PERSON_LENGTH or not request.person.strip():
+            raise RequestError(f"a person is called by 1 to {PERSON_LENGTH} characters")
+        author = self.history.attach(request.person.strip(), request.node, alive=self.session.nodes)
+        told = self.history.told_to(author)
+        return msgspec.structs.replace(told, path=self.simulation.path, machine=socket.gethostname())
 
     # --- publishing ------------------------------------------------------------------------------------------------
 
     async def _give_snapshot(self, request: SnapshotRequest, key: str) -> Snapshot:
-        return self.snapshot()
+        return self.snapshot(as_edited=request.as_edited)
 
-    def snapshot(self) -> Snapshot:
-        """The whole scene as it is between two ticks."""
+    def snapshot(self, *, as_edited: bool = False) -> Snapshot:
+        """The whole scene as it is between two ticks, or as it would be if time had never moved anything."""
         simulation = self.simulation
         return take_snapshot(
             simulation.world,
@@ -264,13 +333,18 @@ class SimulationNode:
             sequence=self._sequence,
             scene=simulation.name,
             settings=simulation.settings,
+            revision=self.history.revision,
+            content=self.history.content,
+            **({"columns_of": simulation.edited.columns} if as_edited else {}),
         )
 
     def _publish_changes(self) -> None:
         changes = self.simulation.take_changes()
         settings_changed = self.simulation.settings is not self._settings_told
-        if not changes and not settings_changed:
+        revision_changed = self.history.revision != self._revision_told
+        if not changes and not settings_changed and not revision_changed:
             return
+        self._revision_told = self.history.revision
         if settings_changed:
             self._settings_told = self.simulation.settings
             self._clock.set_tick_rate(self.simulation.settings.tick_rate, tick=self.simulation.tick)
@@ -281,7 +355,11 @@ class SimulationNode:
             epoch=self.session.epoch,
             sequence=self._sequence,
             settings_changed=settings_changed,
+            revision=self.history.revision,
+            content=self.history.content,
+            resync=self._is_another_scene,
         )
+        self._is_another_scene = False
         self.session.publish(topics.DELTA, delta)
 
     def _publish_frame(self) -> None:

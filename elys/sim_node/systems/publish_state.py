@@ -53,15 +53,22 @@ def scene_delta(
     epoch: int,
     sequence: int,
     settings_changed: bool,
+    revision: int = 0,
+    content: int = 0,
+    resync: bool = False,
 ) -> SceneDelta:
     """What changed in the scene; too much to be listed becomes a resync."""
     count = sum(len(c.structure) + len(c.added) + len(c.set) for c in changes)
-    if count > RESYNC_THRESHOLD or any(c.overflowed for c in changes):
-        return SceneDelta(epoch=epoch, sequence=sequence, tick=simulation.tick, resync=True)
+    if resync or count > RESYNC_THRESHOLD or any(c.overflowed for c in changes):
+        return SceneDelta(
+            epoch=epoch, sequence=sequence, tick=simulation.tick, resync=True, revision=revision, content=content
+        )
     told = scene_changes(simulation.world, changes)
     if settings_changed:
         told = (*told, SettingsSet(settings=simulation.settings))
-    return SceneDelta(epoch=epoch, sequence=sequence, tick=simulation.tick, changes=told)
+    return SceneDelta(
+        epoch=epoch, sequence=sequence, tick=simulation.tick, changes=told, revision=revision, content=content
+    )
 
 
 def contact_batch(simulation: Simulation, *, epoch: int) -> ContactBatch | None:
