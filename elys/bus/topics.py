@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass
 from typing import Any, Final, Generic, TypeVar
 
-from elys.bus.messages import commands, physics, scene, session, state_frame, views
+from elys.bus.messages import commands, physics, scene, session, state_frame, timeline, views
 from elys.common.errors import BusError
 
 M = TypeVar("M")
@@ -164,6 +164,12 @@ COMMAND: Final = Query(
     reply=commands.CommandReply,
     text="asks for a change; answered with accepted or why not",
 )
+MARKERS: Final = Query(
+    name="markers",
+    request=timeline.MarkersRequest,
+    reply=timeline.Markers,
+    text="what stands out on the timeline: collisions, triggers, errors, edits",
+)
 PICK: Final = Query(
     name="pick",
     request=views.PickRequest,
@@ -195,7 +201,7 @@ TOPICS: Final[tuple[Topic[Any], ...]] = (
     VIEW_REQUEST,
     VIEW_FRAME,
 )
-QUERIES: Final[tuple[Query[Any, Any], ...]] = (HELLO, SNAPSHOT, COMMAND, PICK, ASSET)
+QUERIES: Final[tuple[Query[Any, Any], ...]] = (HELLO, SNAPSHOT, COMMAND, MARKERS, PICK, ASSET)
 
 _CHUNK = re.compile(r"[A-Za-z0-9_.-]+\Z")
 

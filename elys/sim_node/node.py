@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import math
 from collections import deque
 from dataclasses import dataclass
 from typing import Final, Protocol
@@ -16,15 +17,21 @@ from elys.bus.messages.commands import (
     CommandRecord,
     CommandReply,
     CommandRequest,
+    Resume,
+    Rewind,
+    Seek,
     SetPlaying,
     SetRate,
     StepTicks,
 )
-from elys.bus.messages.scene import Snapshot, SnapshotRequest
+from elys.bus.marker_log import MarkerLog, markers_of_command, markers_of_contacts, markers_of_events
+from elys.bus.messages.scene import SceneDelta, Snapshot, SnapshotRequest
 from elys.bus.messages.session import Event, EventBatch, SessionStatus
+from elys.bus.messages.timeline import Markers, MarkersRequest
 from elys.bus.session import Session
 from elys.common.clock import FixedStepClock
 from elys.common.errors import ElysError, RequestError
+from elys.sim_node.flight_recorder import SECONDS, FlightRecorder
 from elys.sim_node.guard import Guard
 from elys.sim_node.scene.snapshot import take_snapshot
 from elys.sim_node.simulation import Simulation
@@ -74,7 +81,9 @@ class SimulationNode:
         realtime: bool = True,
         playing: bool = True,
         step_limit: int = 0,
+        keep: float = SECONDS,
     ) -> None:
+        """`keep` seconds of simulation can be gone back to; with 0 none."""
         self.simulation = simulation
         self.session = session
         self.steps_done = 0
@@ -89,6 +98,12 @@ class SimulationNode:
         self._events: list[Event] = []
         self._settings_told = simulation.settings
         self._wake = asyncio.Event()
+        self.flight = FlightRecorder(simulation, seconds=keep) if keep > 0.0 else None
+        self._markers = MarkerLog()
+        self._done: list[Command] = []  # what changed the world since the last instant
+        self._is_broken = False  # a command failed in the middle: what led here cannot be done again
+        self._repeated = False  # what the tick did was kept already
+        self._is_elsewhere = False  # the scene is that of another time than its readers know
 
     @property
     def playing(self) -> bool:
@@ -105,6 +120,7 @@ class SimulationNode:
         session = self.session
         session.serve(topics.COMMAND, self._take_command)
         session.serve(topics.SNAPSHOT, self._give_snapshot)
+        session.serve(topics.MARKERS, self._give_markers)
         serve_assets(session, self.simulation.assets)
         self._publish_status()
         self._publish_frame()  # who subscribes before the first tick sees the scene as it was loaded
@@ -142,13 +158,14 @@ class SimulationNode:
         late = self._clock.lateness() * 1000.0
         replies = self._apply_commands()
         stages.done("apply_commands")
+        self._repeated = False
         stepping = self.playing or self._steps_asked > 0
         if stepping:
             self._step(stages)
         else:
             self.simulation.settle()
             stages.done("follow_changes")
-        self._publish_changes()
+        is_told = self._publish_changes()
         if replies or (stepping and is_heard(self.session, topics.STATE)):
             self._publish_frame()
         if stepping and (found := publish_diagnostics(self.session, self.simulation)) and self.guard is not None:
@@ -158,6 +175,7 @@ class SimulationNode:
             self._publish_contacts()
         publish_debug_lines(self.session, self.simulation)
         stages.done("publish_state")
+        self._keep_instant(stages, stepping=stepping, is_told=is_told)
         for waiting, reply in replies:
             if not waiting.reply.done():
                 waiting.reply.set_result(reply)
@@ -170,7 +188,11 @@ class SimulationNode:
             self.guard.end_tick(events)
 
     def _step(self, stages: StageTimes) -> None:
-        self.simulation.step()
+        self._repeated = self._is_rewound
+        if self.flight is not None and self._repeated:
+            self.flight.repeat()
+        else:
+            self.simulation.step()
         stages.include(self.simulation.stage_times)
         self._clock.advance()
         self.steps_done += 1
@@ -180,6 +202,51 @@ class SimulationNode:
             self._steps_asked = 0
             self._events.append(Event(kind="paused"))
             self._publish_status()
+
+    # --- other times -----------------------------------------------------------------------------------------------
+
+    @property
+    def _is_rewound(self) -> bool:
+        return self.flight is not None and self.flight.is_rewound
+
+    def _keep_instant(self, stages: StageTimes, *, stepping: bool, is_told: bool) -> None:
+        """What happened at the newest instant becomes part of what can be gone back to."""
+        done, self._done = self._done, []
+        if self.flight is None:
+            return
+        if self._is_broken:
+            self._is_broken = False
+            self.flight.start_anew()
+        elif not self._repeated:
+            self.flight.note(done, steps=stepping, is_told=is_told, seconds=stages.total * 1e-3)
+            self._markers.forget_before(self.flight.ticks[0])
+        stages.done("keep_instant")
+
+    def _go_to(self, instant: int) -> None:
+        """Shows another instant, and waits there."""
+        self._clock.pause()
+        self._steps_asked = 0
+        self._is_elsewhere |= self._require_flight().go_to(instant)
+        self._clock.seek(self.simulation.tick)
+
+    def _fork(self) -> None:
+        """From here on it is another run: what came after is forgotten."""
+        if self.flight is not None and self.flight.is_rewound:
+            tick = self.simulation.tick
+            dropped = self.flight.fork()
+            self._markers.forget_after(tick)
+            self._events.append(Event(kind="forked", values={"from_tick": tick, "dropped_ticks": dropped}))
+            self._publish_status()
+
+    def _require_flight(self) -> FlightRecorder:
+        """The flight recorder, with all in it that was done so far."""
+        if self.flight is None:
+            raise RequestError("nothing is kept to go back to: start the simulation with --keep SECONDS above 0")
+        if self._done:  # just before, in the same tick
+            self.simulation.settle()
+            done, self._done = self._done, []
+            self.flight.note(done, steps=False, is_told=True, seconds=0.0)
+        return self.flight
 
     # --- commands --------------------------------------------------------------------------------------------------
 
@@ -197,16 +264,15 @@ class SimulationNode:
             waiting = self._waiting.popleft()
             reply = self._apply(waiting.request)
             replies.append((waiting, reply))
-            self.session.publish(
-                topics.COMMANDS,
-                CommandRecord(
-                    tick=reply.tick,
-                    origin=waiting.request.origin,
-                    command=waiting.request.command,
-                    accepted=reply.accepted,
-                    reason=reply.reason,
-                ),
+            record = CommandRecord(
+                tick=reply.tick,
+                origin=waiting.request.origin,
+                command=waiting.request.command,
+                accepted=reply.accepted,
+                reason=reply.reason,
             )
+            self.session.publish(topics.COMMANDS, record)
+            self._markers.add(markers_of_command(record, self.simulation.time))
         if self._waiting:
             self._wake.set()
         return replies
@@ -217,10 +283,13 @@ class SimulationNode:
             entities = self._apply_to_time(request.command)
             if entities is None:
                 entities = apply_command(self.simulation, request.command)
+                self._fork()
+                self._done.append(request.command)
         except ElysError as error:
             return CommandReply(accepted=False, tick=tick, reason=str(error)[:REASON_LENGTH])
         except Exception as error:  # a fault of ELYS's own: it is told in full, and does not end everybody's session
             _log.exception("command %s failed", type(request.command).__name__)
+            self._is_broken = True
             return CommandReply(accepted=False, tick=tick, reason=f"ELYS failed: {error!r}"[:REASON_LENGTH])
         return CommandReply(accepted=True, tick=tick, entities=entities)
 
@@ -232,13 +301,26 @@ class SimulationNode:
                 self._steps_asked = 0
                 self._events.append(Event(kind="playing" if playing else "paused"))
             case StepTicks(count=count):
-                if count < 1:
-                    raise RequestError("a simulation cannot step backwards: record it, and step in the replay")
                 if self.playing:
                     raise RequestError("pause before stepping")
-                if self._steps_asked + count > STEP_LIMIT:
+                if count == 0:
+                    raise RequestError("step by at least one tick, on or back, not 0")
+                if count < 0:
+                    self._go_to(self._require_flight().instant_back(-count))
+                elif self._steps_asked + count > STEP_LIMIT:
                     raise RequestError(f"at most {STEP_LIMIT} ticks can be asked for at once: play instead")
-                self._steps_asked += count
+                else:
+                    self._steps_asked += count
+            case Seek(time=seconds):
+                if not math.isfinite(seconds):
+                    raise RequestError(f"{seconds} is no time to go to")
+                self._go_to(self._require_flight().instant_at(seconds))
+            case Rewind(tick=tick):
+                self._go_to(self._require_flight().instant_of_tick(tick))
+            case Resume():
+                self._fork()
+                self._clock.play()
+                self._steps_asked = 0
             case SetRate(rate=rate):
                 if not 0.0 <= rate <= 100.0:
                     raise RequestError(f"the rate must lie between 0 (as fast as it can) and 100, not {rate:g}")
@@ -249,6 +331,9 @@ class SimulationNode:
         return ()
 
     # --- publishing ------------------------------------------------------------------------------------------------
+
+    async def _give_markers(self, request: MarkersRequest, key: str) -> Markers:
+        return self._markers.reply(request.limit)
 
     async def _give_snapshot(self, request: SnapshotRequest, key: str) -> Snapshot:
         return self.snapshot()
@@ -266,11 +351,15 @@ class SimulationNode:
             settings=simulation.settings,
         )
 
-    def _publish_changes(self) -> None:
+    def _publish_changes(self) -> bool:
+        """Returns whether there were any."""
         changes = self.simulation.take_changes()
+        if self._is_elsewhere:
+            self._publish_elsewhere()
+            return True
         settings_changed = self.simulation.settings is not self._settings_told
         if not changes and not settings_changed:
-            return
+            return False
         if settings_changed:
             self._settings_told = self.simulation.settings
             self._clock.set_tick_rate(self.simulation.settings.tick_rate, tick=self.simulation.tick)
@@ -283,6 +372,18 @@ class SimulationNode:
             settings_changed=settings_changed,
         )
         self.session.publish(topics.DELTA, delta)
+        return True
+
+    def _publish_elsewhere(self) -> None:
+        """All of the scene may be other than before: its readers are told to look at it anew."""
+        self._is_elsewhere = False
+        self._settings_told = self.simulation.settings
+        self._clock.set_tick_rate(self.simulation.settings.tick_rate, tick=self.simulation.tick)
+        self._sequence += 1
+        tick = self.simulation.tick
+        self.session.publish(
+            topics.DELTA, SceneDelta(epoch=self.session.epoch, sequence=self._sequence, tick=tick, resync=True)
+        )
 
     def _publish_frame(self) -> None:
         frame = state_frame(
@@ -290,6 +391,7 @@ class SimulationNode:
             epoch=self.session.epoch,
             delta_sequence=self._sequence,
             playing=self.playing,
+            is_told_again=self._is_rewound,
         )
         self.session.publish(topics.STATE, frame)
 
@@ -299,12 +401,14 @@ class SimulationNode:
         if events:
             batch = EventBatch(epoch=self.session.epoch, tick=self.simulation.tick, events=events)
             self.session.publish(topics.EVENTS, batch)
+            self._markers.add(markers_of_events(batch, self.simulation.time))
         return events
 
     def _publish_contacts(self) -> None:
         batch = contact_batch(self.simulation, epoch=self.session.epoch)
         if batch is not None:
             self.session.publish(topics.CONTACTS, batch)
+            self._markers.add(markers_of_contacts(batch, self.simulation.time))
 
     def _publish_status(self) -> None:
         simulation = self.simulation
@@ -320,6 +424,9 @@ class SimulationNode:
             realtime_factor=self._clock.realtime_factor,
             entity_count=simulation.world.entity_count,
             body_count=len(simulation.moving_bodies().entity),
+            start_time=self.flight.start_time if self.flight is not None else simulation.time,
+            end_time=self.flight.end_time if self.flight is not None else simulation.time,
+            is_rewound=self._is_rewound,
         )
         self.session.publish(topics.STATUS, status)
 

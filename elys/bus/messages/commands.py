@@ -85,13 +85,13 @@ class SetPlaying(msgspec.Struct, frozen=True, kw_only=True, tag="set_playing"):
 
 
 class StepTicks(msgspec.Struct, frozen=True, kw_only=True, tag="step_ticks"):
-    """While paused: go on by `count` ticks (a replay also takes negative counts)."""
+    """While paused: go on by `count` ticks; with a negative count back, as far as a replay or a flight recorder goes."""
 
     count: int = 1
 
 
 class Seek(msgspec.Struct, frozen=True, kw_only=True, tag="seek"):
-    """Replay only: go to a simulation time [s]."""
+    """Go to a simulation time [s] of a replay, or of what a simulation's flight recorder keeps; that pauses a simulation."""
 
     time: float
 
@@ -106,6 +106,16 @@ class SetLoop(msgspec.Struct, frozen=True, kw_only=True, tag="set_loop"):
     """Replay only: start again at the end."""
 
     loop: bool
+
+
+class Rewind(msgspec.Struct, frozen=True, kw_only=True, tag="rewind"):
+    """Simulation only: pause, and go to a tick that the flight recorder keeps."""
+
+    tick: int
+
+
+class Resume(msgspec.Struct, frozen=True, kw_only=True, tag="resume"):
+    """Simulation only: go on from here as a fork. What the flight recorder keeps of later is forgotten."""
 
 
 Command = (
@@ -123,6 +133,8 @@ Command = (
     | Seek
     | SetRate
     | SetLoop
+    | Rewind
+    | Resume
 )
 
 
