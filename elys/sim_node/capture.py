@@ -1,7 +1,7 @@
 """The one place that walks a simulation's objects, to keep what is in them or to put it back.
 
-Whatever an object of this package holds is part of its state, without being listed: a new attribute is captured from the day it is
-written. What is not captured is listed below, with the reason; what cannot be captured is an error.
+Whatever an object of this package holds is part of its state, without being listed: a new attribute is captured from the day it
+is written. What is not captured is listed below, with the reason; what cannot be captured is an error.
 """
 
 from __future__ import annotations
@@ -203,7 +203,7 @@ def _fitting(value: Any, present: Any, key: str) -> Any:
         raise StateError(f"this state's {key} cannot be used: {error}") from error
 
 
-# What numbers in columns name rows of, so that a kernel would read beyond an end: column, field of it, where -1 is nobody's, rows.
+# What numbers in columns name rows of, so that a kernel would read beyond an end: column, its field, least, where the rows are.
 _NAMES_ROWS: Final = (
     ("physics/colliders", "body", 0, "physics/bodies"),
     ("physics/bodies", "next_asleep", -1, "physics/bodies"),

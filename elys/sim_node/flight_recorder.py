@@ -43,6 +43,7 @@ class Beat(NamedTuple):
     commands: tuple[Command, ...]
     steps: bool
     is_told: bool  # whether the scene's readers were told of changes
+    size: int  # about what the commands take [bytes]
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,8 +118,9 @@ class FlightRecorder:
         self._worked += seconds
         if not (commands or steps):
             return
-        self._beats.append(Beat(simulation.tick, simulation.time, tuple(commands), steps, is_told))
-        self._command_size += sum(len(msgspec.msgpack.encode(command)) for command in commands)
+        size = sum(len(msgspec.json.encode(command)) for command in commands)
+        self._beats.append(Beat(simulation.tick, simulation.time, tuple(commands), steps, is_told, size))
+        self._command_size += size
         self.end += 1
         self.position = self.end
         passed = simulation.time - self._keyframes[-1].state.time
@@ -131,7 +133,7 @@ class FlightRecorder:
         dropped = list(islice(self._beats, self.position - self._first, None))
         for beat in dropped:
             self._beats.pop()
-            self._command_size -= sum(len(msgspec.msgpack.encode(command)) for command in beat.commands)
+            self._command_size -= beat.size
         self.end = self.position
         self._keyframes = [keyframe for keyframe in self._keyframes if keyframe.instant <= self.position]
         return sum(beat.steps for beat in dropped)
@@ -244,5 +246,5 @@ class FlightRecorder:
                 del keyframes[0]  # thin enough: what is oldest goes
         while self._beats and self._first < keyframes[0].instant:
             beat = self._beats.popleft()
-            self._command_size -= sum(len(msgspec.msgpack.encode(command)) for command in beat.commands)
+            self._command_size -= beat.size
             self._first += 1

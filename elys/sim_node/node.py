@@ -12,6 +12,7 @@ from typing import Final, Protocol
 
 from elys.bus import topics
 from elys.bus.asset_service import serve_assets
+from elys.bus.marker_log import MarkerLog, markers_of_command, markers_of_contacts, markers_of_events
 from elys.bus.messages.commands import (
     Command,
     CommandRecord,
@@ -24,7 +25,6 @@ from elys.bus.messages.commands import (
     SetRate,
     StepTicks,
 )
-from elys.bus.marker_log import MarkerLog, markers_of_command, markers_of_contacts, markers_of_events
 from elys.bus.messages.scene import SceneDelta, Snapshot, SnapshotRequest
 from elys.bus.messages.session import Event, EventBatch, SessionStatus
 from elys.bus.messages.timeline import Markers, MarkersRequest
@@ -103,6 +103,7 @@ class SimulationNode:
         self._done: list[Command] = []  # what changed the world since the last instant
         self._is_broken = False  # a command failed in the middle: what led here cannot be done again
         self._repeated = False  # what the tick did was kept already
+        self._forked_until = -1.0  # [s] how far the future went that a fork made void
         self._is_elsewhere = False  # the scene is that of another time than its readers know
 
     @property
@@ -233,6 +234,7 @@ class SimulationNode:
         """From here on it is another run: what came after is forgotten."""
         if self.flight is not None and self.flight.is_rewound:
             tick = self.simulation.tick
+            self._forked_until = max(self._forked_until, self.flight.end_time)
             dropped = self.flight.fork()
             self._markers.forget_after(tick)
             self._events.append(Event(kind="forked", values={"from_tick": tick, "dropped_ticks": dropped}))
@@ -392,6 +394,7 @@ class SimulationNode:
             delta_sequence=self._sequence,
             playing=self.playing,
             is_told_again=self._is_rewound,
+            is_forked=self.simulation.time <= self._forked_until,
         )
         self.session.publish(topics.STATE, frame)
 

@@ -72,10 +72,8 @@ class Column(NamedTuple):
     def of(cls, array: NDArray[Any], previous: object = None) -> Column:
         """A copy of an array; the previous column itself, where it has the same bits."""
         data = array.tobytes()
-        if isinstance(previous, Column) and previous.data == data:
-            if previous.shape == array.shape and previous.dtype == array.dtype:
-                return previous
-        return cls(array.dtype, array.shape, data)
+        column = cls(array.dtype, array.shape, data)
+        return previous if isinstance(previous, Column) and previous == column else column
 
     def array(self) -> NDArray[Any]:
         """The array, to be written to."""

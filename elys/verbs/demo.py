@@ -33,6 +33,7 @@ def demo(directory: Path, *, headless: bool) -> None:
             name="",
             threads=1,
             guarded=True,
+            keep=60.0,
             json=False,
         )
         return

@@ -27,7 +27,13 @@ def is_heard(session: Session, topic: Topic[Any]) -> bool:
 
 
 def state_frame(
-    simulation: Simulation, *, epoch: int, delta_sequence: int, playing: bool, is_told_again: bool = False
+    simulation: Simulation,
+    *,
+    epoch: int,
+    delta_sequence: int,
+    playing: bool,
+    is_told_again: bool = False,
+    is_forked: bool = False,
 ) -> StateFrame:
     """Where the moving bodies are now, and what animations make of others."""
     bodies, animated = simulation.moving_bodies(), simulation.animated()
@@ -40,6 +46,7 @@ def state_frame(
         state_hash=simulation.state_hash(),
         playing=playing,
         is_told_again=is_told_again,
+        is_forked=is_forked,
         position=bodies.position,
         rotation=bodies.rotation,
         linear_velocity=bodies.linear_velocity,
