@@ -20,7 +20,7 @@ from elys.bus.messages.commands import (
 )
 from elys.bus.messages.physics import ContactBatch
 from elys.bus.messages.session import EventBatch
-from elys.bus.messages.timeline import Marker, Markers
+from elys.bus.messages.timeline import Marker, Markers, MarkersRequest
 
 MOST: Final = 4000  # markers kept; of more the weakest collisions go first
 MOST_OF_A_TICK: Final = 8  # collisions, the strongest
@@ -37,6 +37,7 @@ class MarkerLog:
         self._ticks: list[int] = []
         self._known: set[Marker] = set()
         self.left_out = 0
+        self.line = 1  # which history they are of: another after each fork
         self.version = 0  # rises when they change
 
     @property
@@ -59,6 +60,7 @@ class MarkerLog:
 
     def forget_after(self, tick: int) -> None:
         """What comes after a tick will never have been: another future begins there."""
+        self.line += 1
         self._cut(0, bisect_right(self._ticks, tick))
 
     def forget_before(self, tick: int) -> None:
@@ -70,10 +72,25 @@ class MarkerLog:
         self._cut(0, 0)
         self.left_out = 0
 
-    def reply(self, limit: int) -> Markers:
-        """At most so many."""
-        chosen = _strongest(self._markers, max(limit, 0))
-        return Markers(markers=tuple(chosen), left_out=self.left_out + len(self._markers) - len(chosen))
+    def reply(self, request: MarkersRequest) -> Markers:
+        """What was asked for."""
+        first = bisect_left(self._ticks, request.from_tick) if request.line == self.line else 0
+        asked = self._markers[first:]
+        chosen = _strongest(asked, max(request.limit, 0))
+        return Markers(markers=tuple(chosen), line=self.line, left_out=self.left_out + len(asked) - len(chosen))
+
+    def take(self, reply: Markers) -> None:
+        """Follows another log: what it replied to a request for what is new since `line` and `from_tick`."""
+        if reply.line != self.line:
+            self._cut(0, 0)
+            self.line = reply.line
+        self.left_out = reply.left_out
+        self.add(reply.markers)
+
+    @property
+    def last_tick(self) -> int:
+        """Tick of the newest; 0 if there is none."""
+        return self._ticks[-1] if self._ticks else 0
 
     def _cut(self, first: int, last: int) -> None:
         if last - first < len(self._markers):

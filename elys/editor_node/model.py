@@ -36,6 +36,7 @@ from elys.editor_node.operations import Operations
 from elys.editor_node.scene_file import SceneFile
 from elys.editor_node.scene_mirror import EditorScene
 from elys.editor_node.selection import Selection
+from elys.editor_node.timeline import Timeline
 
 COMMAND_TIMEOUT: Final = 5.0  # [s]
 POINT_RADIUS: Final = 1.0  # [m] around an entity without extent, to be looked at
@@ -59,7 +60,8 @@ class EditorModel:
         self.request_redraw = request_redraw
         self.console = ConsoleLog()
         self.selection = Selection()
-        self.scene = EditorScene(session, on_change=self._scene_changed, on_state=lambda: self.request_redraw(0.1))
+        self.timeline = Timeline(self, clock=clock)
+        self.scene = EditorScene(session, on_change=self._scene_changed, on_state=self._state_arrived)
         self.history = History(self._ask, self.scene, on_outcome=self._tell_outcome, on_new_ids=self._follow_new_ids)
         self.edit = Operations(self.scene, self.selection, self.history)
         self.file = SceneFile(self.scene, self.history)
@@ -110,7 +112,7 @@ class EditorModel:
         self.command("Step", StepTicks(count=count))
 
     def seek(self, time: float) -> None:
-        """Goes to a time [s] of a replay. While the host is still on its way the newest wish counts."""
+        """Goes to a time [s] that the host keeps. While the host is still on its way the newest wish counts."""
         self._wanted_time = time
         if self._seeking is None or self._seeking.done():
             self._seeking = self.session.start(self._seek())
@@ -230,6 +232,12 @@ class EditorModel:
         self.selection.keep_only(self.scene.exists)
         self.request_redraw(0.0)
 
+    def _state_arrived(self) -> None:
+        frame = self.scene.frame
+        if frame is not None:
+            self.timeline.follow(frame.simulation_time)
+        self.request_redraw(0.1)
+
     def _status_arrived(self, status: SessionStatus, _: str) -> None:
         if status != self.status:
             changed = self.status is None or _controls(self.status) != _controls(status)
@@ -261,6 +269,7 @@ class EditorModel:
         self.connected = connected
         if connected:
             self.history.forget()
+            self.timeline.forget()
             self.error = ""
             self.say("info", "the simulation is back")
         else:
@@ -269,7 +278,7 @@ class EditorModel:
 
 def _controls(status: SessionStatus) -> tuple[Any, ...]:
     """What a person sets, and wants to see set at once."""
-    return (status.playing, status.rate, status.kind, status.scene, status.loop)
+    return (status.playing, status.rate, status.kind, status.scene, status.loop, status.is_rewound)
 
 
 def _named(command: Command) -> str:

@@ -46,15 +46,17 @@ def captured(root: object, previous: Mapping[str, Any]) -> dict[str, Any]:
     """
     values: dict[str, Any] = {}
     for path, part in _parts(root):
+        ours: set[int] = set()  # arrays that were made to be kept
         if isinstance(part, PhysicsWorld):
             held: Mapping[str, Any] = part.saved()
+            ours = {id(held[name]) for name in ("pairs", "manifolds")}
         elif isinstance(part, dict):
             held = part
         else:
             held = _state_of(part)
         for name, value in held.items():
             key = f"{path}{name}"
-            values[key] = _kept(value, previous.get(key), key)
+            values[key] = _kept(value, previous.get(key), key, is_ours=id(value) in ours)
     return values
 
 
@@ -139,9 +141,9 @@ def _has_parts(value: object) -> bool:
     return isinstance(value, dict) and bool(value) and all(_is_part(item) for item in value.values())
 
 
-def _kept(value: Any, previous: Any, key: str) -> Any:
+def _kept(value: Any, previous: Any, key: str, *, is_ours: bool) -> Any:
     if isinstance(value, np.ndarray):
-        return Column.of(value, previous)
+        return Column.of(value, previous, is_ours=is_ours)
     if type(value) in ATOMS:
         return value
     if type(previous) is type(value) and previous == value:

@@ -30,8 +30,9 @@ from elys.sim_node.systems.apply_commands import apply_command
 SECONDS: Final = 60.0  # [s] of simulation kept
 ROOM: Final = 256 << 20  # [bytes] of keyframes and commands
 SHORTEST: Final = 1.0  # [s] of simulation between two keyframes
-LONGEST: Final = 5.0  # [s] of simulation to be done again at most, before keyframes are thinned
-SHARE: Final = 0.01  # of the time that ticks take may go into keyframes, up to `LONGEST`
+LONGEST: Final = 20.0  # [s] of simulation between two, before they are thinned
+SHARE: Final = 0.01  # of the time that ticks take may go into keyframes
+MOST_WORK: Final = 4.0  # [s] that it may take to do again what is between two: then they may take more
 _log = logging.getLogger(__name__)
 
 
@@ -124,7 +125,7 @@ class FlightRecorder:
         self.end += 1
         self.position = self.end
         passed = simulation.time - self._keyframes[-1].state.time
-        is_affordable = bool(self.capture_times) and self.capture_times[-1] <= SHARE * self._worked
+        is_affordable = self.capture_times[-1] <= SHARE * self._worked or self._worked >= MOST_WORK
         if passed >= LONGEST or (passed >= SHORTEST and is_affordable):
             self._take_keyframe()
 

@@ -335,7 +335,7 @@ class SimulationNode:
     # --- publishing ------------------------------------------------------------------------------------------------
 
     async def _give_markers(self, request: MarkersRequest, key: str) -> Markers:
-        return self._markers.reply(request.limit)
+        return self._markers.reply(request)
 
     async def _give_snapshot(self, request: SnapshotRequest, key: str) -> Snapshot:
         return self.snapshot()

@@ -8,6 +8,7 @@ import pytest
 
 from elys.bus import codec
 from elys.bus.messages.commands import CommandRequest
+from elys.bus.messages.scene import Snapshot
 from elys.bus.mirror import SceneMirror
 from elys.bus.topics import Encoding
 from elys.common.errors import ElysError
@@ -19,9 +20,19 @@ from elys.sim_node.systems.apply_commands import apply_command
 from tests.property.test_command_fuzz import CommandMaker, load
 
 
-def everything(simulation: Simulation) -> tuple[int, object]:
-    """The hash of what moves, and the whole scene."""
-    snapshot = take_snapshot(
+def everything(simulation: Simulation) -> tuple[int, object, bytes, object]:
+    """The hash of what moves, the scene with its settings, and which ids come next.
+
+    Texts by what they say: a command that was refused may have left one in the table of texts, which nobody reads.
+    """
+    snapshot = snapshot_of(simulation)
+    mirror = SceneMirror()
+    mirror.apply_snapshot(snapshot)
+    return simulation.state_hash(), mirror.in_order(), snapshot.free_entities, snapshot.settings
+
+
+def snapshot_of(simulation: Simulation) -> Snapshot:
+    return take_snapshot(
         simulation.world,
         epoch=1,
         tick=simulation.tick,
@@ -30,16 +41,11 @@ def everything(simulation: Simulation) -> tuple[int, object]:
         scene="",
         settings=simulation.settings,
     )
-    return simulation.state_hash(), codec.encode_body(snapshot, Encoding.JSON)
 
 
 def mirror_of(simulation: Simulation) -> SceneMirror:
     mirror = SceneMirror()
-    mirror.apply_snapshot(
-        take_snapshot(
-            simulation.world, epoch=1, tick=0, simulation_time=0.0, sequence=0, scene="", settings=simulation.settings
-        )
-    )
+    mirror.apply_snapshot(snapshot_of(simulation))
     return mirror
 
 

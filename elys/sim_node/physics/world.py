@@ -46,6 +46,10 @@ from elys.sim_node.physics.team import Team
 
 Array = np.ndarray[Any, Any]
 
+_COPIED = frozenset(
+    {"bodies", "poses", "mass", "inertia", "given_inertia", "forces", "colliders", "shapes", "proxies", "joints"}
+)
+
 
 class PhysicsWorld(WorldJoints):
     """Rigid bodies, their shapes, contacts and joints. Methods take entity ids and arrays with one row for each."""
@@ -549,17 +553,22 @@ class PhysicsWorld(WorldJoints):
 
     def snapshot(self) -> dict[str, Array]:
         """Everything that the next steps depend on, as arrays that nothing else holds; the settings are not among them."""
+        live = self._live()
+        return {name: copied_rows(live[name]) if name in _COPIED else live[name] for name in live}
+
+    def _live(self) -> dict[str, Array]:
+        """What a snapshot holds: `_COPIED` as they are worked on, the rest made anew."""
         return {
-            "bodies": copied_rows(self._bodies.rows),
-            "poses": copied_rows(self._bodies.poses),
-            "mass": self._bodies.mass.copy(),
-            "inertia": self._bodies.inertia.copy(),
-            "given_inertia": self._bodies.given_inertia.copy(),
-            "forces": copied_rows(self._bodies.forces),
-            "colliders": copied_rows(self._colliders.rows),
-            "shapes": copied_rows(self._colliders.shapes),
-            "proxies": copied_rows(self._colliders.proxies),
-            "joints": copied_rows(self._joints.rows),
+            "bodies": self._bodies.rows,
+            "poses": self._bodies.poses,
+            "mass": self._bodies.mass,
+            "inertia": self._bodies.inertia,
+            "given_inertia": self._bodies.given_inertia,
+            "forces": self._bodies.forces,
+            "colliders": self._colliders.rows,
+            "shapes": self._colliders.shapes,
+            "proxies": self._colliders.proxies,
+            "joints": self._joints.rows,
             **self._colliders.geometry.saved(),
             **self._contacts.saved(),
             **self._events.saved(),
@@ -580,9 +589,12 @@ class PhysicsWorld(WorldJoints):
         self._query_tree.outdate()
 
     def saved(self) -> dict[str, Any]:
-        """`snapshot`, and with it what no step reads but the next change of settings, or who asks what has gone wrong."""
+        """`snapshot`, and with it what no step reads but the next change of settings, or who asks what has gone wrong.
+
+        Tables are those that are worked on: whoever keeps them copies them.
+        """
         return {
-            **self.snapshot(),
+            **self._live(),
             "settings": self.settings,
             "step_plan": self._step_plan,
             "problems": tuple(self._problems),

@@ -31,12 +31,13 @@ class Flight:
         self.simulation = Simulation.load(open_scene_or_sample(scene, assets), assets)
         self.recorder = FlightRecorder(self.simulation, **options)
         self.hashes = [self.simulation.state_hash()]
+        self.seconds = 1.0  # that each beat is said to have taken
 
     def beat(self, *commands: Command, steps: bool = True) -> list[tuple[int, ...]]:
         made = [apply_command(self.simulation, command) for command in commands]
         self.simulation.step() if steps else self.simulation.settle()
         self.simulation.take_changes(), self.simulation.take_events()
-        self.recorder.note(commands, steps=steps, is_told=bool(commands), seconds=1.0)
+        self.recorder.note(commands, steps=steps, is_told=bool(commands), seconds=self.seconds)
         self.hashes.append(self.simulation.state_hash())
         return made
 
@@ -145,7 +146,7 @@ def test_old_ones_go_and_what_is_left_is_exact():
     flight = Flight(seconds=2.0)
     flight.run(400)
     recorder = flight.recorder
-    assert 400 / 60 - 2.0 - flight_recorder.LONGEST <= recorder.start_time <= 400 / 60 - 2.0
+    assert 400 / 60 - 2.0 - 2.0 * flight_recorder.SHORTEST <= recorder.start_time <= 400 / 60 - 2.0
     oldest = recorder.instant_of_tick(recorder.ticks[0])
     flight.check(oldest)
     flight.check(oldest + 30)
@@ -173,7 +174,11 @@ def test_keyframes_are_thinned_and_the_oldest_go_where_room_is_short():
 def test_keyframes_wait_where_they_would_cost_too_much(monkeypatch):
     monkeypatch.setattr(flight_recorder, "SHARE", 0.0)
     flight = Flight()
-    flight.run(int(60 * flight_recorder.LONGEST) * 2)
+    flight.seconds = 1e-4
+    flight.run(int(60 * flight_recorder.LONGEST) + 10)
+    assert flight.recorder.keyframe_count == 2
+    flight.seconds = 0.02  # to do more than 4 s again would be long to wait
+    flight.run(int(flight_recorder.MOST_WORK / 0.02) + 10)
     assert flight.recorder.keyframe_count == 3
 
 
