@@ -1,7 +1,7 @@
 """What a person does with time: the bar's view of it, loops, bookmarks and markers. Needs no ImGui to be tested.
 
-A recording and the flight recorder of a simulation are one thing here: a span of time in which the host can go to any instant. Only
-a simulation can also go on from the past as a fork.
+A recording and the flight recorder of a simulation are one thing here: a span of time in which the host can go to any instant.
+Only a simulation can also go on from the past as a fork.
 """
 
 from __future__ import annotations
@@ -307,4 +307,4 @@ def round_times(first: float, last: float, width: float, distance: float) -> lis
         (base * 10.0**power for power in range(-3, 7) for base in (1.0, 2.0, 5.0) if base * 10.0**power >= least), 1e7
     )
     begin = -(-first // step) * step
-    return [round(begin + place * step, 6) for place in range(int((last - begin) / step) + 1)]
+    return [round(begin + place * step, 6) for place in range(int((last - begin) / step + 1e-6) + 1)]

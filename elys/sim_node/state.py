@@ -76,7 +76,7 @@ class Column(NamedTuple):
         if isinstance(previous, Column) and previous.equals(array):
             return previous
         if is_ours and array.flags.c_contiguous and array.nbytes:
-            return cls(array.dtype, array.shape, memoryview(_flat_bytes(array)).toreadonly())
+            return cls(array.dtype, array.shape, _flat_bytes(array).data.toreadonly())
         return cls(array.dtype, array.shape, array.tobytes())
 
     def equals(self, array: NDArray[Any]) -> bool:

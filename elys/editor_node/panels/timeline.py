@@ -278,9 +278,9 @@ def _told(ui: Ui, marker: Marker) -> str:
         case "trigger":
             text = tr("{other} enters {one}", one=one, other=other)
         case "edit" if marker.entity:
-            text = f"{tr('Edit')}: {marker.text}, {one}"
+            text = f"{tr('Edited')}: {marker.text}, {one}"
         case "edit":
-            text = f"{tr('Edit')}: {marker.text}"
+            text = f"{tr('Edited')}: {marker.text}"
         case _:
             text = marker.text
     return f"{marker.time:.2f} s   {text}"

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import json
 from collections.abc import AsyncIterator
+from pathlib import Path
 
 import pytest
 
-from elys.bus import topics
+from elys.bus import codec, topics
 from elys.bus.following import follow_scene, follow_state
+from elys.bus.marker_log import MarkerLog
 from elys.bus.messages.commands import (
     Command,
     CommandReply,
@@ -22,11 +25,15 @@ from elys.bus.messages.commands import (
     Spawn,
     StepTicks,
 )
-from elys.bus.messages.session import Event, SessionStatus
-from elys.bus.messages.state_frame import StateFrame
-from elys.bus.messages.timeline import MarkersRequest
+from elys.bus.messages.session import Event, EventBatch, SessionStatus
+from elys.bus.messages.state_frame import HEADER, StateFrame
+from elys.bus.messages.timeline import Marker, MarkersRequest
 from elys.bus.mirror import SceneMirror
+from elys.bus.player import Player
+from elys.bus.recorder import Recorder, record_session
+from elys.bus.recording import Recording
 from elys.bus.session import Session
+from elys.bus.topics import Encoding
 from elys.bus.transports.loopback import LoopbackBroker
 from elys.common.assets.store import AssetStore
 from elys.common.errors import RequestError
@@ -83,6 +90,7 @@ class Watcher:
         return {frame.tick: frame.state_hash for frame in self.frames}
 
     node: SimulationNode
+    broker: LoopbackBroker
 
 
 @contextlib.asynccontextmanager
@@ -95,7 +103,7 @@ async def watched(keep: float = 60.0) -> AsyncIterator[Watcher]:
     running = asyncio.create_task(node.run())
     session = await Session.join(broker.connect(), kind="tool")
     watcher = Watcher(session)
-    watcher.node = node
+    watcher.node, watcher.broker = node, broker
     try:
         await watcher.begin()
         yield watcher
@@ -255,6 +263,123 @@ def test_without_a_recorder_there_is_no_way_back():
             assert it.status.start_time == it.status.end_time == it.status.simulation_time
 
     asyncio.run(main())
+
+
+class Recorded:
+    """Records a session from outside, and knows what it has."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, it: Watcher, path: Path) -> None:
+        self.it, self.path = it, path
+        self.heard: list[tuple[str, bytes]] = []
+        write = Recorder.message
+
+        def message(recorder: Recorder, channel: str, body: bytes, *, time_ns: int) -> None:
+            self.heard.append((channel, body))
+            write(recorder, channel, body, time_ns=time_ns)
+
+        monkeypatch.setattr(Recorder, "message", message)
+
+    async def __aenter__(self) -> None:
+        self.session = await Session.join(self.it.broker.connect(), kind="recorder")
+        self.stop = asyncio.Event()
+        self.running = asyncio.create_task(record_session(self.session, self.path, self.stop))
+        await self.it.until(lambda: self.sequences("snapshot"))
+
+    async def __aexit__(self, *_: object) -> None:
+        tick = self.it.node.simulation.tick
+        await self.it.until(lambda: self.ticks() and self.ticks()[-1] == tick and not self.lacks_snapshot())
+        self.stop.set()
+        await self.running
+        await self.session.close()
+
+    def ticks(self) -> list[int]:
+        return [HEADER.unpack_from(body)[1] for channel, body in self.heard if channel == "state"]
+
+    def sequences(self, channel: str) -> list[int]:
+        return [json.loads(body)["sequence"] for heard, body in self.heard if heard == channel]
+
+    def lacks_snapshot(self) -> bool:
+        deltas = [json.loads(body) for channel, body in self.heard if channel == "delta"]
+        resyncs = [delta["sequence"] for delta in deltas if delta.get("resync")]
+        return bool(resyncs) and max(self.sequences("snapshot")) < max(resyncs)
+
+
+def test_a_recording_of_a_session_that_was_rewound_is_of_the_history_that_was_kept(tmp_path, monkeypatch):
+    path = tmp_path / "run.mcap"
+
+    async def main() -> dict[int, int]:
+        async with watched() as it, Recorded(monkeypatch, it, path):
+            await it.step(30)
+            await it.do(Spawn(records=(BOX,)))
+            await it.step(40)
+            await it.do(Rewind(tick=10))  # only looked at
+            await it.step(5)
+            await it.do(Seek(time=100.0))
+            await it.step(10)
+            kept = it.hashes()
+            await it.do(Rewind(tick=50))
+            await it.current()
+            cube = int(it.frames[-1].entity[0])
+            push = {"linear_velocity": [3.0, 0.0, 0.0]}
+            await it.do(SetComponent(entity=cube, component="RigidBody", values=push))
+            await it.step(60)
+            await it.current()
+            return {tick: value for tick, value in kept.items() if tick <= 50} | {
+                frame.tick: frame.state_hash for frame in it.frames if frame.is_forked or frame.tick > 80
+            }
+
+    kept = asyncio.run(main())
+    with Recording(path) as recording:
+        told = {int(tick): recording.frame(place).state_hash for place, tick in enumerate(recording.tick)}
+        assert max(told) == 110
+        assert sorted(told) == list(range(min(told), 111))
+        assert told == {tick: kept[tick] for tick in told}
+        mirror = recording.mirror_at(len(recording) - 1)
+        assert len(mirror.entities) == len(recording.mirror_at(20).entities) + 1
+        # Each kind of message once: what was told again, and what a fork made void, is not part of it.
+        forks = [
+            event
+            for message in recording.messages_of(0, len(recording) - 1)
+            if message.channel == "events"
+            for event in codec.decode_body(message.body, EventBatch, Encoding.JSON).events
+        ]
+        assert [event.values for event in forks if event.kind == "forked"] == [{"from_tick": 50, "dropped_ticks": 30}]
+
+
+def test_the_player_of_a_recording_finds_its_markers(tmp_path, monkeypatch):
+    path = tmp_path / "run.mcap"
+
+    async def record() -> None:
+        async with watched() as it, Recorded(monkeypatch, it, path):
+            await it.step(20)
+            await it.do(Spawn(records=(BOX,)))
+            await it.step(130)
+
+    async def play() -> list[Marker]:
+        broker = LoopbackBroker()
+        with Recording(path) as recording:
+            host = await Session.host(broker.listen(), name="stack", kind="replay", epoch=7)
+            running = asyncio.create_task(Player(recording, host, playing=False).run())
+            session = await Session.join(broker.connect(), kind="editor")
+            log = MarkerLog()
+            log.line = 0
+            async with asyncio.timeout(20.0):
+                while not any(marker.kind == "collision" and marker.strength > 1.0 for marker in log.markers):
+                    request = MarkersRequest(from_tick=log.last_tick, line=log.line)
+                    log.take(await session.request(topics.MARKERS, request))
+                    await asyncio.sleep(0.001)
+            running.cancel()
+            await asyncio.gather(running, return_exceptions=True)
+            await session.close()
+            await host.close()
+            return list(log.markers)
+
+    asyncio.run(record())
+    markers = asyncio.run(play())
+    (edit,) = [marker for marker in markers if marker.kind == "edit"]
+    assert (edit.tick, edit.text, edit.time) == (20, "spawn", pytest.approx(20 / 60))
+    hardest = max(markers, key=lambda marker: marker.strength)
+    assert hardest.tick > 20  # the box that fell
 
 
 def test_where_there_is_no_time_to_go_to():
