@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import sys
+import tempfile
 from pathlib import Path
 
 from elys.bus import topics
@@ -19,6 +20,7 @@ TICK = 110  # much lies, much still falls
 
 def main() -> None:
     os.environ["ELYS_NULL_PLATFORM"] = "1"
+    os.environ["ELYS_STATE_DIR"] = tempfile.mkdtemp()  # no bookmark of a person's own is shown, or lost
     PICTURES.mkdir(exist_ok=True)
     elys = (sys.executable, "-m", "elys")
     simulation = (*elys, "run", "yard", "--headless", "--paused", "--listen", ENDPOINT)
@@ -29,6 +31,7 @@ def main() -> None:
         running(render, env=env, wait_for="drawing views"),
     ):
         asyncio.run(draw_editor(PICTURES / "editor.png"))
+        asyncio.run(draw_timeline(PICTURES / "timeline.png"))
 
 
 async def draw_editor(path: Path) -> None:
@@ -49,6 +52,41 @@ async def draw_editor(path: Path) -> None:
                 editor.application.keep_awake(1.0)
                 await asyncio.sleep(0.1)
             editor.screenshot(path)
+            editor.application.close()
+            await window
+    print(path)
+
+
+async def draw_timeline(path: Path) -> None:
+    """The editor's window on the yard, four seconds in, rewound to the second, with a loop and two bookmarks."""
+    from imgui_bundle import imgui
+
+    from elys.editor_node.node import Editor
+    from elys.editor_node.panels import timeline
+
+    async with joined(ENDPOINT, kind="editor") as session:
+        with Editor(session, null_platform=True, size=(1600, 900)) as editor:
+            window = asyncio.create_task(editor.run())
+            model, line = editor.model, editor.model.timeline
+            while not model.scene.is_known or model.status is None:
+                await asyncio.sleep(0.05)
+            await session.request(topics.COMMAND, CommandRequest(origin="pictures", command=StepTicks(count=240)))
+            while not model.status.tick >= TICK + 240:
+                await asyncio.sleep(0.05)
+            box = next(e.id for e in model.scene.mirror.entities.values() if e.name == "Box 8")
+            model.edit.set_fields([box], "Material", {"color": (0.9, 0.2, 0.1, 1.0)})
+            await model.history.settle()
+            for name, at in (("first hits", 0.9), ("all lie", 4.6)):
+                line.bookmarks.add(name, at)
+            line.loop_start, line.loop_end, line.is_looping = 1.5, 3.5, True
+            line.go_to(2.0)
+            for _ in range(80):
+                imgui.set_window_focus(timeline.TITLE)
+                editor.application.keep_awake(1.0)
+                await asyncio.sleep(0.1)
+            editor.screenshot(path)
+            for bookmark in line.bookmarks.all:
+                line.bookmarks.remove(bookmark)
             editor.application.close()
             await window
     print(path)
