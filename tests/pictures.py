@@ -1,4 +1,7 @@
-"""make pictures: draws the pictures of the docs anew, with the real nodes. Look at them before committing."""
+"""make pictures: draws the pictures of the docs anew, with the real nodes; or those that are named, as `timeline`.
+
+Look at them before committing.
+"""
 
 from __future__ import annotations
 
@@ -30,8 +33,9 @@ def main() -> None:
         running(simulation, env=env, wait_for="simulating"),
         running(render, env=env, wait_for="drawing views"),
     ):
-        asyncio.run(draw_editor(PICTURES / "editor.png"))
-        asyncio.run(draw_timeline(PICTURES / "timeline.png"))
+        for name, draw in (("editor", draw_editor), ("timeline", draw_timeline)):
+            if name in (sys.argv[1:] or [name]):
+                asyncio.run(draw(PICTURES / f"{name}.png"))
 
 
 async def draw_editor(path: Path) -> None:
@@ -70,11 +74,12 @@ async def draw_timeline(path: Path) -> None:
             model, line = editor.model, editor.model.timeline
             while not model.scene.is_known or model.status is None:
                 await asyncio.sleep(0.05)
-            await session.request(topics.COMMAND, CommandRequest(origin="pictures", command=StepTicks(count=240)))
-            while not model.status.tick >= TICK + 240:
+            ticks = StepTicks(count=TICK + 240 - model.status.tick)
+            await session.request(topics.COMMAND, CommandRequest(origin="pictures", command=ticks))
+            while model.status.tick < TICK + 240:
                 await asyncio.sleep(0.05)
             box = next(e.id for e in model.scene.mirror.entities.values() if e.name == "Box 8")
-            model.edit.set_fields([box], "Material", {"color": (0.9, 0.2, 0.1, 1.0)})
+            model.edit.set_fields([box], "Material", {"roughness": 0.2})
             await model.history.settle()
             for name, at in (("first hits", 0.9), ("all lie", 4.6)):
                 line.bookmarks.add(name, at)
