@@ -44,6 +44,11 @@ class Cluster(NamedTuple):
     x: float  # [pixels] from the bar's left
     markers: tuple[Marker, ...]
 
+    @property
+    def impulse(self) -> float:
+        """Of its hardest collision [N s]; 0 without one."""
+        return max(marker.strength for marker in self.markers)
+
 
 class Timeline:
     """The time of one session, as its bar shows it.

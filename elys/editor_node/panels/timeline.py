@@ -16,6 +16,7 @@ from elys.editor_node.ui import Ui, action_item, centered_text, color_code, dim_
 TITLE: Final = f"{icons.ICON_FA_FILM}  Timeline###Timeline"
 _LABEL_DISTANCE: Final = 90.0  # [pixels] least distance between two labels
 _REACH: Final = 4.0  # [pixels] around a mark within which the pointer is on it
+_MARK_HEIGHTS: Final = (4.0, 20.0)  # [pixels] of the weakest collision, and of the hardest and all else
 _TOLD: Final = 6  # markers of one mark that its tooltip names
 _RATES: Final = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
 _COLORS: Final[dict[MarkerKind, Rgba]] = {
@@ -247,10 +248,13 @@ class TimelinePanel:
             draw_list.add_line((x, low.y), (x, low.y + 6.0), color_code(TEXT_DIM))
             if x < high.x - 20.0:
                 draw_list.add_text((x + 3.0, low.y + 3.0), color_code(TEXT_DIM), f"{time:g}")
+        hardest = max((cluster.impulse for cluster in clusters), default=0.0)
         for cluster in clusters:
-            x, color = low.x + cluster.x, color_code(_COLORS[cluster.markers[0].kind])
-            tall = min(4.0 + 2.0 * len(cluster.markers), 14.0)
-            draw_list.add_rect_filled((x - 1.5, high.y - 4.0 - tall), (x + 1.5, high.y - 2.0), color, 1.0)
+            first_kind = cluster.markers[0].kind
+            share = (cluster.impulse / hardest) ** 0.5 if first_kind == "collision" and hardest > 0.0 else 1.0
+            x, tall = low.x + cluster.x, _MARK_HEIGHTS[0] + share * (_MARK_HEIGHTS[1] - _MARK_HEIGHTS[0])
+            color = color_code(_COLORS[first_kind])
+            draw_list.add_rect_filled((x - 1.5, high.y - 2.0 - tall), (x + 1.5, high.y - 2.0), color, 1.0)
         for bookmark in line.bookmarks.all:
             x = low.x + line.x_of(bookmark.time, width)
             draw_list.add_triangle_filled((x - 5.0, low.y), (x + 5.0, low.y), (x, low.y + 8.0), color_code(TEXT))
