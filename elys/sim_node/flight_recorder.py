@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import logging
 import time
+from bisect import bisect_right
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -31,8 +32,9 @@ SECONDS: Final = 60.0  # [s] of simulation kept
 ROOM: Final = 256 << 20  # [bytes] of keyframes and commands
 SHORTEST: Final = 1.0  # [s] of simulation between two keyframes
 LONGEST: Final = 20.0  # [s] of simulation between two, before they are thinned
-SHARE: Final = 0.01  # of the time that ticks take may go into keyframes
+SHARE: Final = 0.015  # of the time that ticks take may go into keyframes
 MOST_WORK: Final = 4.0  # [s] that it may take to do again what is between two: then they may take more
+NEAR: Final = 30  # beats between keyframes that are added where somebody goes back and forth: there time stands still
 _log = logging.getLogger(__name__)
 
 
@@ -76,6 +78,8 @@ class FlightRecorder:
         self._first = 0
         self._keyframes: list[_Keyframe] = []
         self._command_size = 0
+        self._simulation.capture()  # what is loaded at its first use does not count as the cost of a keyframe
+        self._simulation.state_hash()
         self._take_keyframe()
 
     # --- what there is ---------------------------------------------------------------------------------------------
@@ -177,6 +181,7 @@ class FlightRecorder:
             self.position = keyframe.instant
         while self.position < instant:
             self._again()
+            self._add_keyframe()
         self._simulation.take_events()
         self._simulation.take_changes()
         self._simulation.take_stop()
@@ -220,6 +225,17 @@ class FlightRecorder:
     def _beat(self, instant: int) -> Beat:
         """What leads away from an instant."""
         return self._beats[instant - self._first]
+
+    def _add_keyframe(self) -> None:
+        """Keeps this instant too, where the nearest keyframes are far and there is room: who looks here will look again."""
+        place = bisect_right(self._keyframes, self.position, key=lambda keyframe: keyframe.instant)
+        before = self._keyframes[place - 1]
+        after = self._keyframes[place].instant if place < len(self._keyframes) else self.end
+        if self.position - before.instant < NEAR or after - self.position < NEAR // 2:
+            return
+        state = self._simulation.capture(before.state)
+        if self.size + state.size <= self._room:
+            self._keyframes.insert(place, _Keyframe(self.position, state, self._simulation.state_hash()))
 
     def _take_keyframe(self) -> None:
         began = time.perf_counter()

@@ -64,7 +64,7 @@ def eventful() -> Flight:
 
 def test_any_instant_in_any_order():
     flight = eventful()
-    assert flight.recorder.keyframe_count == 3
+    assert flight.recorder.keyframe_count == 3  # each second
     for instant in (0, 1, 168, 72, 71, 70, 135, 136, 30, 137, 60, 61, 0, len(flight.hashes) - 1):
         flight.check(instant)
     assert not flight.recorder.is_rewound
@@ -180,6 +180,24 @@ def test_keyframes_wait_where_they_would_cost_too_much(monkeypatch):
     flight.seconds = 0.02  # to do more than 4 s again would be long to wait
     flight.run(int(flight_recorder.MOST_WORK / 0.02) + 10)
     assert flight.recorder.keyframe_count == 3
+
+
+def test_where_somebody_looks_keyframes_are_added_if_there_is_room(monkeypatch):
+    monkeypatch.setattr(flight_recorder, "SHARE", 0.0)
+    flight = Flight()
+    flight.seconds = 1e-4
+    flight.run(200)
+    assert flight.recorder.keyframe_count == 1
+    flight.check(150)
+    assert [keyframe.instant for keyframe in flight.recorder._keyframes] == [0, 30, 60, 90, 120, 150]
+    flight.check(149), flight.check(200), flight.check(61)
+    flight.recorder.fork()
+    assert [keyframe.instant for keyframe in flight.recorder._keyframes] == [0, 30, 60]
+    full = Flight(room=flight.simulation.capture().size)
+    full.seconds = 1e-4
+    full.run(200)
+    full.check(150)
+    assert full.recorder.keyframe_count == 1
 
 
 def test_a_system_that_remembers_is_found_out_and_what_was_kept_counts(caplog):
