@@ -117,21 +117,28 @@ class FlightRecorder:
 
     # --- going on --------------------------------------------------------------------------------------------------
 
-    def note(self, commands: Sequence[Command], *, steps: bool, is_told: bool, seconds: float) -> None:
-        """Keeps what has just happened at the newest instant: commands, then a step or not; it took `seconds`."""
-        simulation = self._simulation
+    def note(self, commands: Sequence[Command], *, steps: bool, is_told: bool, seconds: float) -> bool:
+        """Keeps what has just happened at the newest instant: commands, then a step or not; it took `seconds`.
+
+        Returns whether a keyframe was taken: then the oldest instant may be another.
+        """
         self._worked += seconds
         if not (commands or steps):
-            return
-        size = sum(len(msgspec.json.encode(command)) for command in commands)
-        self._beats.append(Beat(simulation.tick, simulation.time, tuple(commands), steps, is_told, size))
+            return False
+        now = self._simulation.time
+        size = sum(len(msgspec.json.encode(command)) for command in commands) if commands else 0
+        self._beats.append(Beat(self._simulation.tick, now, tuple(commands), steps, is_told, size))
         self._command_size += size
         self.end += 1
         self.position = self.end
-        passed = simulation.time - self._keyframes[-1].state.time
+        passed = now - self._keyframes[-1].state.time
+        if passed < SHORTEST:
+            return False
         is_affordable = self.capture_times[-1] <= SHARE * self._worked or self._worked >= MOST_WORK
-        if passed >= LONGEST or (passed >= SHORTEST and is_affordable):
+        if is_affordable or passed >= LONGEST:
             self._take_keyframe()
+            return True
+        return False
 
     def fork(self) -> int:
         """What came after this instant is forgotten: it is the newest now. Returns how many ticks are."""

@@ -218,8 +218,9 @@ class SimulationNode:
         if self._is_broken:
             self._is_broken = False
             self.flight.start_anew()
-        elif not self._repeated:
-            self.flight.note(done, steps=stepping, is_told=is_told, seconds=stages.total * 1e-3)
+        elif not self._repeated and self.flight.note(
+            done, steps=stepping, is_told=is_told, seconds=stages.total * 1e-3
+        ):
             self._markers.forget_before(self.flight.ticks[0])
         stages.done("keep_instant")
 

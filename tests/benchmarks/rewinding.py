@@ -28,28 +28,39 @@ def measure(what: str, count: int, *, first: int, ticks: int) -> None:
         simulation.step()
     simulation.capture(), simulation.state_hash()  # machine code is loaded
     recorder = FlightRecorder(simulation)
-    worked, noted, captures = [], [], []  # [s] of this thread
+    worked, noted = [], []  # [s]
     for _ in range(ticks):
-        began, known = time.thread_time(), len(recorder.capture_times)
+        began = time.perf_counter()
         simulation.step()
-        stepped = time.thread_time()
+        stepped = time.perf_counter()
         recorder.note((), steps=True, is_told=False, seconds=stepped - began)
+        noted.append(time.perf_counter() - stepped)
         worked.append(stepped - began)
-        noted.append(time.thread_time() - stepped)
-        if len(recorder.capture_times) > known:
-            captures.append(noted[-1])
+    keyframe = _keyframe_cost(simulation)
+    taken = len(recorder.capture_times) - 1
+    share = (ticks * statistics.median(noted) + taken * keyframe) / sum(worked)
     one = simulation.capture().size / 1e6
     print(
-        f"{count} cubes {what}: {ticks} ticks of {1e3 * statistics.mean(worked):.2f} ms; {len(captures)} keyframes of "
-        f"{1e3 * statistics.median(captures or [0.0]):.1f} ms (worst {1e3 * max(captures, default=0.0):.1f}) and {one:.1f} MB, "
-        f"{recorder.keyframe_count} kept in {recorder.size / 1e6:.1f} MB; share of the ticks "
-        f"{100.0 * sum(noted) / sum(worked):.2f} %"
+        f"{count} cubes {what}: {ticks} ticks, half of them above {1e3 * statistics.median(worked):.2f} ms; to note one "
+        f"{1e6 * statistics.median(noted):.1f} us; {taken} keyframes of {1e3 * keyframe:.1f} ms and {one:.1f} MB, with the first "
+        f"{recorder.keyframe_count} kept in {recorder.size / 1e6:.1f} MB; share of the ticks {100.0 * share:.2f} %"
     )
     state = simulation.capture()
     began = time.thread_time()
     simulation.restore(state)
     restored = 1e3 * (time.thread_time() - began)
     print(f"    to go back to a keyframe {restored:.1f} ms, as bytes {len(state.to_bytes()) / 1e6:.1f} MB")
+
+
+def _keyframe_cost(simulation: Simulation) -> float:
+    """What a keyframe takes of this thread [s], the median of five with ticks between."""
+    state, times = simulation.capture(), []
+    for _ in range(5):
+        simulation.step()
+        began = time.thread_time()
+        state = simulation.capture(state)
+        times.append(time.thread_time() - began)
+    return statistics.median(times)
 
 
 def main() -> None:
