@@ -101,7 +101,7 @@ def _time_actions(model: EditorModel) -> tuple[Action, ...]:
         wind("previous_marker", "To the marker before", "Alt+,", lambda: line.go_to_next(-1)),
         wind("next_marker", "To the next marker", "Alt+.", lambda: line.go_to_next(1)),
         wind("bookmark", "Bookmark this instant", "Ctrl+B", line.add_bookmark),
-        Action(name="time.loop", label="Loop", keys=("L",), run=line.toggle_loop, is_on=lambda: line.is_looping),
+        Action(name="time.loop", label="Loop", keys=("L",), run=line.toggle_loop, is_on=lambda: line.loops),
         wind("loop_start", "Loop from here", "[", line.set_loop_start),
         wind("loop_end", "Loop up to here", "]", line.set_loop_end),
         Action(

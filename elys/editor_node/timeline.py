@@ -12,7 +12,7 @@ from typing import Final, NamedTuple, Protocol, get_args
 
 from elys.bus import topics
 from elys.bus.marker_log import MarkerLog
-from elys.bus.messages.commands import Command, Resume, Seek, SetPlaying
+from elys.bus.messages.commands import Command, Resume, Seek, SetLoop, SetPlaying
 from elys.bus.messages.session import SessionStatus
 from elys.bus.messages.timeline import Marker, MarkerKind, MarkersRequest
 from elys.bus.session import Session
@@ -31,6 +31,7 @@ class Host(Protocol):
 
     session: Session
     status: SessionStatus | None
+    request_redraw: Callable[[float], None]
 
     @property
     def is_playing(self) -> bool: ...
@@ -68,6 +69,8 @@ class Timeline:
         self._asking: asyncio.Task[None] | None = None
         self._asked_at = -ASK_EVERY
         self._jumping: asyncio.Task[None] | None = None
+        self._shown: tuple[object, list[Marker]] = (None, [])  # what it was made of, and it
+        self._clusters: tuple[object, list[Cluster]] = (None, [])
         self._bookmarks: tuple[str, Bookmarks] | None = None
         self.loop_start: float | None = None
         self.loop_end: float | None = None
@@ -94,6 +97,11 @@ class Timeline:
         """Whether there is any other time to go to."""
         start, end = self.span
         return end > start
+
+    @property
+    def _is_replay(self) -> bool:
+        status = self._host.status
+        return status is not None and status.kind == "replay"
 
     @property
     def is_rewound(self) -> bool:
@@ -191,9 +199,19 @@ class Timeline:
         self.loop_start = self.loop_end = None
         self.is_looping = False
 
+    @property
+    def loops(self) -> bool:
+        """Whether it loops, or the host does by itself."""
+        status = self._host.status
+        return self.is_looping or (status is not None and status.loop)
+
     def toggle_loop(self) -> None:
-        """Loops or does not."""
-        self.is_looping = not self.is_looping
+        """Loops or does not: a recording from end to end, a simulation over what is kept now, where no ends were set."""
+        self.is_looping = not self.loops
+        if self._is_replay:
+            self._host.command("Set loop", SetLoop(loop=self.is_looping))
+        elif self.is_looping:
+            self.loop_start, self.loop_end = self.loop
 
     @property
     def loop(self) -> tuple[float, float]:
@@ -205,6 +223,8 @@ class Timeline:
 
     def follow(self, time: float) -> None:
         """The host shows a time [s], playing: at the end of the loop it is sent back to its beginning."""
+        if self._is_replay and self.loop_start is None and self.loop_end is None:
+            return  # the host goes back from its end by itself
         first, last = self.loop
         is_there = time >= last - 1e-9 or time < first - 1e-9
         if not (self.is_looping and self._host.is_playing and is_there and last > first):
@@ -237,7 +257,10 @@ class Timeline:
     @property
     def markers(self) -> list[Marker]:
         """Those that are to be seen, in the order of time."""
-        return [marker for marker in self._log.markers if self._is_shown(marker)]
+        key = (self._log.version, frozenset(self.shown_kinds), self.least_impulse)
+        if key != self._shown[0]:
+            self._shown = (key, [marker for marker in self._log.markers if self._is_shown(marker)])
+        return self._shown[1]
 
     @property
     def marker_count(self) -> int:
@@ -246,8 +269,15 @@ class Timeline:
 
     def clusters(self, width: float) -> list[Cluster]:
         """Marks for a bar of a width [pixels]: markers that would stand on one another are one."""
+        markers = self.markers
+        key = (self._shown[0], self.view, width)
+        if key != self._clusters[0]:
+            self._clusters = (key, self._clustered(markers, width))
+        return self._clusters[1]
+
+    def _clustered(self, markers: list[Marker], width: float) -> list[Cluster]:
         found: list[tuple[float, list[Marker]]] = []
-        for marker in self.markers:
+        for marker in markers:
             x = self.x_of(marker.time, width)
             if not -NEAR <= x <= width + NEAR:
                 continue
@@ -255,7 +285,7 @@ class Timeline:
                 found[-1][1].append(marker)
             else:
                 found.append((x, [marker]))
-        return [Cluster(x, tuple(sorted(markers, key=_weight, reverse=True))) for x, markers in found]
+        return [Cluster(x, tuple(sorted(near, key=_weight, reverse=True))) for x, near in found]
 
     def go_to_next(self, direction: int) -> None:
         """Goes to the next marker or bookmark: later with 1, earlier with -1; stays where there is none."""
@@ -285,7 +315,10 @@ class Timeline:
             reply = await self._host.session.request(topics.MARKERS, request, timeout=5.0)
         except BusError:
             return  # the host is gone, or keeps none: the bar does without
+        version = self._log.version
         self._log.take(reply)
+        if self._log.version != version:
+            self._host.request_redraw(0.0)
 
     def forget(self) -> None:
         """The host is another: its markers and its loop are its own."""

@@ -55,7 +55,7 @@ class TimelinePanel:
             else:
                 line.ask_for_markers()
                 self._draw_buttons(ui, status)
-                self._draw_choices(ui, status)
+                self._draw_choices(ui)
                 self._draw_bar(ui, status)
         imgui.end()
 
@@ -101,13 +101,10 @@ class TimelinePanel:
         imgui.set_item_tooltip(tr("Simulated seconds in a second"))
         imgui.same_line(0.0, 2.0)
 
-    def _draw_choices(self, ui: Ui, status: SessionStatus) -> None:
+    def _draw_choices(self, ui: Ui) -> None:
         line = ui.model.timeline
-        active = line.is_looping or status.loop
-        if icon_button(icons.ICON_FA_REPEAT, "loop", tr("Loop"), active=active):
-            line.is_looping = not active
-            if status.kind == "replay":
-                ui.model.set_loop(line.is_looping)
+        if icon_button(icons.ICON_FA_REPEAT, "loop", tr("Loop"), active=line.loops):
+            line.toggle_loop()
         ui.landmarks.note("timeline/loop")
         imgui.same_line(0.0, 2.0)
         _button(ui, icons.ICON_FA_RIGHT_FROM_BRACKET, "time.loop_start")

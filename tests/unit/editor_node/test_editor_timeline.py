@@ -8,6 +8,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from elys.bus import topics
 from elys.bus.messages import commands as c
 from elys.bus.messages.session import SessionStatus
 from elys.bus.messages.timeline import Marker, Markers
@@ -34,13 +35,15 @@ class Session:
 class Host:
     """What a timeline asks for, written down."""
 
-    def __init__(self, *, start: float = 0.0, end: float = 10.0, now: float = 10.0, **more) -> None:
+    def __init__(
+        self, *, start: float = 0.0, end: float = 10.0, now: float = 10.0, kind: str = "simulation", **more
+    ) -> None:
         self.session = Session()
         self.sought: list[float] = []
         self.commands: list[c.Command] = []
         self.status = SessionStatus(
             epoch=1,
-            kind="simulation",
+            kind=kind,
             scene="yard",
             tick=round(now * 60),
             simulation_time=now,
@@ -54,6 +57,9 @@ class Host:
     @property
     def is_playing(self) -> bool:
         return self.status.playing
+
+    def request_redraw(self, within: float) -> None:
+        pass
 
     def seek(self, time: float) -> None:
         self.sought.append(time)
@@ -126,14 +132,39 @@ def test_a_loop_goes_back_to_its_beginning_and_plays():
         assert host.commands == []
         line.follow(5.0)
         line.follow(5.0)  # on its way already
-        await asyncio.sleep(0.01)
+        await asyncio.sleep(0)
+        await line._jumping
         assert host.commands == [c.Seek(time=3.0), c.SetPlaying(playing=True)]
         line.follow(1.0)  # before it: into it
-        await asyncio.sleep(0.01)
+        await asyncio.sleep(0)
+        await line._jumping
         assert host.commands[2:] == host.commands[:2]
         line.toggle_loop()
         line.follow(6.0)
         assert len(host.commands) == 4
+
+    asyncio.run(main())
+
+
+def test_without_ends_a_simulation_loops_over_what_is_kept_and_a_recording_loops_itself():
+    async def main() -> None:
+        host = Host(start=2.0, now=5.0)
+        line = line_of(host)
+        line.toggle_loop()
+        host.at(10.5, end_time=10.5, playing=True)
+        assert line.loop == (2.0, 10.0)
+        assert host.commands == []
+        recording = Host(kind="replay")
+        line = line_of(recording)
+        line.toggle_loop()
+        recording.at(10.0, playing=True, loop=True)
+        line.follow(10.0)
+        await asyncio.sleep(0)
+        assert recording.commands == [c.SetLoop(loop=True)]
+        line.is_looping = False
+        assert line.loops
+        line.toggle_loop()
+        assert recording.commands[1:] == [c.SetLoop(loop=False)]
 
     asyncio.run(main())
 
@@ -247,9 +278,6 @@ def with_time(person: Person, *, start: float = 0.0, end: float = 10.0, now: flo
     )
     host.publish_status = lambda: host.session.publish(topics.STATUS, changed)
     host.publish_status()
-
-
-from elys.bus import topics  # noqa: E402
 
 
 async def opened(person: Person, **more) -> None:
