@@ -68,6 +68,7 @@ class FlightRecorder:
         self._seconds = seconds
         self._room = room
         self.capture_times: deque[float] = deque(maxlen=1000)  # [s] of the last keyframes
+        self._is_corrected = False  # what was done again came out otherwise, and was put right
         self._worked = 0.0  # [s] that ticks took since the last keyframe
         self.start_anew()
 
@@ -181,7 +182,7 @@ class FlightRecorder:
 
     def go_to(self, instant: int) -> bool:
         """Brings the simulation to a kept instant. Returns whether scene and settings may be others than frames tell of."""
-        before = self.position
+        before, self._is_corrected = self.position, False
         keyframe = next(k for k in reversed(self._keyframes) if k.instant <= instant)
         if not keyframe.instant <= self.position <= instant:
             self._simulation.restore(keyframe.state)
@@ -193,14 +194,20 @@ class FlightRecorder:
         self._simulation.take_changes()
         self._simulation.take_stop()
         first, last = min(before, instant), max(before, instant)
-        return any(beat.is_told for beat in islice(self._beats, first - self._first, last - self._first))
+        return self._is_corrected or any(
+            beat.is_told for beat in islice(self._beats, first - self._first, last - self._first)
+        )
 
-    def repeat(self) -> None:
-        """Goes on by one step that is kept, with the commands before it, and those made while time stood still after it."""
-        stepped = False
+    def repeat(self) -> bool:
+        """Goes on by one step that is kept, with the commands before it, and those made while time stood still after it.
+
+        Returns whether the scene may be another than its changes tell.
+        """
+        stepped = self._is_corrected = False
         while self.is_rewound and not (stepped and self._beat(self.position).steps):
             stepped |= self._beat(self.position).steps
             self._again()
+        return self._is_corrected
 
     # --- inside ----------------------------------------------------------------------------------------------------
 
@@ -225,6 +232,7 @@ class FlightRecorder:
                     beat.tick,
                 )
                 simulation.restore(keyframe.state)
+                self._is_corrected = True
 
     def _keyframes_at(self, instant: int) -> Iterator[_Keyframe]:
         return (keyframe for keyframe in self._keyframes if keyframe.instant == instant)

@@ -191,7 +191,7 @@ class SimulationNode:
     def _step(self, stages: StageTimes) -> None:
         self._repeated = self._is_rewound
         if self.flight is not None and self._repeated:
-            self.flight.repeat()
+            self._is_elsewhere |= self.flight.repeat()
         else:
             self.simulation.step()
         stages.include(self.simulation.stage_times)
@@ -249,6 +249,8 @@ class SimulationNode:
             self.simulation.settle()
             done, self._done = self._done, []
             self.flight.note(done, steps=False, is_told=True, seconds=0.0)
+            self._events += self.simulation.take_events()
+            self._is_elsewhere = True  # nobody was told of it yet
         return self.flight
 
     # --- commands --------------------------------------------------------------------------------------------------

@@ -223,6 +223,10 @@ def test_an_edit_and_a_jump_in_one_tick_are_both_kept():
             assert it.mirror.entities[cube].components["RigidBody"].mass == 50.0
             assert it.node.simulation.tick == 10
             assert not it.node.flight.is_rewound
+            other = SetComponent(entity=cube, component="RigidBody", values={"mass": 60.0})
+            await asyncio.gather(it.do(other), it.do(Seek(time=100.0)))  # to where it is
+            await it.current()
+            assert it.mirror.entities[cube].components["RigidBody"].mass == 60.0
 
     asyncio.run(main())
 
