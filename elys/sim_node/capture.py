@@ -19,6 +19,7 @@ from elys.common.components.columns import StringTable
 from elys.common.errors import ComponentError, StateError
 from elys.sim_node.ecs.columns import ComponentTable
 from elys.sim_node.ecs.query import Query
+from elys.sim_node.physics.kernels.tables import GEAR
 from elys.sim_node.physics.world import PhysicsWorld
 from elys.sim_node.state import ATOMS, RECORDS, Column, copied
 
@@ -235,6 +236,10 @@ def _check_numbers(values: Mapping[str, Any]) -> None:
             raise StateError(f"this state contradicts itself: {', '.join(several)} are not equally long")
     for key, field, least, rows in _NAMES_ROWS:
         column = values[key].array()
+        if field == "next_asleep":
+            column = column[column["asleep"] != 0]  # who is awake is in no ring: what stands there is of another time
+        elif field == "gear_row":
+            column = column[column["kind"] == GEAR]
         _check_range(column[field] if field else column, least, _length(values, rows), key)
     for key in values:
         if not (key.startswith("world/_tables/") and key.endswith("/row_of")):
