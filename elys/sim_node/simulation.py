@@ -209,7 +209,7 @@ class Simulation:
         A system of your own that keeps anything beside components is asked for nothing: keep it in components.
         """
         values = captured(self, previous.values if previous is not None else {})
-        return State(tick=self.tick, time=self.time, values=values)
+        return State(tick=self.tick, time=self.time, values=values, is_ours=True)
 
     def restore(self, state: State) -> None:
         """Goes back to where `capture` was called: the ticks from here give the same bits as they did, on any number of threads.
@@ -219,7 +219,7 @@ class Simulation:
         Raises:
             StateError, PhysicsError: it is no state of this version's simulations. Nothing has changed then.
         """
-        restored(self, state.values)
+        restored(self, state.values, is_ours=state.is_ours)
         self.world.outdate()
         self._bodies.outdate()
         self._animations.bind_anew()

@@ -109,11 +109,13 @@ class State:
     Attributes:
         tick: steps done. time: simulation time [s].
         values: all that was captured, by path.
+        is_ours: captured in this process; what came from elsewhere is looked through before it is put back.
     """
 
     tick: int
     time: float
     values: Mapping[str, Any]
+    is_ours: bool = False
 
     @property
     def size(self) -> int:
