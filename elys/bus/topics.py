@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass
 from typing import Any, Final, Generic, TypeVar
 
-from elys.bus.messages import commands, history, physics, scene, session, state_frame, views
+from elys.bus.messages import commands, history, physics, scene, session, state_frame, timeline, views
 from elys.common.errors import BusError
 
 M = TypeVar("M")
@@ -171,6 +171,12 @@ HISTORY: Final = Query(
     reply=history.HistoryReply,
     text="what somebody can undo and redo here, and as whom",
 )
+MARKERS: Final = Query(
+    name="markers",
+    request=timeline.MarkersRequest,
+    reply=timeline.Markers,
+    text="what stands out on the timeline: collisions, triggers, errors, edits",
+)
 PICK: Final = Query(
     name="pick",
     request=views.PickRequest,
@@ -211,7 +217,7 @@ TOPICS: Final[tuple[Topic[Any], ...]] = (
     VIEW_REQUEST,
     VIEW_FRAME,
 )
-QUERIES: Final[tuple[Query[Any, Any], ...]] = (HELLO, SNAPSHOT, COMMAND, HISTORY, PICK, ASSET, OFFER)
+QUERIES: Final[tuple[Query[Any, Any], ...]] = (HELLO, SNAPSHOT, COMMAND, HISTORY, MARKERS, PICK, ASSET, OFFER)
 
 _CHUNK = re.compile(r"[A-Za-z0-9_.-]+\Z")
 

@@ -6,6 +6,7 @@
     ├── ComponentError        a component or one of its fields does not exist or has a value of the wrong kind
     ├── EntityError           an entity does not exist (any more), or a structural change is impossible
     │   └── HierarchyError    a parent would become its own descendant
+    ├── StateError            the state of a simulation is not one, or not one that it can go back to
     ├── PhysicsError          a body, collider or setting that physics cannot work with: the entity, what, what to do
     ├── BusError
     │   ├── MessageError      a payload that is not what its topic promises
@@ -45,6 +46,10 @@ class EntityError(ElysError):
 
 class HierarchyError(EntityError):
     """A change of parent would make a cycle."""
+
+
+class StateError(ElysError):
+    """The state of a simulation cannot be read, or not be gone back to."""
 
 
 class PhysicsError(ElysError):

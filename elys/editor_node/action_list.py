@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import get_args
 
 from elys.bus.messages.views import Shows
@@ -147,9 +148,40 @@ def _inspector_actions(ui: Ui, panel: InspectorPanel) -> tuple[Action, ...]:
 
 
 def _time_actions(model: EditorModel) -> tuple[Action, ...]:
+    line = model.timeline
+
+    def can_wind() -> bool:
+        return line.can_wind
+
+    def wind(name: str, label: str, key: str, run: Callable[[], object], *, repeats: bool = False) -> Action:
+        keys = (key,) if key else ()
+        return Action(name=f"time.{name}", label=label, keys=keys, run=run, is_possible=can_wind, repeats=repeats)
+
     return (
         Action(name="time.play", label="Play or pause", keys=("Space",), run=model.toggle_playing),
         Action(name="time.step", label="One tick on", keys=(".",), run=model.step, repeats=True),
+        wind("step_back", "One tick back", ",", lambda: model.step(-1), repeats=True),
+        wind("start", "To the oldest kept", "Shift+,", line.go_to_start),
+        wind("end", "To the newest", "Shift+.", line.go_to_end),
+        Action(
+            name="time.resume",
+            label="Go on from here",
+            run=line.go_on_from_here,
+            is_possible=lambda: line.is_rewound,
+        ),
+        wind("previous_marker", "To the marker before", "Alt+,", lambda: line.go_to_next(-1)),
+        wind("next_marker", "To the next marker", "Alt+.", lambda: line.go_to_next(1)),
+        wind("bookmark", "Bookmark this instant", "Ctrl+B", line.add_bookmark),
+        Action(name="time.loop", label="Loop", keys=("L",), run=line.toggle_loop, is_on=lambda: line.loops),
+        wind("loop_start", "Loop from here", "[", line.set_loop_start),
+        wind("loop_end", "Loop up to here", "]", line.set_loop_end),
+        Action(
+            name="time.forget_loop",
+            label="Forget the loop",
+            run=line.forget_loop,
+            is_possible=lambda: line.loop_start is not None or line.loop_end is not None,
+        ),
+        wind("show_all", "Show the whole timeline", "", line.show_all),
     )
 
 

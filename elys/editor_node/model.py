@@ -44,6 +44,7 @@ from elys.editor_node.scene_documents import SceneDocuments
 from elys.editor_node.scene_mirror import EditorScene
 from elys.editor_node.selection import Selection
 from elys.editor_node.set_values import SetValues
+from elys.editor_node.timeline import Timeline
 
 COMMAND_TIMEOUT: Final = 5.0  # [s]
 POINT_RADIUS: Final = 1.0  # [m] around an entity without extent, to be looked at
@@ -68,7 +69,8 @@ class EditorModel:
         self.request_redraw = request_redraw
         self.console = ConsoleLog()
         self.selection = Selection()
-        self.scene = EditorScene(session, on_change=self._scene_changed, on_state=lambda: self.request_redraw(0.1))
+        self.timeline = Timeline(self, clock=clock)
+        self.scene = EditorScene(session, on_change=self._scene_changed, on_state=self._state_arrived)
         self.set_values = SetValues(self.scene.mirror)
         self.prefabs = PrefabValues(self.scene, start=session.start, on_change=lambda: self.request_redraw(0.0))
         self.history = History(
@@ -134,7 +136,7 @@ class EditorModel:
         self.command("Step", StepTicks(count=count))
 
     def seek(self, time: float) -> None:
-        """Goes to a time [s] of a replay. While the host is still on its way the newest wish counts."""
+        """Goes to a time [s] that the host keeps. While the host is still on its way the newest wish counts."""
         self._wanted_time = time
         if self._seeking is None or self._seeking.done():
             self._seeking = self.session.start(self._seek())
@@ -287,9 +289,17 @@ class EditorModel:
             self.selection.keep_only(self.scene.exists)
         self.request_redraw(0.0)
 
+    def _state_arrived(self) -> None:
+        frame = self.scene.frame
+        if frame is not None:
+            self.timeline.follow(frame.simulation_time)
+        self.request_redraw(0.1)
+
     def _status_arrived(self, status: SessionStatus, _: str) -> None:
         if status != self.status:
             changed = self.status is None or _controls(self.status) != _controls(status)
+            if self.status is not None and self.status.is_rewound and not status.is_rewound:
+                self.history.forget()  # as a fork there is less to undo: the host is asked
             self.status = status
             self.request_redraw(0.0 if changed else 0.25)
 
@@ -336,6 +346,7 @@ class EditorModel:
         if epoch != known_epoch:
             self._wanted_paths = [self.scene.path_of(entity) for entity in self.selection if self.scene.exists(entity)]
             self.history.forget()
+            self.timeline.forget()
             self.profiles.clear()
             self.diagnostics.clear()
         if known_name and name != known_name:
@@ -350,7 +361,7 @@ class EditorModel:
 
 def _controls(status: SessionStatus) -> tuple[Any, ...]:
     """What a person sets, and wants to see set at once."""
-    return (status.playing, status.rate, status.kind, status.scene, status.loop)
+    return (status.playing, status.rate, status.kind, status.scene, status.loop, status.is_rewound)
 
 
 def _person() -> str:

@@ -44,6 +44,11 @@ _DOCK_NAME: Final = "editor"
 _LEFT_SHARE: Final = 0.19
 _RIGHT_SHARE: Final = 0.29
 _LOWER_SHARE: Final = 0.27
+_TIME_MENU: Final = (
+    *("time.play", "time.step", "time.step_back", "time.start", "time.end", "time.resume"),
+    *("time.previous_marker", "time.next_marker", "time.bookmark"),
+    *("time.loop", "time.loop_start", "time.loop_end", "time.forget_loop"),
+)
 _FOCUS_FRAMES: Final = 4  # until then docked windows take their places, each new one in front
 
 
@@ -228,6 +233,10 @@ class Workspace:
         self._draw_edit_menu()
         if self.ui.attachments.is_attached and imgui.begin_menu(tr_label("Add")):
             draw_add_menu(self.ui, parent=0)
+            imgui.end_menu()
+        if imgui.begin_menu(tr_label("Time")):
+            for name in _TIME_MENU:
+                action_item(self.ui, name)
             imgui.end_menu()
         self._draw_view_menu()
         self._draw_help_menu()

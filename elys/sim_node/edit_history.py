@@ -147,6 +147,17 @@ class EditHistory:
         self.revision += 1
         self.content = self.saved = self.revision
 
+    def forget_older(self) -> None:
+        """An earlier instant is the newest again: only the edit made there, if any, can be undone."""
+        self._stamps = {
+            entity: kept
+            for entity, stamps in self._stamps.items()
+            if (kept := {part: stamp for part, stamp in stamps.items() if stamp.edit == self.revision})
+        }
+        for lists in self._authors.values():
+            lists.undoable = [entry for entry in lists.undoable if entry.number == self.revision]
+            lists.redoable.clear()
+
     # --- doing, undoing, redoing -------------------------------------------------------------------------------------
 
     def perform(self, command: Command, *, author: str, writer: str, label: str, stroke: str, made_from: int) -> Done:

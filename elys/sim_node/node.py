@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import math
 import socket
 from collections import deque
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ import msgspec
 from elys.bus import topics
 from elys.bus.asset_service import lacking_assets, serve_assets, take_offers
 from elys.bus.edit_parts import edits_of
+from elys.bus.marker_log import MarkerLog, markers_of_command, markers_of_contacts, markers_of_events
 from elys.bus.messages.commands import (
     Command,
     CommandRecord,
@@ -23,18 +25,23 @@ from elys.bus.messages.commands import (
     LoadScene,
     NoteSaved,
     Redo,
+    Resume,
+    Rewind,
+    Seek,
     SetPlaying,
     SetRate,
     StepTicks,
     Undo,
 )
 from elys.bus.messages.history import HistoryReply, HistoryRequest
-from elys.bus.messages.scene import Snapshot, SnapshotRequest
+from elys.bus.messages.scene import SceneDelta, Snapshot, SnapshotRequest
 from elys.bus.messages.session import Event, EventBatch, SessionStatus
+from elys.bus.messages.timeline import Markers, MarkersRequest
 from elys.bus.session import Session
 from elys.common.clock import FixedStepClock
 from elys.common.errors import EditConflict, ElysError, RequestError
 from elys.sim_node.edit_history import Done, EditHistory
+from elys.sim_node.flight_recorder import SECONDS, FlightRecorder
 from elys.sim_node.guard import Guard
 from elys.sim_node.paused_physics import PausedPhysics
 from elys.sim_node.scene.snapshot import take_snapshot
@@ -86,7 +93,9 @@ class SimulationNode:
         realtime: bool = True,
         playing: bool = True,
         step_limit: int = 0,
+        keep: float = SECONDS,
     ) -> None:
+        """`keep` seconds of simulation can be gone back to; with 0 none."""
         self.simulation = simulation
         self.session = session
         self.history = EditHistory(EditableSimulation(simulation))
@@ -105,6 +114,14 @@ class SimulationNode:
         self._paused_physics = PausedPhysics(simulation)
         self._is_another_scene = False
         self._wake = asyncio.Event()
+        self.flight = FlightRecorder(simulation, seconds=keep) if keep > 0.0 else None
+        self._markers = MarkerLog()
+        self._done: list[Command] = []  # what changed the world since the last instant
+        self._is_broken = False  # a command failed in the middle: what led here cannot be done again
+        self._repeated = False  # what the tick did was kept already
+        self._is_whole = True  # its commands and its step are all that happened in it
+        self._forked_until = -1.0  # [s] how far the future went that a fork made void
+        self._is_elsewhere = False  # the scene is that of another time than its readers know
 
     @property
     def playing(self) -> bool:
@@ -122,6 +139,7 @@ class SimulationNode:
         session.serve(topics.COMMAND, self._take_command)
         session.serve(topics.SNAPSHOT, self._give_snapshot)
         session.serve(topics.HISTORY, self._give_history)
+        session.serve(topics.MARKERS, self._give_markers)
         serve_assets(session, self.simulation.assets)
         take_offers(session, self.simulation.assets)
         self._publish_status()
@@ -162,14 +180,15 @@ class SimulationNode:
             self._paused_physics.keep(self.history.content)
         replies = self._apply_commands()
         stages.done("apply_commands")
+        self._repeated, self._is_whole = False, True
         stepping = self.playing or self._steps_asked > 0
         if stepping:
             self._step(stages)
         else:
             self.simulation.settle()
-            self._paused_physics.follow(self.history.content)
+            self._is_whole = not self._paused_physics.follow(self.history.content)
             stages.done("follow_changes")
-        self._publish_changes()
+        is_told = self._publish_changes()
         if replies or (stepping and is_heard(self.session, topics.STATE)):
             self._publish_frame()
         if stepping and (found := publish_diagnostics(self.session, self.simulation)) and self.guard is not None:
@@ -179,6 +198,7 @@ class SimulationNode:
             self._publish_contacts()
         publish_debug_lines(self.session, self.simulation)
         stages.done("publish_state")
+        self._keep_instant(stages, stepping=stepping, is_told=is_told)
         for waiting, reply in replies:
             if not waiting.reply.done():
                 waiting.reply.set_result(msgspec.structs.replace(reply, sequence=self._sequence))
@@ -192,7 +212,11 @@ class SimulationNode:
 
     def _step(self, stages: StageTimes) -> None:
         self._paused_physics.forget()
-        self.simulation.step()
+        self._repeated = self._is_rewound
+        if self.flight is not None and self._repeated:
+            self._is_elsewhere |= self.flight.repeat()
+        else:
+            self.simulation.step()
         stages.include(self.simulation.stage_times)
         self._clock.advance()
         self.steps_done += 1
@@ -202,6 +226,57 @@ class SimulationNode:
             self._steps_asked = 0
             self._events.append(Event(kind="paused"))
             self._publish_status()
+
+    # --- other times -----------------------------------------------------------------------------------------------
+
+    @property
+    def _is_rewound(self) -> bool:
+        return self.flight is not None and self.flight.is_rewound
+
+    def _keep_instant(self, stages: StageTimes, *, stepping: bool, is_told: bool) -> None:
+        """What happened at the newest instant becomes part of what can be gone back to."""
+        done, self._done = self._done, []
+        if self.flight is None:
+            return
+        if self._is_broken:
+            self._is_broken = False
+            self.flight.start_anew()
+        elif not self._repeated and self.flight.note(
+            done, steps=stepping, is_told=is_told, seconds=stages.total * 1e-3, is_whole=self._is_whole
+        ):
+            self._markers.forget_before(self.flight.ticks[0])
+        stages.done("keep_instant")
+
+    def _go_to(self, instant: int) -> None:
+        """Shows another instant, and waits there."""
+        self._clock.pause()
+        self._steps_asked = 0
+        self._is_elsewhere |= self._require_flight().go_to(instant)
+        self._paused_physics.forget()
+        self._clock.seek(self.simulation.tick)
+
+    def _fork(self) -> None:
+        """From here on it is another run: what came after is forgotten."""
+        if self.flight is not None and self.flight.is_rewound:
+            tick = self.simulation.tick
+            self._forked_until = max(self._forked_until, self.flight.end_time)
+            dropped = self.flight.fork()
+            self.history.forget_older()
+            self._markers.forget_after(tick)
+            self._events.append(Event(kind="forked", values={"from_tick": tick, "dropped_ticks": dropped}))
+            self._publish_status()
+
+    def _require_flight(self) -> FlightRecorder:
+        """The flight recorder, with all in it that was done so far."""
+        if self.flight is None:
+            raise RequestError("nothing is kept to go back to: start the simulation with --keep SECONDS above 0")
+        if self._done:  # just before, in the same tick
+            self.simulation.settle()
+            done, self._done = self._done, []
+            self.flight.note(done, steps=False, is_told=True, seconds=0.0)
+            self._events += self.simulation.take_events()
+            self._is_elsewhere = True  # nobody was told of it yet
+        return self.flight
 
     # --- commands --------------------------------------------------------------------------------------------------
 
@@ -219,16 +294,15 @@ class SimulationNode:
             waiting = self._waiting.popleft()
             command, reply = self._apply(waiting.request)
             replies.append((waiting, reply))
-            self.session.publish(
-                topics.COMMANDS,
-                CommandRecord(
-                    tick=reply.tick,
-                    origin=waiting.request.origin,
-                    command=command,
-                    accepted=reply.accepted,
-                    reason=reply.reason,
-                ),
+            record = CommandRecord(
+                tick=reply.tick,
+                origin=waiting.request.origin,
+                command=command,
+                accepted=reply.accepted,
+                reason=reply.reason,
             )
+            self.session.publish(topics.COMMANDS, record)
+            self._markers.add(markers_of_command(record, self.simulation.time))
         if self._waiting:
             self._wake.set()
         return replies
@@ -237,13 +311,19 @@ class SimulationNode:
         """What became of a command, and the command as it can be repeated: of an undo, what it did."""
         tick = self.simulation.tick
         try:
-            done = self._apply_to_time(request.command) or self._apply_to_scene(request)
+            done = self._apply_to_time(request.command)
+            if done is None:
+                done = self._apply_to_scene(request)
+                if not isinstance(done.command, NoteSaved):
+                    self._fork()
+                    self._done.append(done.command)
         except ElysError as error:
             is_conflict = isinstance(error, EditConflict)
             reason = str(error)[:REASON_LENGTH]
             return request.command, CommandReply(accepted=False, tick=tick, reason=reason, is_conflict=is_conflict)
         except Exception as error:  # a fault of ELYS's own: it is told in full, and does not end everybody's session
             _log.exception("command %s failed", type(request.command).__name__)
+            self._is_broken = True
             reason = f"ELYS failed: {error!r}"[:REASON_LENGTH]
             return request.command, CommandReply(accepted=False, tick=tick, reason=reason)
         reply = CommandReply(
@@ -254,6 +334,8 @@ class SimulationNode:
     def _apply_to_scene(self, request: CommandRequest) -> Done:
         command, history = request.command, self.history
         match command:
+            case Undo() | Redo() if self._is_rewound:
+                raise RequestError("this is the past: go on from here, or return to now, before undoing or redoing")
             case Undo(force=force):
                 return history.undo(request.author, force=force)
             case Redo(force=force):
@@ -294,13 +376,26 @@ class SimulationNode:
                 self._steps_asked = 0
                 self._events.append(Event(kind="playing" if playing else "paused"))
             case StepTicks(count=count):
-                if count < 1:
-                    raise RequestError("a simulation cannot step backwards: record it, and step in the replay")
                 if self.playing:
                     raise RequestError("pause before stepping")
-                if self._steps_asked + count > STEP_LIMIT:
+                if count == 0:
+                    raise RequestError("step by at least one tick, on or back, not 0")
+                if count < 0:
+                    self._go_to(self._require_flight().instant_back(-count))
+                elif self._steps_asked + count > STEP_LIMIT:
                     raise RequestError(f"at most {STEP_LIMIT} ticks can be asked for at once: play instead")
-                self._steps_asked += count
+                else:
+                    self._steps_asked += count
+            case Seek(time=seconds):
+                if not math.isfinite(seconds):
+                    raise RequestError(f"{seconds} is no time to go to")
+                self._go_to(self._require_flight().instant_at(seconds))
+            case Rewind(tick=tick):
+                self._go_to(self._require_flight().instant_of_tick(tick))
+            case Resume():
+                self._fork()
+                self._clock.play()
+                self._steps_asked = 0
             case SetRate(rate=rate):
                 if not 0.0 <= rate <= 100.0:
                     raise RequestError(f"the rate must lie between 0 (as fast as it can) and 100, not {rate:g}")
@@ -318,6 +413,9 @@ class SimulationNode:
         return msgspec.structs.replace(told, path=self.simulation.path, machine=socket.gethostname())
 
     # --- publishing ------------------------------------------------------------------------------------------------
+
+    async def _give_markers(self, request: MarkersRequest, key: str) -> Markers:
+        return self._markers.reply(request)
 
     async def _give_snapshot(self, request: SnapshotRequest, key: str) -> Snapshot:
         return self.snapshot(as_edited=request.as_edited)
@@ -338,12 +436,16 @@ class SimulationNode:
             **({"columns_of": simulation.edited.columns} if as_edited else {}),
         )
 
-    def _publish_changes(self) -> None:
+    def _publish_changes(self) -> bool:
+        """Returns whether there were any."""
         changes = self.simulation.take_changes()
+        if self._is_elsewhere:
+            self._publish_elsewhere()
+            return True
         settings_changed = self.simulation.settings is not self._settings_told
         revision_changed = self.history.revision != self._revision_told
         if not changes and not settings_changed and not revision_changed:
-            return
+            return False
         self._revision_told = self.history.revision
         if settings_changed:
             self._settings_told = self.simulation.settings
@@ -361,6 +463,18 @@ class SimulationNode:
         )
         self._is_another_scene = False
         self.session.publish(topics.DELTA, delta)
+        return True
+
+    def _publish_elsewhere(self) -> None:
+        """All of the scene may be other than before: its readers are told to look at it anew."""
+        self._is_elsewhere = False
+        self._settings_told = self.simulation.settings
+        self._clock.set_tick_rate(self.simulation.settings.tick_rate, tick=self.simulation.tick)
+        self._sequence += 1
+        tick = self.simulation.tick
+        self.session.publish(
+            topics.DELTA, SceneDelta(epoch=self.session.epoch, sequence=self._sequence, tick=tick, resync=True)
+        )
 
     def _publish_frame(self) -> None:
         frame = state_frame(
@@ -368,6 +482,8 @@ class SimulationNode:
             epoch=self.session.epoch,
             delta_sequence=self._sequence,
             playing=self.playing,
+            is_told_again=self._is_rewound,
+            is_forked=self.simulation.time <= self._forked_until,
         )
         self.session.publish(topics.STATE, frame)
 
@@ -377,12 +493,14 @@ class SimulationNode:
         if events:
             batch = EventBatch(epoch=self.session.epoch, tick=self.simulation.tick, events=events)
             self.session.publish(topics.EVENTS, batch)
+            self._markers.add(markers_of_events(batch, self.simulation.time))
         return events
 
     def _publish_contacts(self) -> None:
         batch = contact_batch(self.simulation, epoch=self.session.epoch)
         if batch is not None:
             self.session.publish(topics.CONTACTS, batch)
+            self._markers.add(markers_of_contacts(batch, self.simulation.time))
 
     def _publish_status(self) -> None:
         simulation = self.simulation
@@ -398,6 +516,9 @@ class SimulationNode:
             realtime_factor=self._clock.realtime_factor,
             entity_count=simulation.world.entity_count,
             body_count=len(simulation.moving_bodies().entity),
+            start_time=self.flight.start_time if self.flight is not None else simulation.time,
+            end_time=self.flight.end_time if self.flight is not None else simulation.time,
+            is_rewound=self._is_rewound,
         )
         self.session.publish(topics.STATUS, status)
 

@@ -30,13 +30,15 @@ class PausedPhysics:
             self._kept, self._tick = self._simulation.physics.snapshot(), self._simulation.tick
             self._content = self._last_content = content
 
-    def follow(self, content: int) -> None:
-        """Bodies have followed edits, after which the scene has this content."""
+    def follow(self, content: int) -> bool:
+        """Bodies have followed edits, which left this content; returns whether physics is what it was before them."""
         if self._kept is None or content == self._last_content:
-            return
+            return False
         self._last_content = content
-        if content == self._content and self._tick == self._simulation.tick:
-            self._simulation.take_physics_back(self._kept)
+        if content != self._content or self._tick != self._simulation.tick:
+            return False
+        self._simulation.take_physics_back(self._kept)
+        return True
 
     def forget(self) -> None:
         """Time goes on, or another scene is there."""

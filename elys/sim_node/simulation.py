@@ -28,6 +28,7 @@ from elys.common.assets.store import AssetStore
 from elys.common.components import Joint, RigidBody, Transform
 from elys.common.ids import Entity
 from elys.common.scene import OpenedScene, SceneSettings
+from elys.sim_node.capture import captured, restored
 from elys.sim_node.ecs.changes import WorldChanges
 from elys.sim_node.ecs.schedule import System, run
 from elys.sim_node.ecs.world import World
@@ -37,6 +38,7 @@ from elys.sim_node.physics.states import WorldEvents
 from elys.sim_node.physics.world import PhysicsWorld
 from elys.sim_node.scene.edited_values import EditedValues
 from elys.sim_node.scene.loading import load_records
+from elys.sim_node.state import State
 from elys.sim_node.systems.play_animations import Animated, Animations
 from elys.sim_node.systems.simulate_physics import MovingBodies, RigidBodies
 
@@ -212,6 +214,29 @@ class Simulation:
         for column in animated:
             digest.update(column.tobytes())
         return int.from_bytes(digest.digest(), "little")
+
+    # Other times
+
+    def capture(self, previous: State | None = None) -> State:
+        """All that decides what comes next, as it is between two ticks; what equals that of `previous` is shared with it.
+
+        A system of your own that keeps anything beside components is asked for nothing: keep it in components.
+        """
+        values = captured(self, previous.values if previous is not None else {})
+        return State(tick=self.tick, time=self.time, values=values, is_ours=True)
+
+    def restore(self, state: State) -> None:
+        """Goes back to where `capture` was called: the ticks from here give the same bits as they did, on any number of threads.
+
+        Who follows the changes of the scene has to look at all of it anew.
+
+        Raises:
+            StateError, PhysicsError: it is no state of this version's simulations. Nothing has changed then.
+        """
+        restored(self, state.values, is_ours=state.is_ours)
+        self.world.outdate()
+        self._bodies.outdate()
+        self._animations.bind_anew()
 
     @property
     def events(self) -> WorldEvents:

@@ -87,13 +87,13 @@ class SetPlaying(msgspec.Struct, frozen=True, kw_only=True, tag="set_playing"):
 
 
 class StepTicks(msgspec.Struct, frozen=True, kw_only=True, tag="step_ticks"):
-    """While paused: go on by `count` ticks (a replay also takes negative counts)."""
+    """While paused: go on by `count` ticks; with a negative count back, as far as a replay or a flight recorder goes."""
 
     count: int = 1
 
 
 class Seek(msgspec.Struct, frozen=True, kw_only=True, tag="seek"):
-    """Replay only: go to a simulation time [s]."""
+    """Go to a simulation time [s] of a replay, or of what a simulation's flight recorder keeps; that pauses a simulation."""
 
     time: float
 
@@ -155,7 +155,18 @@ class NoteSaved(msgspec.Struct, frozen=True, kw_only=True, tag="note_saved"):
     content: int
 
 
-Command = Edit | Batch | Undo | Redo | LoadScene | NoteSaved | SetPlaying | StepTicks | Seek | SetRate | SetLoop
+class Rewind(msgspec.Struct, frozen=True, kw_only=True, tag="rewind"):
+    """Simulation only: pause, and go to a tick that the flight recorder keeps."""
+
+    tick: int
+
+
+class Resume(msgspec.Struct, frozen=True, kw_only=True, tag="resume"):
+    """Simulation only: go on from here as a fork. What the flight recorder keeps of later is forgotten."""
+
+
+Time = SetPlaying | StepTicks | Seek | SetRate | SetLoop | Rewind | Resume  # what is asked of the clock
+Command = Edit | Batch | Undo | Redo | LoadScene | NoteSaved | Time
 
 
 class CommandRequest(msgspec.Struct, frozen=True, kw_only=True):

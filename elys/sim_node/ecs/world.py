@@ -190,6 +190,12 @@ class World:
         self._fill(entities, batch, GROUND)
         self._changes.discard(overflowed=True)
 
+    def outdate(self) -> None:
+        """All of it was put back to another time: whatever was derived from it is stale."""
+        self.hierarchy.outdate()
+        for table in self._tables.values():
+            table.structure_version += 1
+
     # Components of one entity
 
     @overload

@@ -24,6 +24,7 @@ MOVED: Final[dict[str, tuple[str, ...]]] = {  # by component the fields that ste
 }
 
 FieldValues = dict[str, Any]  # stored values by field
+EditedMemory = tuple[dict[str, tuple[Entities, dict[str, Column]]], dict[tuple[int, str], FieldValues]]
 
 
 class EditedValues:
@@ -54,6 +55,15 @@ class EditedValues:
         self._captured.clear()
         self._row_of.clear()
         self._noted.clear()
+
+    def kept(self) -> EditedMemory:
+        """What is remembered, for `put_back`; what is in it is never written into."""
+        return dict(self._captured), dict(self._noted)
+
+    def put_back(self, memory: EditedMemory) -> None:
+        """Remembers what `kept` once gave."""
+        self._captured, self._noted = dict(memory[0]), dict(memory[1])
+        self._row_of.clear()
 
     def of(self, entity: int, component: str) -> FieldValues | None:
         """The values of an entity's fields as edited; None where they are what is there now."""

@@ -12,9 +12,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from elys.bus.edit_parts import Part
+from elys.bus.edit_parts import Part, edits_of
 from elys.bus.messages.commands import (
     AddComponent,
+    Command,
     Despawn,
     Edit,
     LoadScene,
@@ -125,6 +126,14 @@ def load_scene(simulation: Simulation, command: LoadScene) -> tuple[int, ...]:
     simulation.path = command.path
     simulation.edited.forget()
     return tuple(new)
+
+
+def apply_again(simulation: Simulation, command: Command) -> None:
+    """Does what a command did that was accepted before in a simulation like this; raises as `apply_edits`, `load_scene`."""
+    if isinstance(command, LoadScene):
+        load_scene(simulation, command)
+    else:
+        apply_edits(simulation, edits_of(command))
 
 
 def tops_of(spawn: Spawn, entities: tuple[int, ...]) -> tuple[int, ...]:

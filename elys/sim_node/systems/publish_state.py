@@ -26,7 +26,15 @@ def is_heard(session: Session, topic: Topic[Any]) -> bool:
     return bool(session.taps) or session.has_listener(topic)
 
 
-def state_frame(simulation: Simulation, *, epoch: int, delta_sequence: int, playing: bool) -> StateFrame:
+def state_frame(
+    simulation: Simulation,
+    *,
+    epoch: int,
+    delta_sequence: int,
+    playing: bool,
+    is_told_again: bool = False,
+    is_forked: bool = False,
+) -> StateFrame:
     """Where the moving bodies are now, and what animations make of others."""
     bodies, animated = simulation.moving_bodies(), simulation.animated()
     return StateFrame(
@@ -37,6 +45,8 @@ def state_frame(simulation: Simulation, *, epoch: int, delta_sequence: int, play
         delta_sequence=delta_sequence,
         state_hash=simulation.state_hash(),
         playing=playing,
+        is_told_again=is_told_again,
+        is_forked=is_forked,
         position=bodies.position,
         rotation=bodies.rotation,
         linear_velocity=bodies.linear_velocity,
