@@ -29,7 +29,7 @@ class InstanceRows:
         self._follow(world)
         taken = self._rows[rows]
         for axis, place in enumerate(_PLACE):  # in 64 bits, before what is left fits into 32
-            taken[:, place] = (world.position[:, axis] - eye[axis])[rows]
+            taken[:, place] = (world.position[:, axis] - eye[axis]).astype(np.float32)[rows]
         return taken.view(INSTANCE_DTYPE)[:, 0]
 
     def _follow(self, world: RenderWorld) -> None:

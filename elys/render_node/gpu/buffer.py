@@ -82,7 +82,8 @@ class VertexArray:
         """`attributes` by their names in VERTEX_ATTRIBUTES; `count` indices, or vertices when there are none."""
         self._kept = (program, dict(attributes), indices)  # what the card reads while this lives
         self._count = count
-        self._shades, self._identifies = program.reads("base_color"), program.reads("entity")
+        self._shades = any(map(program.reads, ("base_color", "emissive", "reflection")))
+        self._identifies = program.reads("entity")
         self._deforms = program.reads("pose")
         mode = context.gl.TRIANGLE_STRIP if strip else context.gl.TRIANGLES
         self.raw = context.gl.vertex_array(program.raw, [], None if indices is None else indices.raw, mode=mode)
