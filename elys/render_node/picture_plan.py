@@ -33,7 +33,7 @@ class PicturePlan:
 
     view: View
     world: RenderWorld
-    instances: NDArray[np.void]  # [N] of INSTANCE_DTYPE
+    instances: NDArray[np.void]  # [N] of INSTANCE_DTYPE or PLAIN_INSTANCE_DTYPE, until the next plan of the same world
     opaque: list[DrawCall]
     transparent: list[DrawCall]  # farthest first
     casters: list[DrawCall]
@@ -78,10 +78,11 @@ def plan_picture(
     long_views: bool = False,
     lamp_shadow_size: int = 0,
     drawn_lamp_shadows: ShadowState | None = None,
+    for_light: bool = False,
 ) -> PicturePlan:
     """Decides what a picture of the world in this view consists of; `drawn_shadow` is what the shadow map, of `shadow_size`
     texels an edge (0 for none), holds already, and `drawn_lamp_shadows` the same of the atlas of lamps. With
-    `long_views` a finer map around the eye is added where one would be coarse.
+    `long_views` a finer map around the eye is added where one would be coarse. A plan `for_light` cannot tell who is seen.
     """
     # (3, N): numpy is quick along rows, which is how the world keeps them.
     relative_centre = (world.centre.T - view.eye[:, None]).astype(np.float32)
@@ -115,7 +116,7 @@ def plan_picture(
     return PicturePlan(
         view=view,
         world=world,
-        instances=world.instance_rows.seen_from(world, rows.all(), view.eye),
+        instances=world.instance_rows.seen_from(world, rows.all(), view.eye, for_light=for_light),
         opaque=opaque,
         transparent=transparent,
         casters=casters,

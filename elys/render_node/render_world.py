@@ -35,6 +35,7 @@ from elys.render_node.timeline import Timeline
 
 PLAIN: Final = Material()
 BLACK: Final = (0.0, 0.0, 0.0)
+UNTURNED: Final = np.array((0.0, 0.0, 0.0, 1.0))
 GIANT: Final = 1.6  # times larger than all smaller things together: neither cameras nor shadow maps are fitted to it
 _CORNER_SIGNS: Final = np.array([(1, 1, 1), (-1, 1, 1), (1, -1, 1), (1, 1, -1)], np.float64)
 # What is drawn where a mesh cannot be had.
@@ -206,9 +207,11 @@ class RenderWorld:
 
     def surroundings(self, to_sun: NDArray[np.float64] | None) -> Surroundings:
         """What is all around, under a sun in that direction."""
-        item = self.instance_count + len(self._lights) + (self._camera is not None)
-        turned = _axes(self._placement.linear[item].astype(np.float64)) if self._environment is not None else np.eye(3)
-        rotation = np.asarray(quaternion.from_matrix(turned), np.float64)
+        rotation = UNTURNED
+        if self._environment is not None:
+            item = self.instance_count + len(self._lights) + (self._camera is not None)
+            turned = _axes(self._placement.linear[item].astype(np.float64))
+            rotation = np.asarray(quaternion.from_matrix(turned), np.float64)
         return surroundings_of(self._settings, self._environment, rotation, to_sun, self.assets)
 
     def camera(self, aspect: float = 16 / 9) -> ViewCamera:

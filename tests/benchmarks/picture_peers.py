@@ -22,15 +22,14 @@ SHADOW_MARGIN: Final = 1.1
 def missing_peer() -> str | None:
     """Why pygfx cannot draw here, in one sentence; None if it can."""
     try:
-        import pygfx
+        import pygfx  # noqa: F401
+        import wgpu
         from wgpu.backends.wgpu_native.extras import set_instance_extras
     except ImportError:
         return "not measured: pip install 'elys[peers]' brings it"
     set_instance_extras(backends=["Vulkan"])  # over OpenGL it would take the context away from ours
-    try:
-        pygfx.renderers.wgpu.Shared.get_instance()
-    except Exception as error:  # whatever wgpu says of an absent or unfit driver
-        return f"not measured: no Vulkan driver (Debian, Ubuntu: apt install mesa-vulkan-drivers): {error}"
+    if not wgpu.gpu.enumerate_adapters_sync():
+        return "not measured: there is no Vulkan driver (Debian, Ubuntu: apt install mesa-vulkan-drivers)"
     return None
 
 

@@ -24,7 +24,7 @@ def draw_calls(
         program = choose(geometry, batch)
         resources.context.set_culling(cull and not batch.look.is_double_sided, mirrored=batch.look.is_mirrored)
         array = geometry.vertex_array(program)
-        array.use_instances(resources.instances, first)
+        array.use_instances(resources.instances, first, plan.instances.dtype)
         if batch.look.is_morphed:
             geometry.use_targets(program)
         array.draw(count)

@@ -4,7 +4,7 @@ layout(location = 6) in vec4 affine_y;
 layout(location = 7) in vec4 affine_z;
 layout(location = 8) in vec4 base_color;   // linear; w: opacity
 layout(location = 9) in vec4 emissive;     // radiance; w: alpha cutoff
-layout(location = 10) in vec4 reflection;  // x: metallic, y: roughness
+layout(location = 10) in vec2 reflection;  // x: metallic, y: roughness
 layout(location = 11) in uint entity;
 
 vec3 relative_from_local(vec3 point) {

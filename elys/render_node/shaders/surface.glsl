@@ -1,7 +1,7 @@
 // An instance's material: its numbers, and its textures where the program is compiled for them.
 flat in vec4 surface_base;
 flat in vec4 surface_emissive;
-flat in vec4 surface_reflection;
+flat in vec2 surface_reflection;
 in vec2 vertex_uv;
 #ifdef SECOND_UVS
 in vec2 vertex_second_uv;
@@ -96,7 +96,7 @@ vec4 surface_color() {
 // Metallic and roughness.
 vec2 surface_metal() {
 #ifdef METALLIC
-    vec2 metal = surface_reflection.xy;
+    vec2 metal = surface_reflection;
 #else
     vec2 metal = vec2(0.0, surface_reflection.y);  // known when the shader is compiled: all of it that is for metal goes
 #endif
