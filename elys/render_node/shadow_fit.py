@@ -97,9 +97,7 @@ def fit_shadow(
 @lru_cache(maxsize=8)
 def _light_from_world(direction: tuple[float, ...]) -> NDArray[np.float64]:
     """The rotation (3, 3) after which light that goes along `direction` goes along -z."""
-    found: NDArray[np.float64] = quaternion.to_matrix(look_rotation(direction)).T.copy()
-    found.setflags(write=False)
-    return found
+    return quaternion.to_matrix(look_rotation(direction)).T.astype(np.float64)
 
 
 def _some(chosen: NDArray[np.bool_]) -> Rows | slice:

@@ -17,6 +17,7 @@ from elys.render_node.gpu import Context, offscreen_context
 from elys.render_node.quality import FAST, FULL, Quality
 from elys.render_node.render_world import RenderWorld
 from elys.render_node.renderer import Renderer
+from tests.benchmarks import picture_python
 from tests.benchmarks.bare_program import BareProgram
 from tests.benchmarks.picture_peers import PeerCubes, missing_peer, peer_spheres
 from tests.reference.traced_pictures import relative_errors, wrong_shadow_reach
@@ -42,7 +43,7 @@ def measure() -> list[Row]:
         rows = truth_rows(context)
         for count in COUNTS:
             rows += frame_rows(context, count)
-        return rows + peer_rows(context)
+        return rows + picture_python.measure() + peer_rows(context)
     finally:
         context.release()
 
