@@ -49,9 +49,9 @@ class _Kept:
         if len(self._taken) < len(rows):
             self._taken = np.empty((len(rows), self._rows.shape[1]), np.float32)
         taken = self._taken[: len(rows)]
-        np.take(self._rows, rows, axis=0, out=taken, mode="clip")  # other modes copy once more
         for axis, place in enumerate(_PLACE):  # in 64 bits, before what is left fits into 32
-            taken[:, place] = (world.position[:, axis] - eye[axis]).astype(np.float32)[rows]
+            self._rows[:, place] = world.position[:, axis] - eye[axis]
+        np.take(self._rows, rows, axis=0, out=taken, mode="clip")  # other modes copy once more
         return taken.view(self._layout)[:, 0]
 
     def follow(self, world: RenderWorld) -> None:
