@@ -239,6 +239,7 @@ class Renderer:
             long_views=not self._quality.single_shadow_tap,
             lamp_shadow_size=self._quality.lamp_shadow_size,
             drawn_lamp_shadows=self._lamp_shadows.drawn if is_same else None,
+            for_light=True,
         )
 
     def _upload(self, plan: PicturePlan) -> None:

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elys.render_node.gpu import TEXTURE_UNITS, Framebuffer, Program
-from elys.render_node.look import Look
 from elys.render_node.passes.drawing import depth_program, draw_calls
 from elys.render_node.picture_plan import PicturePlan, ShadowState, shadow_state
+from elys.render_node.render_world import Batch
 from elys.render_node.resources import Geometry, Resources
 
 SLOPE_OFFSET = (1.5, 3.0)  # pushes casters away from the sun by their slope and by a few steps of the depth's precision
@@ -41,8 +41,8 @@ class ShadowPass:
         for column, fit in enumerate(fits):
             self._map.use(region=(column * edge, 0, edge, edge))
 
-            def choose(_: Geometry, look: Look, target: NDArray[np.float64] = fit.map_from_relative) -> Program:
-                program = depth_program(self._resources, plan, look)
+            def choose(_: Geometry, batch: Batch, target: NDArray[np.float64] = fit.map_from_relative) -> Program:
+                program = depth_program(self._resources, plan, batch.look)
                 program.set("target_from_relative", target)
                 return program
 
@@ -82,8 +82,8 @@ class LampShadowPass:
             self._atlas.use(region=shadows.region(square))
             target_from_relative = shadows.clip_from_relative(square, plan.view.eye)
 
-            def choose(_: Geometry, look: Look, target: NDArray[np.float64] = target_from_relative) -> Program:
-                program = depth_program(self._resources, plan, look)
+            def choose(_: Geometry, batch: Batch, target: NDArray[np.float64] = target_from_relative) -> Program:
+                program = depth_program(self._resources, plan, batch.look)
                 program.set("target_from_relative", target)
                 return program
 
