@@ -180,6 +180,15 @@ ASSET: Final = Query(
     reply_encoding=Encoding.RAW,
     keyed=True,
 )
+ASSET_OFFER: Final = Query(
+    name="offer",
+    request=bytes,
+    reply=bytes,
+    text="gives the host the bytes whose content hash is the key; none asks whether it has them; answered with has or wants",
+    request_encoding=Encoding.RAW,
+    reply_encoding=Encoding.RAW,
+    keyed=True,
+)
 
 TOPICS: Final[tuple[Topic[Any], ...]] = (
     STATE,
@@ -195,7 +204,7 @@ TOPICS: Final[tuple[Topic[Any], ...]] = (
     VIEW_REQUEST,
     VIEW_FRAME,
 )
-QUERIES: Final[tuple[Query[Any, Any], ...]] = (HELLO, SNAPSHOT, COMMAND, PICK, ASSET)
+QUERIES: Final[tuple[Query[Any, Any], ...]] = (HELLO, SNAPSHOT, COMMAND, PICK, ASSET, ASSET_OFFER)
 
 _CHUNK = re.compile(r"[A-Za-z0-9_.-]+\Z")
 

@@ -7,6 +7,7 @@ from typing import get_args
 from elys.bus.messages.views import Shows
 from elys.editor_node.actions import Action, Actions
 from elys.editor_node.model import EditorModel
+from elys.editor_node.tree_actions import tree_actions
 from elys.editor_node.ui import Tool, Tools, Ui
 from elys.editor_node.viewport_layer import ViewportLayer
 from elys.editor_node.workspace import Workspace
@@ -17,6 +18,7 @@ def add_actions(actions: Actions, ui: Ui, workspace: Workspace, viewport: Viewpo
     actions.add(
         *_file_actions(ui, workspace),
         *_edit_actions(ui, workspace),
+        *tree_actions(ui, workspace.hierarchy),
         *_time_actions(ui.model),
         *_tool_actions(ui.tools),
         *_view_actions(ui, workspace, viewport),
@@ -43,7 +45,8 @@ def _edit_actions(ui: Ui, workspace: Workspace) -> tuple[Action, ...]:
         workspace.hierarchy.start_renaming(ui, selection.primary)
 
     def select_all() -> None:
-        selection.replace(row.entity for row in model.scene.rows())
+        rows = workspace.hierarchy.rows(ui)
+        selection.replace(e for e in rows.entities if not rows.is_filtered or e in rows.found)
 
     def may_undo() -> bool:
         return bool(history.undo_label) or history.is_busy

@@ -186,7 +186,10 @@ class History:
         inverses: list[Command] = []
         respawned: list[tuple[int, ...]] = []
         old_ids = deque(entry.respawned)
+        renamed: dict[int, int] = {}
         for batch in _batches(entry.commands, self._scene):
+            if renamed:  # what came back a moment ago may be what the next are about
+                batch = tuple(edits.with_new_ids(command, renamed) for command in batch)
             befores = [edits.watched_value(command, self._scene) for command in batch]
             backs = [edits.inverse_of(command, self._scene) for command in batch]
             gone = [self._ids_below(command) for command in backs]
@@ -202,6 +205,7 @@ class History:
                 outcome.spawned += edits.roots_of(command, reply)
             await self._echo(batch, replies, befores)
             if new_ids:
+                renamed |= new_ids
                 self._follow(new_ids)
                 inverses = [edits.with_new_ids(command, new_ids) for command in inverses]
         return outcome, Entry(label=entry.label, commands=tuple(inverses), respawned=tuple(respawned))
@@ -291,9 +295,9 @@ def _batches(commands: tuple[Command, ...], scene: EditorScene) -> list[tuple[Co
     return [commands] if commands else []
 
 
-def _order(command: Command, scene: EditorScene) -> int:
+def _order(command: Command, scene: EditorScene) -> tuple[int, ...]:
     entity = getattr(command, "entity", 0)
-    return scene.order_of(entity) if scene.exists(entity) else -1
+    return scene.order_of(entity) if scene.exists(entity) else ()
 
 
 def _future() -> asyncio.Future[Outcome]:

@@ -9,12 +9,14 @@ import asyncio
 import time
 from collections import deque
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from elys.bus import topics
+from elys.bus.asset_service import AssetOffer
 from elys.bus.messages.commands import (
     Command,
     CommandRecord,
@@ -36,6 +38,8 @@ from elys.editor_node.operations import Operations
 from elys.editor_node.scene_file import SceneFile
 from elys.editor_node.scene_mirror import EditorScene
 from elys.editor_node.selection import Selection
+from elys.editor_node.tree_edits import TreeEdits
+from elys.editor_node.tree_walk import TreeWalk
 
 COMMAND_TIMEOUT: Final = 5.0  # [s]
 POINT_RADIUS: Final = 1.0  # [m] around an entity without extent, to be looked at
@@ -62,11 +66,16 @@ class EditorModel:
         self.scene = EditorScene(session, on_change=self._scene_changed, on_state=lambda: self.request_redraw(0.1))
         self.history = History(self._ask, self.scene, on_outcome=self._tell_outcome, on_new_ids=self._follow_new_ids)
         self.edit = Operations(self.scene, self.selection, self.history)
+        self.walk = TreeWalk(self.scene.mirror, self.scene.tree, self.selection, clock=clock)
+        self.tree = TreeEdits(
+            self.scene, self.selection, self.history, self.edit, offer=AssetOffer(session), say=self.say
+        )
         self.file = SceneFile(self.scene, self.history)
         self.status: SessionStatus | None = None
         self.profiles: deque[TickProfile] = deque(maxlen=240)  # the newest last
         self.diagnostics: deque[Diagnostics] = deque(maxlen=240)  # likewise
         self.connected = session.connected
+        self._seen_structure = -1
         self._told_stroke: object = None
         self._wanted_time: float | None = None  # [s] to seek to
         self._seeking: asyncio.Task[None] | None = None
@@ -198,6 +207,14 @@ class EditorModel:
         self.error, self.notice = "", f"Saved {self.file.path}"
         self._message_ends = self._clock() + MESSAGE_TIME
 
+    def paste(self) -> asyncio.Task[None]:
+        """Makes what is on the clipboard."""
+
+        async def paste() -> None:
+            await self.tree.paste(directory=self.file.path.parent if self.file.path is not None else Path.cwd())
+
+        return self.session.start(paste())
+
     def node_label(self, node: str) -> str:
         """What the console calls a node: its kind."""
         known = self.session.nodes.get(node)
@@ -222,12 +239,15 @@ class EditorModel:
             self.say("info", outcome.label, tick=outcome.tick)
 
     def _follow_new_ids(self, new_ids: dict[int, int]) -> None:
+        self.scene.marks.remap(new_ids)
         self.selection.remap(new_ids)
         if not self.selection:
             self.selection.replace(new_ids.values())
 
     def _scene_changed(self) -> None:
-        self.selection.keep_only(self.scene.exists)
+        if self.scene.structure_version != self._seen_structure:  # values take nobody away
+            self._seen_structure = self.scene.structure_version
+            self.selection.keep_only(self.scene.exists)
         self.request_redraw(0.0)
 
     def _status_arrived(self, status: SessionStatus, _: str) -> None:

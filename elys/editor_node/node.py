@@ -21,6 +21,7 @@ from elys.editor_node.model import EditorModel
 from elys.editor_node.panels.viewport import ViewportPanel
 from elys.editor_node.preferences import Preferences, configuration_directory, load_preferences, save_preferences
 from elys.editor_node.shortcuts import ShortcutLayer
+from elys.editor_node.type_ahead import TypeAheadLayer
 from elys.editor_node.ui import Ui
 from elys.editor_node.view_stream import ViewStream
 from elys.editor_node.viewport_layer import ViewportLayer
@@ -62,6 +63,7 @@ class Editor:
         self.context = WindowContext()
         self.application = Application(self.window)
         self.model = EditorModel(session, request_redraw=self.application.request_redraw)
+        self.model.tree.clipboard = self.window
         self.stream = ViewStream(session, on_frame=self.application.request_redraw)
         self._picture = self.context.picture()
         self.panel = ViewportPanel(self.stream, self._picture, OrbitCamera())
@@ -83,6 +85,7 @@ class Editor:
         navigation = ViewportLayer(self.model, self.panel, hold_pointer=self.window.hold_pointer)
         add_actions(actions, self.ui, self.workspace, navigation)
         self.application.push_layer(ShortcutLayer(actions, self.ui.keys))
+        self.application.push_layer(TypeAheadLayer(self.model.walk, self.workspace.hierarchy, self.ui.keys))
         self.application.push_layer(navigation)
         self.application.push_layer(self.widgets)
         session.on_link(self._link_changed)

@@ -10,7 +10,8 @@ from imgui_bundle import imgui
 from elys.bus.messages.views import Shows
 from elys.editor_node.language import tr, tr_label
 from elys.editor_node.panels import console, diagnostics, hierarchy, inspector, keys_help, profiler, timeline, viewport
-from elys.editor_node.panels.hierarchy import HierarchyPanel, draw_add_menu
+from elys.editor_node.panels.hierarchy import HierarchyPanel
+from elys.editor_node.panels.hierarchy_menus import draw_add_menu, draw_select_menu
 from elys.editor_node.panels.keys_help import draw_help
 from elys.editor_node.panels.save_dialog import SaveDialog
 from elys.editor_node.panels.toolbar import StatusBar, Toolbar
@@ -138,8 +139,20 @@ class Workspace:
         action_item(self.ui, "edit.undo", f"{tr('Undo')} {history.undo_label}")
         action_item(self.ui, "edit.redo", f"{tr('Redo')} {history.redo_label}")
         imgui.separator()
-        for name in ("edit.duplicate", "edit.rename", "edit.delete", "edit.select_all"):
+        for name in (
+            "edit.cut",
+            "edit.copy",
+            "edit.paste",
+            "edit.duplicate",
+            "edit.rename",
+            "edit.group",
+            "edit.delete",
+        ):
             action_item(self.ui, name)
+        imgui.separator()
+        action_item(self.ui, "edit.select_all")
+        draw_select_menu(self.ui)
+        action_item(self.ui, "edit.find")
         imgui.end_menu()
 
     def _draw_view_menu(self) -> None:

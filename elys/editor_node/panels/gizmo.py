@@ -44,7 +44,7 @@ class Gizmo:
     def __init__(self) -> None:
         self._drag: _Drag | None = None
         self.is_over = False  # the pointer is on a handle
-        self._targets_key: tuple[int, int] = (-1, -1)
+        self._targets_key: tuple[int, int, int] = (-1, -1, -1)
         self._found: list[int] = []
 
     @property
@@ -76,14 +76,15 @@ class Gizmo:
 
     def _targets(self, ui: Ui) -> list[int]:
         """Topmost selected entities with a Transform, the primary one (or what is above it) last."""
-        key = (ui.model.selection.version, ui.model.scene.structure_version)
+        scene = ui.model.scene
+        key = (ui.model.selection.version, scene.structure_version, scene.marks.version)
         if key != self._targets_key:
             self._targets_key, self._found = key, self._find_targets(ui)
         return self._found
 
     def _find_targets(self, ui: Ui) -> list[int]:
         model = ui.model
-        tops = model.edit.tops(model.selection)
+        tops = [e for e in model.edit.tops(model.selection) if not model.scene.marks.is_marked("locked", e)]
         primary = model.selection.primary
         while primary and primary not in tops and model.scene.exists(primary):
             primary = model.scene.parent_of(primary)

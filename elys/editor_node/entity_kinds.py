@@ -1,0 +1,45 @@
+"""What an entity is at a glance: the kind that its icon, the sorting and the filter `t:` go by."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+from elys.bus.mirror import MirrorEntity
+from elys.common.assets.primitives import PRIMITIVES
+from elys.common.components import Light, MeshRenderer
+
+EMPTY: Final = "Empty"
+# The first component that an entity has decides, so what is special stands before what many have.
+_KINDS: Final = (
+    ("Light", "Light"),
+    ("Environment", "Environment"),
+    ("Camera", "Camera"),
+    ("Animation", "Animation"),
+    ("Joint", "Joint"),
+    ("MeshRenderer", "Mesh"),
+    ("RigidBody", "Body"),
+    ("Collider", "Collider"),
+    ("Script", "Script"),
+)
+KIND_NAMES: Final = (*(name for _, name in _KINDS), EMPTY)
+_LIGHT_KINDS: Final = ("directional", "point", "spot")
+DETAILS: Final = (*PRIMITIVES, *_LIGHT_KINDS)  # of a kind: which mesh, which light
+
+
+class EntityKind(NamedTuple):
+    """`name` is one of KIND_NAMES; `detail` one of DETAILS, or empty."""
+
+    name: str
+    detail: str
+
+
+def kind_of(entity: MirrorEntity) -> EntityKind:
+    """What an entity is, by its components."""
+    components = entity.components
+    name = next((name for component, name in _KINDS if component in components), EMPTY)
+    if name == "Light":
+        light = components["Light"]
+        return EntityKind(name, light.kind if isinstance(light, Light) else "")
+    renderer = components.get("MeshRenderer")
+    is_built_in = isinstance(renderer, MeshRenderer) and renderer.mesh in PRIMITIVES
+    return EntityKind(name, renderer.mesh if is_built_in and isinstance(renderer, MeshRenderer) else "")
