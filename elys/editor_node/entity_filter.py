@@ -88,11 +88,20 @@ class EntityFilter:
 
     def lets_through(self, entity: MirrorEntity, mirror: SceneMirror, is_marked: IsMarked) -> bool:
         """Whether all words hold of the entity."""
-        # A plain loop: asked of every entity at each letter that is typed, a generator would cost half as much again.
-        for term in self.terms:  # noqa: SIM110
-            if _holds(term, entity, mirror, is_marked) != term.wanted:
-                return False
-        return True
+        return all(_holds(term, entity, mirror, is_marked) == term.wanted for term in self.terms)
+
+    def found_in(self, mirror: SceneMirror, is_marked: IsMarked) -> set[int]:
+        """All entities that it lets through. Done at each letter that is typed, so what is typed most is done without calls."""
+        left = list(mirror.entities.values())
+        for term in self.terms:
+            text, wanted, chosen = term.text, term.wanted, term.chosen
+            if term.kind == "name":
+                left = [e for e in left if (text in e.name.casefold()) == wanted]
+            elif term.kind == "component":
+                left = [e for e in left if chosen.isdisjoint(e.components) != wanted]
+            else:
+                left = [e for e in left if _holds(term, e, mirror, is_marked) == wanted]
+        return {e.id for e in left}
 
 
 EVERYTHING: Final = EntityFilter()

@@ -6,7 +6,6 @@ from typing import Final, NamedTuple
 
 from elys.bus.mirror import MirrorEntity
 from elys.common.assets.primitives import PRIMITIVES
-from elys.common.components import Light, MeshRenderer
 
 EMPTY: Final = "Empty"
 # The first component that an entity has decides, so what is special stands before what many have.
@@ -33,13 +32,16 @@ class EntityKind(NamedTuple):
     detail: str
 
 
+_NOTHING: Final = EntityKind(EMPTY, "")
+
+
 def kind_of(entity: MirrorEntity) -> EntityKind:
     """What an entity is, by its components."""
     components = entity.components
-    name = next((name for component, name in _KINDS if component in components), EMPTY)
-    if name == "Light":
-        light = components["Light"]
-        return EntityKind(name, light.kind if isinstance(light, Light) else "")
-    renderer = components.get("MeshRenderer")
-    is_built_in = isinstance(renderer, MeshRenderer) and renderer.mesh in PRIMITIVES
-    return EntityKind(name, renderer.mesh if is_built_in and isinstance(renderer, MeshRenderer) else "")
+    for component, name in _KINDS:
+        if component in components:
+            if name == "Light":
+                return EntityKind(name, getattr(components["Light"], "kind", ""))
+            mesh = getattr(components.get("MeshRenderer"), "mesh", "")
+            return EntityKind(name, mesh if mesh in PRIMITIVES else "")
+    return _NOTHING

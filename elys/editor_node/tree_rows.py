@@ -260,9 +260,7 @@ class TreeRows(Sequence[Row]):
 
     def _make(self) -> None:
         if self._is_found_stale and self.is_filtered:
-            lets_through = self._filter.lets_through
-            mirror, is_marked = self._mirror, self._is_marked
-            self.found = {i for i, e in mirror.entities.items() if lets_through(e, mirror, is_marked)}
+            self.found = self._filter.found_in(self._mirror, self._is_marked)
         self._is_stale = self._is_found_stale = False
         self.version += 1
         if self.is_filtered:
@@ -276,9 +274,9 @@ class TreeRows(Sequence[Row]):
         self._depths = [depth for _, depth in lines]
 
     def _with_above(self, found: set[int]) -> set[int]:
-        shown: set[int] = set()
         entities = self._mirror.entities
-        for entity in found:
+        shown = set(found)
+        for entity in {entities[entity].parent for entity in found}:  # siblings have the same above them
             while entity and entity not in shown:
                 shown.add(entity)
                 entity = entities[entity].parent

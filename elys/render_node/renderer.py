@@ -98,8 +98,8 @@ class Renderer:
         """Draws the world as it is placed now; returns the picture, which the next one of that size overwrites.
 
         `hidden` entities, and all below them, are not drawn and throw no shadows. `target` is where it goes instead, a
-        framebuffer of that size, such as a window's. With a `region` only that part of the picture is drawn, into a framebuffer of
-        its size.
+        framebuffer of that size, such as a window's. With a `region` only that part of the picture is drawn, into a framebuffer
+        of its size.
         """
         self.resources.programs.reload_changed()
         with self._timed("plan"):
