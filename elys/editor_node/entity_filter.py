@@ -144,7 +144,7 @@ def _body(text: str, place: int) -> tuple[str, str, bool, int]:
         if text[place] == '"':
             end = text.find('"', place + 1)
             if end < 0:
-                raise FilterError("the quote is not closed: {text}", text=text[place:])
+                raise FilterError("the quote is not closed: {word}", word=text[place:])
             return key, text[start:place] + text[place + 1 : end], True, end + 1
         if text[place] == ":" and not key:
             key, start = text[start:place], place + 1
@@ -187,14 +187,14 @@ def _meant(text: str, known: tuple[str, ...], kind: TermKind) -> frozenset[str]:
     close = difflib.get_close_matches(wanted, list(by_folded), n=1, cutoff=0.5)
     is_component = kind == "component"
     if close:
-        problem = "no component begins with '{text}'; did you mean {near}?"
+        problem = "no component begins with '{word}'; did you mean {near}?"
         if not is_component:
-            problem = "no kind begins with '{text}'; did you mean {near}?"
-        raise FilterError(problem, text=text, near=by_folded[close[0]])
-    problem = "no component begins with '{text}'; there are {known}"
+            problem = "no kind begins with '{word}'; did you mean {near}?"
+        raise FilterError(problem, word=text, near=by_folded[close[0]])
+    problem = "no component begins with '{word}'; there are {known}"
     if not is_component:
-        problem = "no kind begins with '{text}'; there are {known}"
-    raise FilterError(problem, text=text, known=", ".join(known))
+        problem = "no kind begins with '{word}'; there are {known}"
+    raise FilterError(problem, word=text, known=", ".join(known))
 
 
 def _holds(term: Term, entity: MirrorEntity, mirror: SceneMirror, is_marked: IsMarked) -> bool:

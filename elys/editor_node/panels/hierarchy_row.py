@@ -186,7 +186,7 @@ def _draw_switches(ui: Ui, entity: int, is_hovered: bool, height: float) -> None
     draw(
         2,
         "lock",
-        icons.ICON_FA_LOCK if is_locked else icons.ICON_FA_LOCK_OPEN,
+        icons.ICON_FA_LOCK if marks.is_marked("locked", entity) else icons.ICON_FA_LOCK_OPEN,
         tr("Unlock") if is_locked else tr("Lock: it is not picked in the viewport, nor dragged"),
         is_told=marks.is_marked("locked", entity),
         run=lambda: marks.set("locked", chosen, not is_locked),
@@ -194,7 +194,7 @@ def _draw_switches(ui: Ui, entity: int, is_hovered: bool, height: float) -> None
     draw(
         1,
         "eye",
-        icons.ICON_FA_EYE_SLASH if is_hidden else icons.ICON_FA_EYE,
+        icons.ICON_FA_EYE_SLASH if marks.is_marked("hidden", entity) else icons.ICON_FA_EYE,
         tr("Show in this editor") if is_hidden else tr("Hide in this editor"),
         is_told=marks.is_marked("hidden", entity),
         run=lambda: marks.set("hidden", chosen, not is_hidden),

@@ -22,8 +22,8 @@ class Tree:
     def __init__(self) -> None:
         self.mirror = SceneMirror()
         self.mirror.sequence = 0
-        self.marks = EntityMarks(self.mirror, on_change=lambda: self.rows.marks_changed())
-        self.rows = TreeRows(self.mirror, is_marked=self.marks.is_marked)
+        self.rows = TreeRows(self.mirror, is_marked=lambda mark, entity: self.marks.is_marked(mark, entity))
+        self.marks = EntityMarks(self.mirror, on_change=self.rows.marks_changed)
         self.mirror.listen(self.rows.follow)
         self.count = 0
 
