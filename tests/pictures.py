@@ -7,6 +7,8 @@ import os
 import sys
 from pathlib import Path
 
+from PIL import Image
+
 from elys.bus import topics
 from elys.bus.messages.commands import CommandRequest, StepTicks
 from elys.verbs.nodes import joined
@@ -29,6 +31,7 @@ def main() -> None:
         running(render, env=env, wait_for="drawing views"),
     ):
         asyncio.run(draw_editor(PICTURES / "editor.png"))
+        asyncio.run(draw_hierarchy(PICTURES / "editor-hierarchy.png"))
 
 
 async def draw_editor(path: Path) -> None:
@@ -52,6 +55,47 @@ async def draw_editor(path: Path) -> None:
             editor.application.close()
             await window
     print(path)
+
+
+async def draw_hierarchy(path: Path) -> None:
+    """The hierarchy of the yard, with a search and its menu of others, and some that are locked, hidden and off."""
+    from elys.editor_node.events import CursorEntered, MouseMoved, MousePressed, MouseReleased
+    from elys.editor_node.node import Editor
+
+    async with joined(ENDPOINT, kind="editor") as session:
+        with Editor(session, null_platform=True, size=(1600, 900)) as editor:
+            window = asyncio.create_task(editor.run())
+            scene, panel = editor.model.scene, editor.workspace.hierarchy
+            while not scene.is_known or editor.stream.shown is None:
+                await asyncio.sleep(0.05)
+            boxes = [e.id for e in scene.mirror.entities.values() if e.name.startswith("Box ")]
+            scene.marks.set("locked", boxes[1:3], True)
+            scene.marks.set("hidden", boxes[2:5], True)
+            editor.model.selection.replace(boxes[5:8])
+            panel.search_for("t:box !plank")
+            editor.ui.landmarks.is_wanted = True
+            for event in (CursorEntered(True), None, "hierarchy/filters", MousePressed(0), MouseReleased(0)):
+                editor.application.keep_awake(2.0)
+                await asyncio.sleep(0.5)
+                if isinstance(event, str):
+                    event = MouseMoved(*editor.ui.landmarks.center(event))
+                if event is not None:
+                    editor.application.offer(event)
+            for _ in range(20):
+                editor.application.keep_awake(1.0)
+                await asyncio.sleep(0.1)
+            editor.screenshot(path)
+            crop(path, (0, 0, 760, 620))
+            editor.application.close()
+            await window
+    print(path)
+
+
+def crop(path: Path, box: tuple[int, int, int, int]) -> None:
+    """Keeps a part (left, top, right, bottom) of a picture."""
+    with Image.open(path) as picture:
+        part = picture.crop(box)
+    part.save(path, optimize=True)
 
 
 if __name__ == "__main__":

@@ -181,7 +181,7 @@ class EditorScene:
         Boxes along the axes stand for what is there; imported meshes count as the ball around them.
         """
         y = max(y, half)
-        boxes = [self._box_of(entity) for entity in self.mirror.entities if self.has_extent(entity)]
+        boxes = [self._box_of(entity) for entity in self._near(x, z, half) if self.has_extent(entity)]
         over = [(low[1], high[1]) for low, high in boxes if low[0] < x + half and high[0] > x - half
                 and low[2] < z + half and high[2] > z - half]  # fmt: skip
         # From the lowest up: once above one, nothing that was passed can be in the way again.
@@ -189,6 +189,21 @@ class EditorScene:
             if low < y + half and high > y - half:
                 y = high + half + _GAP
         return y
+
+    def _near(self, x: float, z: float, half: float) -> Iterator[int]:
+        """Those that may reach over a square of half edge `half` [m]; all that stand below others, whose poses cost more."""
+        frame = self.mirror.latest_frame
+        positions = frame.position.tolist() if frame is not None else []
+        for entity, found in self.mirror.entities.items():
+            transform = found.components.get("Transform")
+            if found.parent or not isinstance(transform, Transform):
+                yield entity
+                continue
+            row = self.mirror.frame_row(entity)
+            place = positions[row] if row >= 0 else transform.position
+            reach = half + max(map(abs, transform.scale)) * (1.0 + _collider_reach(found.components.get("Collider")))
+            if abs(place[0] - x) <= reach and abs(place[2] - z) <= reach:
+                yield entity
 
     def _box_of(self, entity: int) -> tuple[list[float], list[float]]:
         """The corners [m] of a box along the world's axes around what an entity shows and collides with."""
@@ -271,3 +286,11 @@ class EditorScene:
         if parent:
             position, rotation = local_pose(*self.world_pose(parent), position, rotation)
         return msgspec.structs.replace(value, position=position, rotation=rotation)
+
+
+def _collider_reach(collider: Component | None) -> float:
+    """How far [m] a collider reaches from where its entity is, at most and before it is scaled."""
+    if not isinstance(collider, Collider):
+        return 0.0
+    extent = collider.radius if collider.shape == "sphere" else math.hypot(*collider.size) / 2.0
+    return extent * 2.0 + math.hypot(*collider.offset)

@@ -16,6 +16,8 @@ class Selection:
 
     def __init__(self) -> None:
         self._past: list[tuple[int, ...]] = []
+        self._listed: tuple[int, ...] = ()
+        self._listed_version = 0
         self._future: list[tuple[int, ...]] = []
         self._entities: dict[int, None] = {}  # a dict keeps the order and finds fast
         self.anchor = 0  # where a range that is extended with shift starts
@@ -37,8 +39,10 @@ class Selection:
 
     @property
     def entities(self) -> tuple[int, ...]:
-        """All of them, the primary one last."""
-        return tuple(self._entities)
+        """All of them, the primary one last; the same tuple until they change."""
+        if self._listed_version != self.version:
+            self._listed, self._listed_version = tuple(self._entities), self.version
+        return self._listed
 
     def replace(self, entities: Iterable[int]) -> None:
         """Selects these and no others."""
