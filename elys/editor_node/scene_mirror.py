@@ -47,6 +47,7 @@ class EditorScene:
     ) -> None:
         self.mirror = SceneMirror()
         self.structure_version = 0  # rises when the tree, a name or a switch changes
+        self.transforms_version = 0  # rises when somebody sets, gives or takes a Transform; state frames do not count
         self.is_known = False  # whether there was a snapshot yet
         self._session = session
         self._on_change = on_change
@@ -257,6 +258,8 @@ class EditorScene:
             self.structure_version += 1
         if update.reset or any(isinstance(change, _TREE_CHANGES) for change in update.changes):
             self._index_of.clear()
+        if any(isinstance(c, ComponentSet | ComponentRemoved) and c.component == "Transform" for c in update.changes):
+            self.transforms_version += 1
         self.tree.follow(update)
         if update.reset and self.mirror.epoch != self._epoch:
             self._epoch = self.mirror.epoch

@@ -22,10 +22,13 @@ class Tree:
     def __init__(self) -> None:
         self.mirror = SceneMirror()
         self.mirror.sequence = 0
-        self.rows = TreeRows(self.mirror, is_marked=lambda mark, entity: self.marks.is_marked(mark, entity))
+        self.rows = TreeRows(self.mirror, is_marked=self.is_marked)
         self.marks = EntityMarks(self.mirror, on_change=self.rows.marks_changed)
         self.mirror.listen(self.rows.follow)
         self.count = 0
+
+    def is_marked(self, mark: str, entity: int) -> bool:
+        return self.marks.is_marked(mark, entity)
 
     def apply(self, *changes: s.SceneChange) -> None:
         self.mirror.apply_delta(s.SceneDelta(epoch=0, sequence=self.mirror.sequence + 1, tick=0, changes=changes))
