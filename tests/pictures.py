@@ -85,7 +85,7 @@ async def draw_hierarchy(path: Path) -> None:
                 editor.application.keep_awake(1.0)
                 await asyncio.sleep(0.1)
             editor.screenshot(path)
-            crop(path, (0, 0, 760, 760))
+            crop(path, (0, 0, 760, 630))
             editor.application.close()
             await window
     print(path)
