@@ -12,6 +12,8 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from PIL import Image
+
 from elys.bus import topics
 from elys.bus.messages.commands import CommandRequest, StepTicks
 from elys.verbs.nodes import joined
@@ -39,12 +41,13 @@ def main() -> None:
         running(render, env=env, wait_for="drawing views"),
     ):
         os.environ["ELYS_RUNTIME_DIR"] = env["ELYS_RUNTIME_DIR"]  # of which sessions the start page is to tell
-        for name, draw in (("editor", draw_editor), ("timeline", draw_timeline)):
+        drawn = {"editor": draw_editor, "editor-hierarchy": draw_hierarchy, "timeline": draw_timeline}
+        for name, draw in drawn.items():
             if name in (sys.argv[1:] or [name]):
                 asyncio.run(draw(PICTURES / f"{name}.png"))
         if "windows" in (sys.argv[1:] or ["windows"]):
             asyncio.run(draw_editor_pictures(PICTURES / "editor", ENDPOINT))
-    if "inspector" not in (sys.argv[1:] or ["inspector"]):
+    if "editor-inspector" not in (sys.argv[1:] or ["editor-inspector"]):
         return
     table = (*elys, "run", "docs/examples/table.scene.json", "--headless", "--paused", "--listen", ENDPOINT)
     with environment() as env, running(table, env=env, wait_for="simulating"):
@@ -158,12 +161,53 @@ async def draw_timeline(path: Path) -> None:
     print(path)
 
 
+async def draw_hierarchy(path: Path) -> None:
+    """The hierarchy of the yard, with a search and its menu of others, and some that are locked, hidden and off."""
+    from elys.editor_node.events import CursorEntered, MouseMoved, MousePressed, MouseReleased
+    from elys.editor_node.node import Editor
+
+    async with joined(ENDPOINT, kind="editor") as session:
+        with Editor(session, null_platform=True, size=(1600, 900)) as editor:
+            window = asyncio.create_task(editor.run())
+            scene, panel = editor.model.scene, editor.workspace.hierarchy
+            while not scene.is_known or editor.stream.shown is None:
+                await asyncio.sleep(0.05)
+            boxes = [e.id for e in scene.mirror.entities.values() if e.name.startswith("Box ")]
+            scene.marks.set("locked", boxes[1:3], True)
+            scene.marks.set("hidden", boxes[2:5], True)
+            editor.model.selection.replace(boxes[5:8])
+            panel.search_for("t:box !plank")
+            editor.ui.landmarks.is_wanted = True
+            for event in (CursorEntered(True), None, "hierarchy/filters", MousePressed(0), MouseReleased(0)):
+                editor.application.keep_awake(2.0)
+                await asyncio.sleep(0.5)
+                if isinstance(event, str):
+                    event = MouseMoved(*editor.ui.landmarks.center(event))
+                if event is not None:
+                    editor.application.offer(event)
+            for _ in range(20):
+                editor.application.keep_awake(1.0)
+                await asyncio.sleep(0.1)
+            editor.screenshot(path)
+            crop(path, (0, 0, 760, 630))
+            editor.application.close()
+            await window
+    print(path)
+
+
 async def frames_of(editor: Editor, count: int) -> None:
     """Waits until so many frames were drawn."""
     goal = editor.application.frame_count + count
     while editor.application.frame_count < goal:
         editor.application.keep_awake(1.0)
         await asyncio.sleep(0.01)
+
+
+def crop(path: Path, box: tuple[int, int, int, int]) -> None:
+    """Keeps a part (left, top, right, bottom) of a picture."""
+    with Image.open(path) as picture:
+        part = picture.crop(box)
+    part.save(path, optimize=True)
 
 
 if __name__ == "__main__":

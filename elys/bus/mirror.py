@@ -282,7 +282,13 @@ class SceneMirror:
                 self._spawn(change, sequence)
             case Despawned():
                 gone = self.descendants(self._entity(change.entity).id)
-                self.children_of(self.entities[change.entity].parent).remove(change.entity)
+                siblings = self.children_of(self.entities[change.entity].parent)
+                if (
+                    siblings[-1] == change.entity
+                ):  # many are ended from the last on: looked for, each would cost all others
+                    siblings.pop()
+                else:
+                    siblings.remove(change.entity)
                 for entity in gone:
                     del self.entities[entity]
                 removed.extend(gone)

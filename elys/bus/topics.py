@@ -193,11 +193,11 @@ ASSET: Final = Query(
     reply_encoding=Encoding.RAW,
     keyed=True,
 )
-OFFER: Final = Query(
+ASSET_OFFER: Final = Query(
     name="offer",
     request=bytes,
     reply=bytes,
-    text="bytes for the host whose content hash is the key; none asks whether it has them (answered with some if so)",
+    text="gives the host the bytes whose content hash is the key; none asks whether it has them; answered with has or wants",
     request_encoding=Encoding.RAW,
     reply_encoding=Encoding.RAW,
     keyed=True,
@@ -217,7 +217,7 @@ TOPICS: Final[tuple[Topic[Any], ...]] = (
     VIEW_REQUEST,
     VIEW_FRAME,
 )
-QUERIES: Final[tuple[Query[Any, Any], ...]] = (HELLO, SNAPSHOT, COMMAND, HISTORY, MARKERS, PICK, ASSET, OFFER)
+QUERIES: Final[tuple[Query[Any, Any], ...]] = (HELLO, SNAPSHOT, COMMAND, HISTORY, MARKERS, PICK, ASSET, ASSET_OFFER)
 
 _CHUNK = re.compile(r"[A-Za-z0-9_.-]+\Z")
 

@@ -13,6 +13,7 @@ from elys.editor_node.panels import changes, history_list
 from elys.editor_node.panels.inspector import InspectorPanel
 from elys.editor_node.panels.preferences_window import change_font_scale, change_language
 from elys.editor_node.preferences import Theme
+from elys.editor_node.tree_actions import tree_actions
 from elys.editor_node.ui import Tool, Tools, Ui
 from elys.editor_node.viewport_layer import ViewportLayer
 from elys.editor_node.workspace import Workspace
@@ -24,6 +25,7 @@ def add_actions(actions: Actions, ui: Ui, workspace: Workspace, viewport: Viewpo
         *_file_actions(ui, workspace),
         *_edit_actions(ui, workspace),
         *_inspector_actions(ui, workspace.inspector),
+        *tree_actions(ui, workspace.hierarchy),
         *_time_actions(ui.model),
         *_tool_actions(ui.tools),
         *_view_actions(ui, workspace, viewport),
@@ -94,7 +96,8 @@ def _edit_actions(ui: Ui, workspace: Workspace) -> tuple[Action, ...]:
         workspace.hierarchy.start_renaming(ui, selection.primary)
 
     def select_all() -> None:
-        selection.replace(row.entity for row in model.scene.rows())
+        rows = workspace.hierarchy.rows(ui)
+        selection.replace(e for e in rows.entities if not rows.is_filtered or e in rows.found)
 
     def may_undo() -> bool:
         return bool(history.undo_label) or history.is_busy

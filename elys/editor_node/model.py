@@ -10,12 +10,14 @@ import getpass
 import time
 from collections import deque
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from elys.bus import topics
+from elys.bus.asset_service import AssetOffer
 from elys.bus.messages.commands import (
     Command,
     CommandRecord,
@@ -45,6 +47,8 @@ from elys.editor_node.scene_mirror import EditorScene
 from elys.editor_node.selection import Selection
 from elys.editor_node.set_values import SetValues
 from elys.editor_node.timeline import Timeline
+from elys.editor_node.tree_edits import TreeEdits
+from elys.editor_node.tree_walk import TreeWalk
 
 COMMAND_TIMEOUT: Final = 5.0  # [s]
 POINT_RADIUS: Final = 1.0  # [m] around an entity without extent, to be looked at
@@ -85,6 +89,10 @@ class EditorModel:
         self.edit = Operations(self.scene, self.selection, self.history)
         self.documents = SceneDocuments(session, self.scene, self._ask_plainly, recovery=recovery, clock=clock)
         self.file = self.documents.file
+        self.walk = TreeWalk(self.scene.mirror, self.scene.tree, self.selection, clock=clock)
+        self.tree = TreeEdits(
+            self.scene, self.selection, self.history, self.edit, offer=AssetOffer(session), say=self.say
+        )
         self.status: SessionStatus | None = None
         self.profiles: deque[TickProfile] = deque(maxlen=240)  # the newest last
         self.diagnostics: deque[Diagnostics] = deque(maxlen=240)  # likewise
@@ -236,6 +244,14 @@ class EditorModel:
             saved = await self.documents.save(path, name=name)
         self.praise(f"Saved {saved}")
 
+    def paste(self) -> asyncio.Task[None]:
+        """Makes what is on the clipboard."""
+
+        async def paste() -> None:
+            await self.tree.paste(directory=self.file.path.parent if self.file.path is not None else Path.cwd())
+
+        return self.session.start(paste())
+
     def node_label(self, node: str) -> str:
         """What the console calls a node: its kind."""
         known = self.session.nodes.get(node)
@@ -275,6 +291,7 @@ class EditorModel:
             self.say("info", outcome.label, tick=outcome.tick)
 
     def _follow_new_ids(self, new_ids: dict[int, int]) -> None:
+        self.scene.marks.remap(new_ids)
         self.selection.remap(new_ids)
         if not self.selection:
             self.selection.replace(new_ids.values())

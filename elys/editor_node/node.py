@@ -32,6 +32,7 @@ from elys.editor_node.recovery import Recovery, state_directory
 from elys.editor_node.seat import Seat
 from elys.editor_node.session_state import restore_session, session_state
 from elys.editor_node.shortcuts import ChordCapture, ShortcutLayer
+from elys.editor_node.type_ahead import TypeAheadLayer
 from elys.editor_node.ui import Ui
 from elys.editor_node.view_stream import ViewStream
 from elys.editor_node.viewport_layer import ViewportLayer
@@ -96,6 +97,7 @@ class Editor:
         # As with preferences: tests and pictures leave nothing behind and find nothing.
         recovery = None if self._directory is None else Recovery(state_directory())
         self.model = EditorModel(self.seat, request_redraw=redraw, recovery=recovery)
+        self.model.tree.clipboard = self.window
         self.stream = ViewStream(self.seat, on_frame=redraw)
         self._picture = self.context.picture()
         self.panel = ViewportPanel(self.stream, self._picture, OrbitCamera())
@@ -131,6 +133,7 @@ class Editor:
         self.navigation = ViewportLayer(self.model, self.panel, hold_pointer=self.window.hold_pointer)
         add_actions(actions, self.ui, self.workspace, self.navigation)
         self.application.push_layer(ShortcutLayer(actions, self.ui.keys))
+        self.application.push_layer(TypeAheadLayer(self.model.walk, self.workspace.hierarchy, self.ui.keys))
         self.application.push_layer(self.navigation)
         self.application.push_layer(self.widgets)
         self.application.push_layer(capture)

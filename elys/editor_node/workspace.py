@@ -25,7 +25,8 @@ from elys.editor_node.panels import (
     viewport,
 )
 from elys.editor_node.panels.command_palette import CommandPalette
-from elys.editor_node.panels.hierarchy import HierarchyPanel, draw_add_menu
+from elys.editor_node.panels.hierarchy import HierarchyPanel
+from elys.editor_node.panels.hierarchy_menus import draw_add_menu, draw_select_menu
 from elys.editor_node.panels.keys_help import draw_help
 from elys.editor_node.panels.layout_menu import LayoutMenu
 from elys.editor_node.panels.link import LinkWindow, draw_banner
@@ -286,9 +287,20 @@ class Workspace:
         action_item(self.ui, "edit.redo", f"{tr('Redo')} {history.redo_label}")
         action_item(self.ui, "edit.history")
         imgui.separator()
-        for name in ("edit.duplicate", "edit.rename", "edit.delete", "edit.select_all"):
+        for name in (
+            "edit.cut",
+            "edit.copy",
+            "edit.paste",
+            "edit.duplicate",
+            "edit.rename",
+            "edit.group",
+            "edit.delete",
+        ):
             action_item(self.ui, name)
         imgui.separator()
+        action_item(self.ui, "edit.select_all")
+        draw_select_menu(self.ui)
+        action_item(self.ui, "edit.find")
         for name in ("search", "add_component", "fold_all", "unfold_all", "revert_all"):
             action_item(self.ui, f"inspector.{name}")
         imgui.end_menu()

@@ -45,6 +45,7 @@ class PicturePlan:
     shadow_is_fresh: bool  # the map drawn for the last picture still holds
     lamp_shadows: LampShadows | None
     lamp_casters: list[list[DrawCall]]  # of each of their squares; none while the atlas drawn last still holds
+    hidden: tuple[int, ...]  # entities that are left out, with all below them
     grid: bool
     surroundings: Surroundings
 
@@ -60,11 +61,13 @@ class ShadowState(NamedTuple):
     scene_version: int
     pose_version: int
     key: tuple[float, ...]
+    hidden: tuple[int, ...]
 
 
-def shadow_state(world: RenderWorld, shadow: ShadowFit, near: ShadowFit | None) -> ShadowState:
+def shadow_state(world: RenderWorld, shadow: ShadowFit, near: ShadowFit | None, hidden: tuple[int, ...]) -> ShadowState:
     """What maps of these hold once they are drawn."""
-    return ShadowState(world.scene_version, world.pose_version, shadow.key + (near.key if near is not None else ()))
+    key = shadow.key + (near.key if near is not None else ())
+    return ShadowState(world.scene_version, world.pose_version, key, hidden)
 
 
 def plan_picture(
@@ -72,6 +75,7 @@ def plan_picture(
     view: View,
     *,
     selection: tuple[int, ...] = (),
+    hidden: tuple[int, ...] = (),
     grid: bool = False,
     drawn_shadow: ShadowState | None = None,
     shadow_size: int = 0,
@@ -82,31 +86,32 @@ def plan_picture(
 ) -> PicturePlan:
     """Decides what a picture of the world in this view consists of; `drawn_shadow` is what the shadow map, of `shadow_size`
     texels an edge (0 for none), holds already, and `drawn_lamp_shadows` the same of the atlas of lamps. With
-    `long_views` a finer map around the eye is added where one would be coarse. A plan `for_light` cannot tell who is seen.
+    `long_views` a finer map around the eye is added where one would be coarse. `hidden` entities, and all below them, are
+    neither seen nor throw shadows; lamps among them shine. A plan `for_light` cannot tell who is seen.
     """
+    left_out = world.instances_of(hidden)
     # (3, N): numpy is quick along rows, which is how the world keeps them.
     relative_centre = (world.centre.T - view.eye[:, None]).astype(np.float32)
     seen = _within(frustum_planes(view.clip_from_relative), relative_centre, world.radius)
+    seen[left_out] = False
     lights = world.lights()
     sun = _brightest_sun(lights)
     shadow = _shadow(world, view, sun, shadow_size) if shadow_size else None
     near_shadow = fit_near_shadow(world, view, sun.direction, shadow) if shadow and sun and long_views else None
-    is_fresh = shadow is not None and drawn_shadow == shadow_state(world, shadow, near_shadow)
+    is_fresh = shadow is not None and drawn_shadow == shadow_state(world, shadow, near_shadow, hidden)
     rows = _RowCollector(world)
     seen_rows = np.flatnonzero(seen)
     first_blended = next((batch.first for batch in world.batches if batch.is_blended), world.instance_count)
     opaque = rows.add_grouped(seen_rows[: np.searchsorted(seen_rows, first_blended)], _depth(view, relative_centre))
     blended = seen_rows[np.searchsorted(seen_rows, first_blended) :]
     transparent = rows.add_sorted(blended, _distance(view, relative_centre)) if len(blended) else []
-    casters = rows.add_grouped(_caster_rows(world, first_blended)) if shadow is not None and not is_fresh else []
+    casts = (shadow is not None and not is_fresh) or lamp_shadow_size
+    all_casters = _caster_rows(world, first_blended, left_out) if casts else seen_rows[:0]
+    casters = rows.add_grouped(all_casters) if shadow is not None and not is_fresh else []
     lamps = _nearest_lamps(lights, view.eye)
-    around = (
-        fit_lamp_shadows(world, lamps, _caster_rows(world, first_blended), lamp_shadow_size)
-        if lamp_shadow_size and lamps
-        else None
-    )
+    around = fit_lamp_shadows(world, lamps, all_casters, lamp_shadow_size) if lamp_shadow_size and lamps else None
     holds = around is not None and drawn_lamp_shadows == ShadowState(
-        world.scene_version, world.pose_version, around.key
+        world.scene_version, world.pose_version, around.key, hidden
     )
     lamp_casters = [rows.add_grouped(found) for found in around.casters] if around is not None and not holds else []
     chosen = (
@@ -128,6 +133,7 @@ def plan_picture(
         shadow_is_fresh=is_fresh,
         lamp_shadows=around,
         lamp_casters=lamp_casters,
+        hidden=hidden,
         grid=grid,
         surroundings=world.surroundings(None if sun is None else -sun.direction),
     )
@@ -227,8 +233,9 @@ def _within(planes: NDArray[np.float64], centre: NDArray[np.float32], radius: ND
     return np.asarray(distance.min(axis=0) > -radius)
 
 
-def _caster_rows(world: RenderWorld, first_blended: int) -> Rows:
-    return np.flatnonzero(world.casts[:first_blended])
+def _caster_rows(world: RenderWorld, first_blended: int, left_out: Rows) -> Rows:
+    casters = np.flatnonzero(world.casts[:first_blended])
+    return np.setdiff1d(casters, left_out, assume_unique=True) if len(left_out) else casters
 
 
 def _shadow(world: RenderWorld, view: View, sun: PlacedLight | None, map_size: int) -> ShadowFit | None:

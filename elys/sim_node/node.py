@@ -14,7 +14,7 @@ from typing import Final, Protocol
 import msgspec
 
 from elys.bus import topics
-from elys.bus.asset_service import lacking_assets, serve_assets, take_offers
+from elys.bus.asset_service import lacking_assets, serve_assets
 from elys.bus.edit_parts import edits_of
 from elys.bus.marker_log import MarkerLog, markers_of_command, markers_of_contacts, markers_of_events
 from elys.bus.messages.commands import (
@@ -141,7 +141,6 @@ class SimulationNode:
         session.serve(topics.HISTORY, self._give_history)
         session.serve(topics.MARKERS, self._give_markers)
         serve_assets(session, self.simulation.assets)
-        take_offers(session, self.simulation.assets)
         self._publish_status()
         self._publish_frame()  # who subscribes before the first tick sees the scene as it was loaded
         async with asyncio.TaskGroup() as group:

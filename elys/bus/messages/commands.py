@@ -139,7 +139,7 @@ class Redo(msgspec.Struct, frozen=True, kw_only=True, tag="redo"):
 class LoadScene(msgspec.Struct, frozen=True, kw_only=True, tag="load_scene"):
     """Puts another scene in the place of what is there; time goes on, and all that could be undone is forgotten.
 
-    Assets that the records name must be with the host (see `topics.OFFER`). `path` is the file it came from, if from one.
+    Assets that the records name must be with the host (see `topics.ASSET_OFFER`). `path` is the file it came from, if from one.
     """
 
     name: str

@@ -48,7 +48,7 @@ class ShadowPass:
 
             # What turns its back to the sun is hidden by its own front, or is a sheet that is not there from behind either.
             draw_calls(self._resources, plan, plan.casters, choose)
-        self.drawn = shadow_state(plan.world, plan.shadow, plan.near_shadow)
+        self.drawn = shadow_state(plan.world, plan.shadow, plan.near_shadow, plan.hidden)
 
     def use(self) -> None:
         """Shows the map to the passes that shade."""
@@ -88,7 +88,7 @@ class LampShadowPass:
                 return program
 
             draw_calls(self._resources, plan, calls, choose)
-        self.drawn = ShadowState(plan.world.scene_version, plan.world.pose_version, shadows.key)
+        self.drawn = ShadowState(plan.world.scene_version, plan.world.pose_version, shadows.key, plan.hidden)
 
     def use(self) -> None:
         """Shows the atlas to the passes that shade."""
