@@ -1,12 +1,20 @@
-"""make pictures: draws the pictures of the docs anew, with the real nodes. Look at them before committing."""
+"""make pictures: draws the pictures of the docs anew, with the real nodes; or those that are named, as `timeline`.
+
+Look at them before committing.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import os
+import shutil
 import sys
+import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
+from PIL import Image
 
 from elys.bus import topics
 from elys.bus.messages.commands import CommandRequest, StepTicks
@@ -24,6 +32,7 @@ TICK = 110  # much lies, much still falls
 
 def main() -> None:
     os.environ["ELYS_NULL_PLATFORM"] = "1"
+    os.environ["ELYS_STATE_DIR"] = tempfile.mkdtemp()  # no bookmark of a person's own is shown, or lost
     PICTURES.mkdir(exist_ok=True)
     elys = (sys.executable, "-m", "elys")
     simulation = (*elys, "run", "yard", "--headless", "--paused", "--listen", ENDPOINT)
@@ -33,9 +42,20 @@ def main() -> None:
         running(simulation, env=env, wait_for="simulating"),
         running(render, env=env, wait_for="drawing views"),
     ):
-        asyncio.run(draw_editor(PICTURES / "editor.png"))
         os.environ["ELYS_RUNTIME_DIR"] = env["ELYS_RUNTIME_DIR"]  # of which sessions the start page is to tell
-        asyncio.run(draw_editor_pictures(PICTURES / "editor", ENDPOINT))
+        drawn = {
+            "editor": draw_editor,
+            "editor-hierarchy": draw_hierarchy,
+            "timeline": draw_timeline,
+            "editor-assets": draw_assets,
+        }
+        for name, draw in drawn.items():
+            if name in (sys.argv[1:] or [name]):
+                asyncio.run(draw(PICTURES / f"{name}.png"))
+        if "windows" in (sys.argv[1:] or ["windows"]):
+            asyncio.run(draw_editor_pictures(PICTURES / "editor", ENDPOINT))
+    if "editor-inspector" not in (sys.argv[1:] or ["editor-inspector"]):
+        return
     table = (*elys, "run", "docs/examples/table.scene.json", "--headless", "--paused", "--listen", ENDPOINT)
     with environment() as env, running(table, env=env, wait_for="simulating"):
         asyncio.run(draw_inspector(PICTURES / "editor-inspector.png"))
@@ -62,6 +82,63 @@ async def draw_editor(path: Path) -> None:
             editor.application.close()
             await window
     print(path)
+
+
+async def draw_assets(path: Path) -> None:
+    """The browser of assets on a small project, a prefab and a light of it put into the yard, a broken model pointed at."""
+    from elys.editor_node.events import CursorEntered, MouseMoved
+    from elys.editor_node.node import Editor
+
+    with tempfile.TemporaryDirectory() as made:
+        project = Path(made) / "project"
+        _write_assets(project)
+        async with joined(ENDPOINT, kind="editor") as session:
+            with Editor(session, null_platform=True, size=(1600, 900)) as editor:
+                window = asyncio.create_task(editor.run())
+                library, panel = editor.assets, editor.workspace.assets
+                while not editor.model.scene.is_known or editor.stream.shown is None:
+                    await frames_of(editor, 5)
+                editor.preferences.asset_size = 112.0
+                library.open(project)
+                while library.folder is None or not library.folder.is_known:
+                    await frames_of(editor, 5)
+                lamp = next(file for file in library.listing.files if file.name == "lamp.prefab.json")
+                for x in (-4.0, 0.0, 4.0):
+                    await library.placing.place(lamp, np.array((x, 0.0, 7.0)))
+                panel.search()
+                panel.browsing.selected = lamp.path
+                drawn = [file for file in library.listing.files if file.name != "broken.glb"]
+                while any(library.picture(file) is None for file in drawn):
+                    await frames_of(editor, 5)
+                editor.ui.landmarks.is_wanted = True
+                await frames_of(editor, 20)
+                editor.application.offer(CursorEntered(True))
+                editor.application.offer(MouseMoved(*editor.ui.landmarks.center("assets/broken.glb")))
+                for _ in range(20):
+                    await frames_of(editor, 3)
+                    await asyncio.sleep(0.05)
+                editor.screenshot(path)
+                editor.application.close()
+                await window
+    print(path)
+
+
+def _write_assets(project: Path) -> None:
+    """A project with something of every kind."""
+    from tests.unit.editor_node.asset_files import write_light, write_model
+
+    (project / "textures").mkdir(parents=True)
+    for name in ("lamp.prefab.json", "table.scene.json"):
+        shutil.copy(PICTURES.parent / "examples" / name, project / name)
+    rows, columns = np.mgrid[0:256, 0:256]
+    for name, (red, green, blue) in {"brick": (176, 84, 60), "moss": (70, 120, 60), "tiles": (190, 190, 182)}.items():
+        joint = (rows % 64 < 4) | ((columns + 64 * (rows // 64 % 2)) % 128 < 4)
+        shade = 0.85 + 0.15 * np.sin(rows * 0.7) * np.cos(columns * 0.31)
+        pixels = np.where(joint[..., None], (120, 118, 112), shade[..., None] * (red, green, blue)).astype(np.uint8)
+        Image.fromarray(pixels).save(project / f"{name}.png")
+    write_model(project / "sign.gltf", color=(0.8, 0.25, 0.05))
+    write_light(project / "evening.hdr", (200, 120, 60, 129))
+    (project / "broken.glb").write_bytes(b"half of a model")
 
 
 async def draw_inspector(path: Path) -> None:
@@ -112,12 +189,89 @@ async def draw_inspector(path: Path) -> None:
     print(path)
 
 
+async def draw_timeline(path: Path) -> None:
+    """The editor's window on the yard, four seconds in, rewound to the second, with a loop and two bookmarks."""
+    from imgui_bundle import imgui
+
+    from elys.editor_node.node import Editor
+    from elys.editor_node.panels import timeline
+
+    async with joined(ENDPOINT, kind="editor") as session:
+        with Editor(session, null_platform=True, size=(1600, 900)) as editor:
+            window = asyncio.create_task(editor.run())
+            model, line = editor.model, editor.model.timeline
+            while not model.scene.is_known or model.status is None:
+                await asyncio.sleep(0.05)
+            ticks = StepTicks(count=TICK + 240 - model.status.tick)
+            await session.request(topics.COMMAND, CommandRequest(origin="pictures", command=ticks))
+            while model.status.tick < TICK + 240:
+                await asyncio.sleep(0.05)
+            box = next(e.id for e in model.scene.mirror.entities.values() if e.name == "Box 8")
+            model.edit.set_fields([box], "Material", {"roughness": 0.2})
+            await model.history.settle()
+            for name, at in (("first hits", 0.9), ("all lie", 4.6)):
+                line.bookmarks.add(name, at)
+            line.loop_start, line.loop_end, line.is_looping = 1.5, 3.5, True
+            line.go_to(2.0)
+            for _ in range(80):
+                imgui.set_window_focus(timeline.TITLE)
+                editor.application.keep_awake(1.0)
+                await asyncio.sleep(0.1)
+            editor.screenshot(path)
+            for bookmark in line.bookmarks.all:
+                line.bookmarks.remove(bookmark)
+            editor.application.close()
+            await window
+    print(path)
+
+
+async def draw_hierarchy(path: Path) -> None:
+    """The hierarchy of the yard, with a search and its menu of others, and some that are locked, hidden and off."""
+    from elys.editor_node.events import CursorEntered, MouseMoved, MousePressed, MouseReleased
+    from elys.editor_node.node import Editor
+
+    async with joined(ENDPOINT, kind="editor") as session:
+        with Editor(session, null_platform=True, size=(1600, 900)) as editor:
+            window = asyncio.create_task(editor.run())
+            scene, panel = editor.model.scene, editor.workspace.hierarchy
+            while not scene.is_known or editor.stream.shown is None:
+                await asyncio.sleep(0.05)
+            boxes = [e.id for e in scene.mirror.entities.values() if e.name.startswith("Box ")]
+            scene.marks.set("locked", boxes[1:3], True)
+            scene.marks.set("hidden", boxes[2:5], True)
+            editor.model.selection.replace(boxes[5:8])
+            panel.search_for("t:box !plank")
+            editor.ui.landmarks.is_wanted = True
+            for event in (CursorEntered(True), None, "hierarchy/filters", MousePressed(0), MouseReleased(0)):
+                editor.application.keep_awake(2.0)
+                await asyncio.sleep(0.5)
+                if isinstance(event, str):
+                    event = MouseMoved(*editor.ui.landmarks.center(event))
+                if event is not None:
+                    editor.application.offer(event)
+            for _ in range(20):
+                editor.application.keep_awake(1.0)
+                await asyncio.sleep(0.1)
+            editor.screenshot(path)
+            crop(path, (0, 0, 760, 630))
+            editor.application.close()
+            await window
+    print(path)
+
+
 async def frames_of(editor: Editor, count: int) -> None:
     """Waits until so many frames were drawn."""
     goal = editor.application.frame_count + count
     while editor.application.frame_count < goal:
         editor.application.keep_awake(1.0)
         await asyncio.sleep(0.01)
+
+
+def crop(path: Path, box: tuple[int, int, int, int]) -> None:
+    """Keeps a part (left, top, right, bottom) of a picture."""
+    with Image.open(path) as picture:
+        part = picture.crop(box)
+    part.save(path, optimize=True)
 
 
 if __name__ == "__main__":

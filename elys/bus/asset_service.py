@@ -6,20 +6,22 @@ On the bus the key of an asset is the digits of its reference. What arrives is c
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import logging
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+import msgspec
 import platformdirs
 
 from elys.bus import topics
 from elys.bus.session import Session
 from elys.bus.transports.transport import Closer
 from elys.bus.transports.zenoh import MAX_MESSAGE_SIZE
-from elys.common.assets.store import PREFIX, AssetKind, AssetStore, is_reference, reference_of
+from elys.common.assets.store import PREFIX, AssetKind, AssetStore, is_reference, reference_of, references_in
 from elys.common.errors import AssetError, MessageError
+from elys.common.scene_document import EntityRecord
 
 ASSET_TIMEOUT: Final = 30.0  # [s] a large mesh over a slow line
 CACHE_SIZE: Final = 4 << 30  # [bytes] above which the files used longest ago are thrown away
@@ -54,6 +56,24 @@ def serve_assets(session: Session, store: AssetStore) -> Closer:
             closer()
 
     return close
+
+
+def lacking_assets(store: AssetStore, records: Sequence[EntityRecord]) -> list[str]:
+    """What records name that a store has not got."""
+    named = references_in(msgspec.json.encode([record.components for record in records]))
+    return [reference for reference in named if not store.has(reference)]
+
+
+async def offer_assets(session: Session, store: AssetStore, records: Sequence[EntityRecord]) -> None:
+    """Gives the host what records name and it lacks.
+
+    Raises:
+        AssetError: it is not here either, or too large for one message. BusError: the host refuses it, or is gone.
+    """
+    offer = AssetOffer(session)
+    for reference in references_in(msgspec.json.encode([record.components for record in records])):
+        if not await offer.bring(reference, store):
+            raise AssetError(f"asset {reference} is neither with the host nor here")
 
 
 def cache_directory() -> Path:
@@ -130,13 +150,17 @@ class AssetOffer:
         """Whether the host has the content, now that it was given what `store`, or else this machine's cache, has of it.
 
         Raises:
+            AssetError: it is too large for one message, or cannot be read.
             BusError: the host does not answer, or takes no offers.
         """
         if await self._ask(reference, b""):
             return True
         for known in (store, open_asset_cache()):
-            with contextlib.suppress(AssetError):
-                return await self._ask(reference, await asyncio.to_thread(known.get, reference))
+            if known.has(reference):
+                data = await asyncio.to_thread(known.get, reference)
+                if len(data) > MAX_MESSAGE_SIZE - 4096:
+                    raise AssetError(f"asset {reference} has {len(data) >> 20} MiB, more than one message may carry")
+                return await self._ask(reference, data)
         return False
 
     async def _ask(self, reference: str, data: bytes) -> bool:

@@ -11,14 +11,15 @@ import re
 from dataclasses import dataclass
 from typing import Any, Final, Generic, TypeVar
 
-from elys.bus.messages import commands, physics, scene, session, state_frame, views
+from elys.bus.messages import commands, history, physics, scene, session, state_frame, timeline, views
 from elys.common.errors import BusError
 
 M = TypeVar("M")
 Q = TypeVar("Q")
 R = TypeVar("R")
 
-PROTOCOL_VERSION: Final = 2
+PROTOCOL_VERSION: Final = 3
+READABLE_VERSIONS: Final = (2, 3)  # of recordings: what came since has defaults
 ROOT: Final = "elys"
 
 
@@ -164,6 +165,18 @@ COMMAND: Final = Query(
     reply=commands.CommandReply,
     text="asks for a change; answered with accepted or why not",
 )
+HISTORY: Final = Query(
+    name="history",
+    request=history.HistoryRequest,
+    reply=history.HistoryReply,
+    text="what somebody can undo and redo here, and as whom",
+)
+MARKERS: Final = Query(
+    name="markers",
+    request=timeline.MarkersRequest,
+    reply=timeline.Markers,
+    text="what stands out on the timeline: collisions, triggers, errors, edits",
+)
 PICK: Final = Query(
     name="pick",
     request=views.PickRequest,
@@ -213,7 +226,17 @@ TOPICS: Final[tuple[Topic[Any], ...]] = (
     VIEW_REQUEST,
     VIEW_FRAME,
 )
-QUERIES: Final[tuple[Query[Any, Any], ...]] = (HELLO, SNAPSHOT, COMMAND, PICK, THUMBNAIL, ASSET, ASSET_OFFER)
+QUERIES: Final[tuple[Query[Any, Any], ...]] = (
+    HELLO,
+    SNAPSHOT,
+    COMMAND,
+    HISTORY,
+    MARKERS,
+    PICK,
+    THUMBNAIL,
+    ASSET,
+    ASSET_OFFER,
+)
 
 _CHUNK = re.compile(r"[A-Za-z0-9_.-]+\Z")
 

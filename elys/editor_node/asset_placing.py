@@ -87,7 +87,7 @@ class AssetPlacing:
                 if not await self.offer.bring(reference, store):
                     self._model.say("error", tr("The simulation did not take what {name} holds", name=name))
                     return False
-        except BusError as error:
+        except (BusError, AssetError) as error:
             self._model.say("error", tr("{name} cannot be given to the simulation: {error}", name=name, error=error))
             return False
         return True
