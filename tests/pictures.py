@@ -98,7 +98,7 @@ async def draw_assets(path: Path) -> None:
                 library, panel = editor.assets, editor.workspace.assets
                 while not editor.model.scene.is_known or editor.stream.shown is None:
                     await frames_of(editor, 5)
-                editor.preferences.asset_size = 112.0
+                editor.preferences.asset_size = 80.0
                 library.open(project)
                 while library.folder is None or not library.folder.is_known:
                     await frames_of(editor, 5)
@@ -137,7 +137,10 @@ def _write_assets(project: Path) -> None:
         pixels = np.where(joint[..., None], (120, 118, 112), shade[..., None] * (red, green, blue)).astype(np.uint8)
         Image.fromarray(pixels).save(project / f"{name}.png")
     write_model(project / "sign.gltf", color=(0.8, 0.25, 0.05))
-    write_light(project / "evening.hdr", (200, 120, 60, 129))
+    up, around = np.mgrid[1:0:64j, -1:1:128j]
+    sun = 6.0 * np.exp(-((up - 0.62) ** 2 + (around - 0.4) ** 2) / 0.004)
+    light = np.stack((0.5 - 0.3 * up + sun, 0.3 + 0.1 * up + sun, 0.2 + 0.7 * up + 0.6 * sun), axis=-1)
+    write_light(project / "evening.hdr", light)
     (project / "broken.glb").write_bytes(b"half of a model")
 
 

@@ -52,10 +52,10 @@ def read_asset(file: AssetFile, assets: AssetStore) -> tuple[AssetContent, tuple
     try:
         parts, records = _read(file, assets)
     except ElysError as error:
-        return AssetContent(file=file, error=str(error)), ()
+        return AssetContent(file=file, error=str(error).replace(str(file.path.absolute()), file.name)), ()
     except (OSError, ValueError, RecursionError, MemoryError) as error:  # a file may be anything
         _log.debug("%s cannot be read", file.path, exc_info=True)
-        return AssetContent(file=file, error=f"{file.path} cannot be read: {error}"), ()
+        return AssetContent(file=file, error=f"{file.name} cannot be read: {error}"), ()
     key = reference_of(msgspec.json.encode((file.type, parts, records)))
     return AssetContent(file=file, key=key, parts=parts, entity_count=len(records)), records
 
@@ -93,7 +93,7 @@ def _read_model(file: AssetFile, assets: AssetStore) -> tuple[dict[str, str], tu
     if model.clips:
         parts["clips"] = model.clips
     if not model.records:
-        raise AssetError(f"{file.path} has nothing in it")
+        raise AssetError(f"{file.name} has nothing in it")
     # An instance of its own file, so that what is saved of it names that file.
     root = msgspec.structs.replace(model.records[0], prefab=file.path.absolute().as_posix())
     return parts, (root, *model.records[1:])

@@ -51,9 +51,15 @@ def write_model(path: Path, *, buffer: str = "", size: float = 1.0, color=(0.8, 
     path.write_text(json.dumps(document))
 
 
-def write_light(path: Path, radiance: tuple[int, int, int, int] = (128, 128, 255, 129)) -> None:
-    """A Radiance picture of 16 x 8 equal pixels, not packed."""
-    path.write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 8 +X 16\n" + bytes(radiance) * 128)
+def write_light(path: Path, light=(1.0, 1.0, 2.0)) -> None:
+    """A Radiance picture of linear light (H, W, 3), or of 8 x 16 pixels of one colour; it is not packed."""
+    light = np.asarray(light, np.float64)
+    light = np.broadcast_to(light, (8, 16, 3)) if light.ndim == 1 else light
+    fraction, exponent = np.frexp(light.max(axis=-1, keepdims=True))
+    rows = np.concatenate((light / np.ldexp(1.0, exponent) * 256.0, exponent + 128), axis=-1)
+    height, width, _ = light.shape
+    head = f"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n".encode()
+    path.write_bytes(head + np.clip(rows, 0, 255).astype(np.uint8).tobytes())
 
 
 def write_prefab(path: Path, model: str) -> None:

@@ -55,8 +55,8 @@ def test_a_model_is_seen_in_the_middle_of_its_thumbnail(context, tmp_path):
 
 
 def test_light_is_seen_in_a_mirror(context, tmp_path):
-    write_light(tmp_path / "blue.hdr", (30, 30, 255, 128))
-    write_light(tmp_path / "red.hdr", (255, 30, 30, 128))
+    write_light(tmp_path / "blue.hdr", (0.1, 0.1, 1.0))
+    write_light(tmp_path / "red.hdr", (1.0, 0.1, 0.1))
 
     async def act(scene: Play) -> None:
         await scene.picture()
