@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 
 KEPT_PICTURES: Final = 400  # in memory, 64 KiB each; more are read from the disk again
 READ_AHEAD: Final = 512 << 20  # [bytes] of images that are read before anybody sees them
+MISSING_INTERVAL: Final = 0.5  # [s] between two looks for what is missing, each goes through the whole scene
 THUMBNAIL_TIMEOUT: Final = 20.0  # [s]
 
 Version = tuple[Path, int, int]
@@ -57,6 +58,7 @@ class AssetLibrary:
         self.reloads = True  # whether the scene follows files that change on the disk
         self.missing: list[MissingAsset] | None = None  # None until it was looked for
         self.missing_error = ""
+        self.missing_of = (-1, -1)  # epoch and delta of the scene that it was looked for in
         self._looks_for_missing = False
         self._contents: dict[Path, AssetContent] = {}
         self._followed: dict[Path, AssetContent] = {}  # the last that could be read: what the scene may show
@@ -130,7 +132,7 @@ class AssetLibrary:
 
     def uses(self, content: AssetContent) -> list[Use]:
         """Who in the scene uses what a file holds, or is an instance of it."""
-        return self.placing.uses.of((*content.references, content.file.path.absolute().as_posix()))
+        return self.placing.uses.glance((*content.references, content.file.path.absolute().as_posix()))
 
     # --- giving ----------------------------------------------------------------------------------------------------
 
@@ -144,7 +146,7 @@ class AssetLibrary:
             self._model.session.start(self._give(file))
 
     def look_for_missing(self) -> None:
-        """Brings `missing` up to date."""
+        """Brings `missing` up to date, at once or, when it was looked for a moment ago, at the next call."""
         if not self._looks_for_missing:
             self._looks_for_missing = True
             self._model.session.start(self._look_for_missing())
@@ -270,14 +272,17 @@ class AssetLibrary:
         self._show()
 
     async def _look_for_missing(self) -> None:
+        mirror = self._model.scene.mirror
+        self.missing_of = (mirror.epoch, mirror.sequence)
         try:
-            self.missing = await missing_assets(self._model.scene.mirror, self.placing.offer)
+            self.missing = await missing_assets(mirror, self.placing.offer)
             self.missing_error = ""
         except BusError as error:
             self.missing, self.missing_error = None, str(error)
-        finally:
-            self._looks_for_missing = False
-            self._show()
+        self._show()
+        await asyncio.sleep(MISSING_INTERVAL)
+        self._looks_for_missing = False
+        self._show()
 
     def _node_changed(self, node: Node, alive: bool) -> None:
         if node.kind == "render" and alive and self._undrawn:

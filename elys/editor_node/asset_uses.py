@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterable
+import time
+from collections.abc import Callable, Iterable
 from functools import lru_cache
 from typing import Final, NamedTuple
 
@@ -16,6 +17,7 @@ from elys.common.components import Kind, declaration_of, declarations
 
 PREFAB: Final = "prefab"  # stands for a component in a Use of a whole file
 _AT_ONCE: Final = 16  # questions to the host
+_LOOK_SHARE: Final = 0.02  # of the time that a glance may spend on looking through the scene
 
 
 class Use(NamedTuple):
@@ -37,23 +39,28 @@ class MissingAsset(NamedTuple):
 class UseIndex:
     """All uses in a scene by asset, looked for again only when the scene is another. Files of prefabs are named by their path."""
 
-    def __init__(self, mirror: SceneMirror) -> None:
+    def __init__(self, mirror: SceneMirror, *, clock: Callable[[], float] = time.perf_counter) -> None:
         self._mirror = mirror
+        self._clock = clock
         self._seen = (-1, -1)
         self._uses: dict[str, list[Use]] = {}
+        self._next_look = 0.0  # [s] by the clock
 
     @property
     def uses(self) -> dict[str, list[Use]]:
         """By content reference or path."""
         now = (self._mirror.epoch, self._mirror.sequence)
         if now != self._seen:
+            start = self._clock()
             self._seen, self._uses = now, all_uses(self._mirror)
+            end = self._clock()
+            self._next_look = end + (end - start) / _LOOK_SHARE
         return self._uses
 
-    def of(self, assets: Iterable[str]) -> list[Use]:
-        """Of any of the assets, each once, in the order of the scene."""
-        found = dict.fromkeys(use for asset in assets for use in self.uses.get(asset, ()))
-        return list(found)
+    def glance(self, assets: Iterable[str]) -> list[Use]:
+        """Of any of the assets, each once, for who shows them each frame: of a large scene that changes all the time a while old."""
+        uses = self.uses if self._clock() >= self._next_look else self._uses
+        return list(dict.fromkeys(use for asset in assets for use in uses.get(asset, ())))
 
 
 def all_uses(mirror: SceneMirror) -> dict[str, list[Use]]:

@@ -38,7 +38,6 @@ class AssetsPanel:
         self.shows_missing = False
         self._viewport = viewport
         self._shelf = shelf
-        self._missing_of = (-1, -1)
         self._starts_search = False
         self._comes_to_front = 0  # frames: a tab is in front when its window has kept the focus into the next one
         self._frames_seen = 0
@@ -55,7 +54,7 @@ class AssetsPanel:
     def toggle_missing(self) -> None:
         """Shows what the scene names and nobody has, or the folder again."""
         self.shows_missing = not self.shows_missing
-        self._missing_of, self._comes_to_front = (-1, -1), 2
+        self._comes_to_front = 2
 
     def draw(self, ui: Ui) -> None:
         """Draws the panel."""
@@ -137,7 +136,7 @@ class AssetsPanel:
         imgui.same_line()
         tooltip = tr("What the scene names and nobody has")
         if icon_button(icons.ICON_FA_LINK_SLASH, "missing", tooltip, active=self.shows_missing):
-            self.shows_missing, self._missing_of = not self.shows_missing, (-1, -1)
+            self.shows_missing = not self.shows_missing
         ui.landmarks.note("assets/missing")
 
     # --- what is selected ------------------------------------------------------------------------------------------
@@ -170,9 +169,7 @@ class AssetsPanel:
 
     def _draw_missing(self, ui: Ui) -> None:
         mirror = ui.model.scene.mirror
-        now = (mirror.epoch, mirror.sequence)
-        if now != self._missing_of:
-            self._missing_of = now
+        if self.library.missing_of != (mirror.epoch, mirror.sequence):
             self.library.look_for_missing()
         missing = self.library.missing
         if self.library.missing_error:

@@ -55,7 +55,7 @@ def write_light(path: Path, light=(1.0, 1.0, 2.0)) -> None:
     """A Radiance picture of linear light (H, W, 3), or of 8 x 16 pixels of one colour; it is not packed."""
     light = np.asarray(light, np.float64)
     light = np.broadcast_to(light, (8, 16, 3)) if light.ndim == 1 else light
-    fraction, exponent = np.frexp(light.max(axis=-1, keepdims=True))
+    _, exponent = np.frexp(light.max(axis=-1, keepdims=True))
     rows = np.concatenate((light / np.ldexp(1.0, exponent) * 256.0, exponent + 128), axis=-1)
     height, width, _ = light.shape
     head = f"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n".encode()
