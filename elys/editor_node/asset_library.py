@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 KEPT_PICTURES: Final = 400  # in memory, 64 KiB each; more are read from the disk again
 READ_AHEAD: Final = 512 << 20  # [bytes] of images that are read before anybody sees them
-MISSING_INTERVAL: Final = 0.5  # [s] between two looks for what is missing, each goes through the whole scene
+LOOK_INTERVAL: Final = 0.5  # [s] between two looks through the whole scene
 THUMBNAIL_TIMEOUT: Final = 20.0  # [s]
 
 Version = tuple[Path, int, int]
@@ -60,6 +60,7 @@ class AssetLibrary:
         self.missing_error = ""
         self.missing_of = (-1, -1)  # epoch and delta of the scene that it was looked for in
         self._looks_for_missing = False
+        self._looks_for_uses = False
         self._contents: dict[Path, AssetContent] = {}
         self._followed: dict[Path, AssetContent] = {}  # the last that could be read: what the scene may show
         self._pictures: OrderedDict[Version, Pixels | None] = OrderedDict()  # None: there is none, an icon does
@@ -131,8 +132,12 @@ class AssetLibrary:
         return file.version in self._wanted
 
     def uses(self, content: AssetContent) -> list[Use]:
-        """Who in the scene uses what a file holds, or is an instance of it."""
-        return self.placing.uses.glance((*content.references, content.file.path.absolute().as_posix()))
+        """Who in the scene uses what a file holds, or is an instance of it; of a scene that changes, a moment ago."""
+        index = self.placing.uses
+        if not index.is_fresh and not self._looks_for_uses:
+            self._looks_for_uses = True
+            self._model.session.start(self._look_for_uses())
+        return index.known((*content.references, content.file.path.absolute().as_posix()))
 
     # --- giving ----------------------------------------------------------------------------------------------------
 
@@ -275,14 +280,22 @@ class AssetLibrary:
         mirror = self._model.scene.mirror
         self.missing_of = (mirror.epoch, mirror.sequence)
         try:
-            self.missing = await missing_assets(mirror, self.placing.offer)
+            self.missing = await missing_assets(self.placing.uses, self.placing.offer)
             self.missing_error = ""
         except BusError as error:
             self.missing, self.missing_error = None, str(error)
         self._show()
-        await asyncio.sleep(MISSING_INTERVAL)
+        await asyncio.sleep(LOOK_INTERVAL)
         self._looks_for_missing = False
         self._show()
+
+    async def _look_for_uses(self) -> None:
+        await self.placing.uses.fresh()
+        self._show()
+        await asyncio.sleep(LOOK_INTERVAL)
+        self._looks_for_uses = False
+        if not self.placing.uses.is_fresh:
+            self._show()
 
     def _node_changed(self, node: Node, alive: bool) -> None:
         if node.kind == "render" and alive and self._undrawn:

@@ -74,10 +74,13 @@ class AssetPlacing:
         if content.error or content.key == before.key:
             return content, None
         new_of = {old: content.parts[place] for place, old in before.parts.items() if place in content.parts}
-        used = [old for old, new in new_of.items() if old != new and old in self.uses.uses]
+        uses = await self.uses.fresh()
+        used = [old for old, new in new_of.items() if old != new and old in uses]
         if not used or not await self.bring((new_of[old] for old in used), store, file.name):
             return content, None
-        done = self._model.edit.replace_assets(tr("Reload {what}", what=file.name), {old: new_of[old] for old in used})
+        uses = await self.uses.fresh()
+        label = tr("Reload {what}", what=file.name)
+        done = self._model.edit.replace_assets(label, {old: new_of[old] for old in used}, uses)
         return content, await done if done is not None else None
 
     async def bring(self, references: Iterable[str], store: AssetStore, name: str) -> bool:

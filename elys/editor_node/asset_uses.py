@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import asyncio
-import time
 from collections.abc import Callable, Iterable
 from functools import lru_cache
-from typing import Final, NamedTuple
+from operator import attrgetter
+from typing import Any, Final, NamedTuple
 
 from elys.bus.asset_service import AssetOffer
-from elys.bus.mirror import SceneMirror
-from elys.common.assets.primitives import is_primitive
+from elys.bus.mirror import MirrorEntity, SceneMirror
+from elys.common.assets.primitives import PRIMITIVES
 from elys.common.assets.store import is_reference
 from elys.common.assets.texture import split_texture
 from elys.common.components import Kind, declaration_of, declarations
 
 PREFAB: Final = "prefab"  # stands for a component in a Use of a whole file
 _AT_ONCE: Final = 16  # questions to the host
-_LOOK_SHARE: Final = 0.02  # of the time that a glance may spend on looking through the scene
+_PIECE: Final = 500  # entities that are looked through between two looks at what else is to be done
 
 
 class Use(NamedTuple):
@@ -37,51 +37,58 @@ class MissingAsset(NamedTuple):
 
 
 class UseIndex:
-    """All uses in a scene by asset, looked for again only when the scene is another. Files of prefabs are named by their path."""
+    """All uses in a scene by asset, looked for again only when the scene is another, and in pieces that hold up no frame.
 
-    def __init__(self, mirror: SceneMirror, *, clock: Callable[[], float] = time.perf_counter) -> None:
+    Files of prefabs are named by their path; meshes that are built in are left out.
+    """
+
+    def __init__(self, mirror: SceneMirror) -> None:
         self._mirror = mirror
-        self._clock = clock
         self._seen = (-1, -1)
         self._uses: dict[str, list[Use]] = {}
-        self._next_look = 0.0  # [s] by the clock
 
     @property
-    def uses(self) -> dict[str, list[Use]]:
-        """By content reference or path."""
-        now = (self._mirror.epoch, self._mirror.sequence)
-        if now != self._seen:
-            start = self._clock()
-            self._seen, self._uses = now, all_uses(self._mirror)
-            end = self._clock()
-            self._next_look = end + (end - start) / _LOOK_SHARE
+    def is_fresh(self) -> bool:
+        """Whether the scene is the one that was looked through last."""
+        return self._seen == (self._mirror.epoch, self._mirror.sequence)
+
+    async def fresh(self) -> dict[str, list[Use]]:
+        """The uses now. What changes while it looks is looked for the next time."""
+        if not self.is_fresh:
+            seen = (self._mirror.epoch, self._mirror.sequence)
+            uses: dict[str, list[Use]] = {}
+            entities = list(self._mirror.entities.values())
+            for start in range(0, len(entities), _PIECE):
+                _gather(entities[start : start + _PIECE], uses)
+                await asyncio.sleep(0)
+            self._seen, self._uses = seen, uses
         return self._uses
 
-    def glance(self, assets: Iterable[str]) -> list[Use]:
-        """Of any of the assets, each once, for who shows them each frame: of a large scene that changes all the time a while old."""
-        uses = self.uses if self._clock() >= self._next_look else self._uses
-        return list(dict.fromkeys(use for asset in assets for use in uses.get(asset, ())))
+    def known(self, assets: Iterable[str]) -> list[Use]:
+        """Of any of the assets, each once, as of the last look."""
+        return list(dict.fromkeys(use for asset in assets for use in self._uses.get(asset, ())))
 
 
-def all_uses(mirror: SceneMirror) -> dict[str, list[Use]]:
-    """What every asset field of a scene names: content references without how they are laid, meshes, files; no empty ones."""
-    found: dict[str, list[Use]] = {}
-    fields_of = asset_fields()
-    for entity in mirror.entities.values():
+def _gather(entities: Iterable[MirrorEntity], found: dict[str, list[Use]]) -> None:
+    readers = _readers()
+    for entity in entities:
         if entity.prefab:
             found.setdefault(entity.prefab, []).append(Use(entity.id, PREFAB))
         for name, component in entity.components.items():
-            for field in fields_of.get(name, ()):
-                value = getattr(component, field)
-                if value:
+            reader = readers.get(name)
+            if reader is None:
+                continue
+            fields, read = reader
+            values = read(component)
+            for field, value in zip(fields, values if len(fields) > 1 else (values,), strict=True):
+                if value and value not in PRIMITIVES:
                     asset, options = split_texture(value)
                     found.setdefault(asset, []).append(Use(entity.id, name, field, options))
-    return found
 
 
-def uses_of(mirror: SceneMirror, asset: str) -> list[Use]:
-    """Of one asset."""
-    return all_uses(mirror).get(asset, [])
+@lru_cache(maxsize=1)
+def _readers() -> dict[str, tuple[tuple[str, ...], Callable[[Any], Any]]]:
+    return {name: (fields, attrgetter(*fields)) for name, fields in asset_fields().items()}
 
 
 @lru_cache(maxsize=1)
@@ -93,13 +100,13 @@ def asset_fields() -> dict[str, tuple[str, ...]]:
     return {name: fields for name, fields in found.items() if fields}
 
 
-async def missing_assets(mirror: SceneMirror, offer: AssetOffer) -> list[MissingAsset]:
+async def missing_assets(index: UseIndex, offer: AssetOffer) -> list[MissingAsset]:
     """What the scene names and nobody can serve, in the order in which it is named.
 
     Raises:
         BusError: the host does not say what it has.
     """
-    uses = all_uses(mirror)
+    uses = await index.fresh()
     content = [asset for asset in uses if is_reference(asset)]
     there: dict[str, bool] = {}
     for start in range(0, len(content), _AT_ONCE):
@@ -112,4 +119,4 @@ def _is_had(asset: str, users: list[Use], there: dict[str, bool]) -> bool:
     if asset in there:
         return there[asset]
     # Scripts are files of the host's; a prefab is only where its entities came from.
-    return is_primitive(asset) or all(use.component in (PREFAB, "Script") for use in users)
+    return all(use.component in (PREFAB, "Script") for use in users)

@@ -26,7 +26,7 @@ from elys.bus.messages.commands import (
 from elys.common.components import check_value, component_from, declaration_of, values_of
 from elys.common.math import matrix
 from elys.common.scene import ComponentChanges, EntityRecord, SceneSettings
-from elys.editor_node.asset_uses import uses_of
+from elys.editor_node.asset_uses import Use
 from elys.editor_node.edits import records_of
 from elys.editor_node.history import History, Outcome
 from elys.editor_node.language import tr
@@ -187,12 +187,13 @@ class Operations:
         )
         return self._spawn(label, (Spawn(records=free),) if free else ())
 
-    def replace_assets(self, label: str, new_of: Mapping[str, str]) -> Done | None:
-        """Puts other content wherever a field names one of `new_of`; how a texture is laid stays."""
+    def replace_assets(self, label: str, new_of: Mapping[str, str], uses: Mapping[str, Sequence[Use]]) -> Done | None:
+        """Puts other content wherever a field names one of `new_of`, which `uses` tells; how a texture is laid stays."""
         changes: dict[tuple[int, str], dict[str, Any]] = {}
         for old, new in new_of.items():
-            for use in uses_of(self._scene.mirror, old) if old != new else ():
-                if use.field:
+            for use in uses.get(old, ()) if old != new else ():
+                current = self._scene.component_of(use.entity, use.component) if use.field else None
+                if current is not None and getattr(current, use.field) == old + use.options:
                     changes.setdefault((use.entity, use.component), {})[use.field] = new + use.options
         commands = tuple(
             SetComponent(entity=entity, component=component, values=values)

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from elys.bus.messages.scene import ComponentSet, SceneDelta
 from elys.bus.messages.views import ViewCamera
 from elys.common.assets.store import AssetStore
 from elys.common.scene import EntityRecord
 from elys.editor_node.asset_placing import ground_point, placed_records
-from elys.editor_node.asset_uses import UseIndex, all_uses
+from elys.editor_node.asset_uses import UseIndex
 from elys.editor_node.camera import OrbitCamera, project
 
 IMAGE = "blake2b:" + "1" * 32
@@ -37,36 +36,30 @@ def records() -> list[EntityRecord]:
 def test_uses_are_found_whatever_a_texture_is_laid_like(on_stage):
     async def scenario(stage):
         wall, floor = stage.named("Wall"), stage.named("Floor")
-        uses = all_uses(stage.model.scene.mirror)
+        index = UseIndex(stage.model.scene.mirror)
+        assert index.known([IMAGE]) == []
+        uses = await index.fresh()
         assert [(use.entity, use.field, use.options) for use in uses[IMAGE]] == [
             (wall, "base_color_texture", ""),
             (wall, "normal_texture", "?uv=1"),
         ]
         assert [(use.entity, use.options) for use in uses[OTHER]] == [(floor, "?scale=4,4")]
         assert [use.entity for use in uses["/project/wall.glb"]] == [wall]
+        assert index.known([IMAGE, IMAGE, OTHER]) == uses[IMAGE] + uses[OTHER]
 
     on_stage(scenario, records())
 
 
-def test_a_glance_costs_little_of_the_time_and_ends_up_right(on_stage):
-    now = [100.0]
-
-    def clock() -> float:
-        now[0] += 1.0  # each look at the clock: looking through the scene takes a second
-        return now[0]
-
+def test_a_scene_that_changed_is_looked_through_again(on_stage):
     async def scenario(stage):
-        mirror, floor = stage.model.scene.mirror, stage.named("Floor")
-        index = UseIndex(mirror, clock=clock)
-        assert len(index.glance([OTHER])) == 1
-        values = {"base_color_texture": IMAGE}
-        change = ComponentSet(entity=floor, component="Material", values=values)
-        mirror.apply_delta(SceneDelta(epoch=mirror.epoch, sequence=mirror.sequence + 1, tick=0, changes=(change,)))
-        assert len(index.glance([OTHER])) == 1  # of before
-        assert OTHER not in index.uses  # who edits looks again
-        now[0] += 60.0
-        assert index.glance([OTHER]) == []
-        assert len(index.glance([IMAGE, IMAGE])) == 3
+        index = UseIndex(stage.model.scene.mirror)
+        await index.fresh()
+        assert index.is_fresh
+        await stage.model.edit.set_fields((stage.named("Floor"),), "Material", {"base_color_texture": IMAGE})
+        assert not index.is_fresh
+        assert len(index.known([OTHER])) == 1  # of before
+        assert OTHER not in await index.fresh()
+        assert len(index.known([IMAGE])) == 3
 
     on_stage(scenario, records())
 
@@ -74,12 +67,16 @@ def test_a_glance_costs_little_of_the_time_and_ends_up_right(on_stage):
 def test_other_content_takes_the_place_of_old_in_one_edit(on_stage):
     async def scenario(stage):
         new = "blake2b:" + "3" * 32
-        await stage.model.edit.replace_assets("Reload brick.png", {IMAGE: new, OTHER: OTHER})
+        index = UseIndex(stage.model.scene.mirror)
+        uses = await index.fresh()
+        await stage.model.edit.replace_assets("Reload brick.png", {IMAGE: new, OTHER: OTHER}, uses)
         await stage.settle()
         material = stage.host.mirror.entities[stage.named("Wall")].components["Material"]
         assert (material.base_color_texture, material.normal_texture) == (new, f"{new}?uv=1")
-        assert len(stage.host.mirror.entities[stage.named("Floor")].components["Material"].base_color_texture) > 32
-        assert stage.model.edit.replace_assets("Reload brick.png", {IMAGE: new}) is None  # nobody uses it any more
+        floor = stage.host.mirror.entities[stage.named("Floor")].components["Material"]
+        assert floor.base_color_texture == f"{OTHER}?scale=4,4"
+        # What was looked up before somebody else changed it changes nothing.
+        assert stage.model.edit.replace_assets("Reload brick.png", {IMAGE: new}, uses) is None
 
     on_stage(scenario, records())
 
