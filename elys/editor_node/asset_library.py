@@ -71,6 +71,9 @@ class AssetLibrary:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._at_host: set[Version] = set()
         model.session.on_nodes(self._node_changed)
+        model.session.on_link(
+            lambda connected: self._at_host.clear()
+        )  # another run, or another host, has to be given it anew
 
     # --- the folder ------------------------------------------------------------------------------------------------
 

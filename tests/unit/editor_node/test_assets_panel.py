@@ -218,6 +218,8 @@ def test_an_image_is_dragged_into_a_field(at_the_browser):
         await person.until(lambda: browser.entity("Crate").components["Material"].base_color_texture)
         assert browser.entity("Crate").components["Material"].base_color_texture == reference_of(data)
         assert browser.host_assets.get(reference_of(data)) == data
+        browser.editor.seat.detach()  # another host would have to be given it anew
+        assert not browser.library.is_at_host(browser.file("grass.png"))
 
     at_the_browser(scenario)
 
