@@ -57,6 +57,14 @@ Threads = Annotated[
 ]
 NoGuard = Annotated[bool, typer.Option("--no-guard", help="do not keep the last 5 s for when something goes wrong")]
 Json = Annotated[bool, typer.Option("--json", help="print facts as JSON")]
+DebugKinds = Annotated[
+    str,
+    typer.Option(
+        "--debug",
+        help="draw over it: aabb, obb, contacts, joints, trajectories, velocity, axes, grid, labels, islands, sleeping; "
+        "several with commas",
+    ),
+]
 Frames = Annotated[int, typer.Option(help="end after so many frames (0: never)", min=0, hidden=True)]
 
 Seconds = Annotated[float, typer.Option(min=0.1, max=36000.0, help="simulated seconds of each run")]
@@ -211,11 +219,18 @@ def sweep(
 
 
 @app.command()
-def view(connect: Connect = None, frames: Frames = 0) -> None:
+def view(
+    connect: Connect = None,
+    debug: DebugKinds = "",
+    age: Annotated[
+        bool, typer.Option("--age", help="show tick, time, age and frame rate of what is seen (key A)")
+    ] = False,
+    frames: Frames = 0,
+) -> None:
     """Watch a running session or a replay in a window."""
     from elys.verbs import attach
 
-    attach.view(connect, frame_limit=frames)
+    attach.view(connect, frame_limit=frames, debug=debug, age=age)
 
 
 @app.command()
@@ -286,6 +301,12 @@ def render(
         float, typer.Option(help="circle around the scene, once in so many seconds (0: do not)", min=0.0, max=1e6)
     ] = 0.0,
     connect: Connect = None,
+    debug: DebugKinds = "",
+    debug_of: Annotated[
+        list[str],
+        typer.Option(help="entity that --debug is about, with all below it; may be given several times; default: all"),
+    ] = [],  # noqa: B006
+    stamp: Annotated[bool, typer.Option("--stamp", help="write tick and simulation time onto the pictures")] = False,
     environment: Annotated[
         bool,
         typer.Option(help="light from all around and a sky, as the scene has them; else lamps alone, before black"),
@@ -307,6 +328,9 @@ def render(
         orbit=orbit,
         connect=connect,
         environment=environment,
+        debug=debug,
+        debug_of=debug_of,
+        stamp=stamp,
     )
 
 

@@ -17,12 +17,14 @@ from elys.bus import topics
 from elys.bus.asset_service import AssetClient, open_asset_cache
 from elys.bus.following import follow_scene, follow_state
 from elys.bus.messages.state_frame import StateFrame
-from elys.bus.messages.views import PickReply, PickRequest, ViewCamera, ViewFrame, ViewRequest
+from elys.bus.messages.views import Debug, PickReply, PickRequest, ViewCamera, ViewFrame, ViewRequest
 from elys.bus.mirror import MirrorUpdate, SceneMirror
 from elys.bus.session import Node, Session
 from elys.common.assets import AssetStore
 from elys.common.errors import ElysError, RequestError
 from elys.render_node.data_colors import data_pixels, depth_unit_of
+from elys.render_node.debug_drawing import DebugDrawing
+from elys.render_node.debug_listening import DebugListener
 from elys.render_node.drawable_assets import DrawableAssets
 from elys.render_node.gpu import Context, offscreen_context
 from elys.render_node.quality import Quality, interactive_quality
@@ -79,6 +81,9 @@ class SceneFollower:
         self._loop = asyncio.get_running_loop()
         self._assets = AssetClient(session, _asset_store())
         self.world = RenderWorld(DrawableAssets(self._fetch, on_ready=self._asset_arrived))
+        self.drawing = DebugDrawing(self.mirror)
+        self._debug = DebugListener(session, self.drawing, self._lines_arrived)
+        self._wanted: frozenset[Debug] = frozenset()
         self.changed = asyncio.Event()
         self.revision = 0  # rises with every change
         self.arrived_count = 0  # of meshes and images
@@ -96,9 +101,16 @@ class SceneFollower:
         self.world.read_scene(self._reader)
         self.world.place(now)
 
+    def want_debug(self, kinds: frozenset[Debug]) -> None:
+        """Says of which kinds debug drawing is made from now on."""
+        if kinds != self._wanted:
+            self._wanted = kinds
+            self._debug.want(kinds)
+
     def close(self) -> None:
         """Stops following."""
         self._closed = True
+        self._debug.close()
         self._reader.close()
         self.world.assets.close()
 
@@ -116,12 +128,20 @@ class SceneFollower:
         newest = self.world.timeline.newest
         if update.reset and newest is not None and newest.epoch != self.mirror.epoch:
             self.world.forget_state()
+            self.drawing.forget()
         self.touch()
+
+    def _lines_arrived(self, _: str) -> None:
+        newest = self.mirror.latest_frame
+        if newest is None or not newest.playing:  # else the next state is near, and brings a picture
+            self.touch()
 
     def _state_arrived(self, frame: StateFrame) -> None:
         self.state_arrived_at = time.monotonic()
         # Of another run than the scene that is here: its ids mean other things.
         if frame.epoch == self.mirror.epoch and self.world.take_state(frame, self.state_arrived_at):
+            if "trajectories" in self._wanted:
+                self.drawing.take_state(frame)
             self.touch()
 
     def _link_changed(self, connected: bool) -> None:
@@ -184,6 +204,7 @@ class _ViewServer:
         follower, desk = self._follower, self._desk
         while True:
             now = time.monotonic()
+            follower.want_debug(desk.debug_kinds())
             for view in desk.due(now, follower.revision, gliding=self._is_gliding(now)):
                 self._draw(view, renderer)
                 await asyncio.sleep(0)  # messages and questions between two pictures
@@ -228,8 +249,9 @@ class _ViewServer:
         """Draws what a view shows; where the picture was put, see `View.put`."""
         request, world = view.request, self._follower.world
         if request.shows == "shaded":
+            marks = self._follower.drawing.marks(world, request.debug, request.debug_entities)
             picture = renderer.draw(
-                world, camera, view.width, view.height, selection=request.selection, grid=request.grid
+                world, camera, view.width, view.height, selection=request.selection, grid=request.grid, marks=marks
             )
             return view.put(picture)
         values = renderer.draw_data(world, camera, view.width, view.height, request.shows)

@@ -11,6 +11,7 @@ from elys.render_node.drawable_assets import DrawableAssets
 from elys.render_node.passes.backdrop import GridPass, SkyPass
 from elys.render_node.passes.bloom import BloomPass
 from elys.render_node.passes.finishing import FxaaPass, OutlinePass
+from elys.render_node.passes.marks import LetterPass, LinePass
 from elys.render_node.passes.occlusion import OcclusionPass
 from elys.render_node.passes.shading import OpaquePass, TransparentPass
 from elys.render_node.passes.shadow import LampShadowPass, ShadowPass
@@ -84,7 +85,9 @@ def told_passes(plan: PicturePlan) -> tuple[PlannedPass, ...]:
         ),
         PlannedPass("bloom", BloomPass.is_needed(plan), _why_set(picture.bloom, "bloom", "bright light spreads")),
         PlannedPass("fxaa", FxaaPass.is_needed(plan), _why_set(picture.fxaa, "fxaa", "edges are smoothed")),
+        PlannedPass("debug lines", LinePass.is_needed(plan), _why_marked(len(plan.marks.lines), "line")),
         PlannedPass("outline", OutlinePass.is_needed(plan), _why_seen(plan.selected, "selected thing")),
+        PlannedPass("letters", LetterPass.is_needed(plan), _why_marked(len(plan.marks.labels), "label")),
         PlannedPass("tonemap", True, f"always: light becomes what a screen shows, by {picture.tone_mapping}"),
     )
 
@@ -95,6 +98,10 @@ def _why_seen(calls: list[DrawCall], noun: str) -> str:
         return f"no {noun} is seen"
     plural = noun if count == 1 else noun.replace("thing", "things", 1)
     return f"{count} {plural} seen, in {len(calls)} draw call{'s' if len(calls) != 1 else ''}"
+
+
+def _why_marked(count: int, noun: str) -> str:
+    return f"{count} {noun}{'s' if count != 1 else ''} of debug drawing" if count else "nobody asked for debug drawing"
 
 
 def _why_set(value: float, name: str, effect: str) -> str:

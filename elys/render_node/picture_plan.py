@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from elys.common.scene import PictureSettings
 from elys.render_node.camera import View, frustum_planes
 from elys.render_node.lamp_shadows import LampShadows, fit_lamp_shadows
+from elys.render_node.marks import NO_MARKS, Marks
 from elys.render_node.render_world import Batch, PlacedLight, RenderWorld
 from elys.render_node.scene_tables import Rows
 from elys.render_node.shadow_fit import ShadowFit, fit_near_shadow, fit_shadow
@@ -47,6 +48,7 @@ class PicturePlan:
     lamp_casters: list[list[DrawCall]]  # of each of their squares; none while the atlas drawn last still holds
     grid: bool
     surroundings: Surroundings
+    marks: Marks
 
     @property
     def picture(self) -> PictureSettings:
@@ -78,6 +80,7 @@ def plan_picture(
     long_views: bool = False,
     lamp_shadow_size: int = 0,
     drawn_lamp_shadows: ShadowState | None = None,
+    marks: Marks = NO_MARKS,
 ) -> PicturePlan:
     """Decides what a picture of the world in this view consists of; `drawn_shadow` is what the shadow map, of `shadow_size`
     texels an edge (0 for none), holds already, and `drawn_lamp_shadows` the same of the atlas of lamps. With
@@ -119,7 +122,8 @@ def plan_picture(
         shadow_is_fresh=is_fresh,
         lamp_shadows=around,
         lamp_casters=lamp_casters,
-        grid=grid,
+        grid=grid or marks.grid,
+        marks=marks,
         surroundings=world.surroundings(None if sun is None else -sun.direction),
     )
 

@@ -12,7 +12,7 @@ import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
 
-from elys.bus.messages.views import SharedRing, ViewCamera, ViewRequest
+from elys.bus.messages.views import Debug, SharedRing, ViewCamera, ViewRequest
 from elys.bus.picture_ring import RingWriter
 from elys.common.errors import BusError
 from elys.render_node.gpu import Framebuffer
@@ -93,7 +93,9 @@ class View:
 
     def _wanted(self) -> tuple[object, ...]:
         request = self.request
-        return (request.camera, self.width, self.height, request.selection, request.grid, request.shows, request.ring)
+        size = (self.width, self.height)
+        drawn = (request.selection, request.grid, request.shows, request.debug, request.debug_entities)
+        return (request.camera, *size, *drawn, request.ring)
 
     def _open_ring(self, address: SharedRing | None) -> None:
         self.close()
@@ -135,6 +137,10 @@ class ViewDesk:
         ready = [view for view in self._views.values() if view.is_due(revision, gliding=gliding)]
         ready = [view for view in ready if now - view.drawn_at >= MIN_INTERVAL]
         return sorted(ready, key=lambda view: view.drawn_at)
+
+    def debug_kinds(self) -> frozenset[Debug]:
+        """What debug drawing any view shows."""
+        return frozenset(kind for view in self._views.values() for kind in view.request.debug)
 
     def pause(self, now: float, revision: int, *, gliding: bool) -> float:
         """Seconds until a view may be drawn that is only held back by its rate; else until silent ones are to be looked for."""

@@ -10,6 +10,20 @@ from elys.common.components import Quat, Vec3
 
 # What a picture says of the surfaces seen: the light they send, or their data. See docs/picture-output.md.
 Shows = Literal["shaded", "normals", "albedo", "roughness", "depth", "entity", "wireframe", "overdraw"]
+# What can be drawn over it in lines and letters. See docs/picture-output.md.
+Debug = Literal[
+    "aabb",
+    "obb",
+    "contacts",
+    "joints",
+    "trajectories",
+    "velocity",
+    "axes",
+    "grid",
+    "labels",
+    "islands",
+    "sleeping",
+]
 
 
 class ViewCamera(msgspec.Struct, frozen=True, kw_only=True):
@@ -46,7 +60,9 @@ class ViewRequest(msgspec.Struct, frozen=True, kw_only=True):
     height: int
     selection: tuple[int, ...] = ()
     grid: bool = True
-    shows: Shows = "shaded"  # anything else is drawn without grid and outlines
+    shows: Shows = "shaded"  # anything else is drawn without grid, outlines, lines and letters
+    debug: tuple[Debug, ...] = ()
+    debug_entities: tuple[int, ...] = ()  # of whom and of all below them; none for everybody
     ring: SharedRing | None = None
     newer_than_tick: int = -1  # the picture may wait until there is a later tick than this (or the scene changed)
 

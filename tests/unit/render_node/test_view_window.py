@@ -55,7 +55,7 @@ def test_a_window_shows_frames_and_ends() -> None:
     script = """
 async def main():
     host, session = await open_session()
-    await view_window.run_view(session, frames=5)
+    await view_window.run_view(session, frames=5, debug=("aabb", "labels"), age=True)
     await session.close(); await host.close()
     print("done")
 asyncio.run(main())
@@ -91,6 +91,18 @@ async def main():
     assert turned.position != before.position
     viewer._window.on_event(Scrolled(3.0))
     assert viewer._camera(1.5).position != turned.position
+    assert viewer.notes(0.0) == ()
+    for key in ("1", "3", "g", "a"):
+        viewer._window.on_event(KeyPressed(key))
+    assert viewer._debug == {"aabb", "contacts", "grid"}
+    viewer._window.on_event(KeyPressed("3"))
+    assert viewer._debug == {"aabb", "grid"}
+    told, rate = viewer.notes(0.0)
+    assert told.startswith("tick 3"), told
+    assert "pictures/s" in rate
+    shown = len(viewer._shown_at)
+    while len(viewer._shown_at) == shown:
+        await asyncio.sleep(0)
     viewer._window.on_event(KeyPressed("space"))
     while not asked:
         await asyncio.sleep(0)

@@ -128,6 +128,39 @@ def test_a_recording_is_drawn_at_a_time_and_over_a_range(elys, scene: Path) -> N
     assert not Path("late.png").exists()
 
 
+@pytest.mark.gl
+def test_debug_drawing_and_a_stamp_lie_over_scenes_and_recordings(elys, scene: Path) -> None:
+    def drawn(source: object, *words: str) -> np.ndarray:
+        works(elys("render", source, "-o", "it.png", *SIZE, "--time", "0.8", *words))
+        return load_picture(Path("it.png")).astype(int)
+
+    works(elys("run", scene, "--headless", "--steps", "60", "--record", "run.mcap"))
+    for source in (scene, "run.mcap"):
+        plain = drawn(source)
+        for kind in ("aabb", "obb", "contacts", "trajectories", "axes", "grid", "labels"):
+            assert (np.abs(drawn(source, "--debug", kind) - plain).max(axis=-1) > 30).sum() > 15, (source, kind)
+        stamped = np.abs(drawn(source, "--stamp") - plain).max(axis=-1) > 30
+        assert stamped[:30].any()
+        assert not stamped[30:].any()
+        some = np.abs(drawn(source, "--debug", "obb", "--debug-of", "Box") - plain).max(axis=-1) > 30
+        assert some[:, :30].sum() == 0  # the floor's box reaches there
+    joints = drawn("run.mcap", "--debug", "joints")
+    np.testing.assert_array_equal(joints, drawn("run.mcap"))  # there are none
+
+
+def test_what_cannot_be_drawn_over_pictures_is_one_sentence(elys, scene: Path) -> None:
+    for words, said in (
+        (("-o", "a.png", "--debug", "bones"), "there is no debug drawing 'bones': there are aabb, obb, contacts"),
+        (("-o", "a.npy", "--debug", "aabb"), "a.npy is to hold numbers: write a .png or .mp4"),
+        (("-o", "a.exr", "--stamp"), "--stamp draws over pictures"),
+        (("-o", "a.png", "--view", "depth", "--debug", "aabb"), "leave --view depth out"),
+        (("-o", "a.png", "--debug-of", "Box"), "give --debug as well"),
+        (("-o", "a.png", "--debug", "aabb", "--debug-of", "Bax"), "there is no entity 'Bax'; near it are Box"),
+    ):
+        assert said in elys("render", scene, *words).sentence
+        assert not Path(words[1]).exists()
+
+
 @pytest.fixture
 def mirror() -> SceneMirror:
     """Two cars with a camera each, and one camera that is off."""
