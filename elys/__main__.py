@@ -225,12 +225,21 @@ def view(
     age: Annotated[
         bool, typer.Option("--age", help="show tick, time, age and frame rate of what is seen (key A)")
     ] = False,
+    thin: Annotated[
+        bool, typer.Option("--thin", help="draw nothing here: show what a render node of the session draws")
+    ] = False,
+    encoding: Annotated[
+        str, typer.Option(help="of such pictures: jpeg, h264, or auto: by what the way between carries")
+    ] = "auto",
+    bit_rate: Annotated[
+        float, typer.Option(help="[Mbit/s] that h264 may take; 0: as much as it needs", min=0.0, max=1000.0)
+    ] = 0.0,
     frames: Frames = 0,
 ) -> None:
     """Watch a running session or a replay in a window."""
     from elys.verbs import attach
 
-    attach.view(connect, frame_limit=frames, debug=debug, age=age)
+    attach.view(connect, frame_limit=frames, debug=debug, age=age, thin=thin, encoding=encoding, bit_rate=bit_rate)
 
 
 @app.command()

@@ -17,11 +17,13 @@ from elys.bus import topics
 from elys.bus.asset_service import AssetClient, open_asset_cache
 from elys.bus.following import follow_scene, follow_state
 from elys.bus.messages.state_frame import StateFrame
-from elys.bus.messages.views import Debug, PickReply, PickRequest, ViewCamera, ViewFrame, ViewRequest
+from elys.bus.messages.views import FRAMED, Debug, PickReply, PickRequest, ViewCamera, ViewFrame, ViewRequest
 from elys.bus.mirror import MirrorUpdate, SceneMirror
 from elys.bus.session import Node, Session
 from elys.common.assets import AssetStore
+from elys.common.components import Camera
 from elys.common.errors import ElysError, RequestError
+from elys.render_node.camera import camera_of, framing_camera
 from elys.render_node.data_colors import data_pixels, depth_unit_of
 from elys.render_node.debug_drawing import DebugDrawing
 from elys.render_node.debug_listening import DebugListener
@@ -31,7 +33,7 @@ from elys.render_node.quality import Quality, interactive_quality
 from elys.render_node.render_world import RenderWorld
 from elys.render_node.renderer import Renderer
 from elys.render_node.scene_tables import SceneReader
-from elys.render_node.view_desk import View, ViewDesk, sane_camera, sane_size
+from elys.render_node.view_desk import PutPicture, View, ViewDesk, sane_camera, sane_size
 
 SLOW_STATES: Final = 1.0 / 40.0  # [s] between state frames above which views glide from one to the next
 _log = logging.getLogger(__name__)
@@ -100,6 +102,17 @@ class SceneFollower:
         """Brings the world up to date and to the moment `now` [s]; None for the newest state."""
         self.world.read_scene(self._reader)
         self.world.place(now)
+
+    def camera(self, through: int, aspect: float) -> ViewCamera:
+        """Of the entity `through` as it stands in the newest state, if it has a camera; else as `ViewRequest.through` says."""
+        if through == FRAMED:
+            return framing_camera(*self.world.bounds(), aspect=aspect)
+        found = self.mirror.entities.get(through)
+        camera = found.components.get("Camera") if found is not None else None
+        if not isinstance(camera, Camera):
+            return self.world.camera(aspect)
+        pose = self.mirror.world_pose(through)
+        return camera_of(camera, pose.position, pose.rotation)
 
     def want_debug(self, kinds: frozenset[Debug]) -> None:
         """Says of which kinds debug drawing is made from now on."""
@@ -222,8 +235,8 @@ class _ViewServer:
         request, revision = view.request, self._follower.revision
         try:
             self._follower.refresh(self._moment())
-            camera = sane_camera(request.camera)
-            slot, jpeg = self._draw_into(view, renderer, camera)
+            camera = sane_camera(request.camera or self._follower.camera(request.through, view.width / view.height))
+            put = self._draw_into(view, renderer, camera)
         except ElysError as error:
             _log.error("view %s cannot be drawn: %s", request.view, error)
             view.answered(revision, time.monotonic())
@@ -236,17 +249,21 @@ class _ViewServer:
             camera=camera,
             width=view.width,
             height=view.height,
-            slot=slot,
-            jpeg=jpeg,
+            slot=put.slot,
+            jpeg=put.jpeg,
+            h264=put.coded.data,
+            number=put.coded.number,
+            keyframe=put.coded.is_keyframe,
             render_time=(time.perf_counter() - start) * 1e3,
+            answer_time=(time.monotonic() - view.asked_at) * 1e3,
         )
         self._session.publish(topics.VIEW_FRAME, frame, key=request.view)
         view.answered(revision, time.monotonic())
         if self._measure is not None:
             self._measure(frame)
 
-    def _draw_into(self, view: View, renderer: Renderer, camera: ViewCamera) -> tuple[int, bytes]:
-        """Draws what a view shows; where the picture was put, see `View.put`."""
+    def _draw_into(self, view: View, renderer: Renderer, camera: ViewCamera) -> PutPicture:
+        """Draws what a view shows, and puts it where it is wanted."""
         request, world = view.request, self._follower.world
         if request.shows == "shaded":
             marks = self._follower.drawing.marks(world, request.debug, request.debug_entities)

@@ -22,7 +22,7 @@ from elys.common.components import Camera, Environment, Light, Material
 from elys.common.math import quaternion
 from elys.common.math.aabb import transform_bounds
 from elys.common.scene import SceneSettings
-from elys.render_node.camera import framing_camera
+from elys.render_node.camera import camera_of, framing_camera
 from elys.render_node.deformation import Deformation, bent_rows, morphed_rows
 from elys.render_node.drawable_assets import UNKNOWN_EXTENT, DrawableAssets
 from elys.render_node.instance_rows import InstanceRows
@@ -253,14 +253,7 @@ class RenderWorld:
             return framing_camera(*self.bounds(), aspect=aspect)
         item = self.instance_count + len(self._lights)
         rotation = quaternion.from_matrix(_axes(self._placement.linear[item].astype(np.float64)))
-        return ViewCamera(
-            position=tuple(self._placement.position[item].tolist()),
-            rotation=tuple(rotation.tolist()),
-            field_of_view=self._camera.field_of_view,
-            ortho_height=self._camera.ortho_height if self._camera.projection == "orthographic" else 0.0,
-            near=self._camera.near,
-            far=self._camera.far,
-        )
+        return camera_of(self._camera, tuple(self._placement.position[item].tolist()), tuple(rotation.tolist()))
 
     @property
     def has_camera(self) -> bool:

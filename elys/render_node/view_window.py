@@ -13,16 +13,13 @@ from collections import deque
 from collections.abc import Collection, Mapping
 from typing import Final
 
-from elys.bus import topics
-from elys.bus.messages.commands import CommandRequest, SetPlaying
-from elys.bus.messages.session import SessionStatus
 from elys.bus.messages.views import Debug, ViewCamera
 from elys.bus.session import Session
-from elys.common.errors import BusError
 from elys.render_node.gpu import Framebuffer, window_context
 from elys.render_node.marks import stamp_text
 from elys.render_node.node import SceneFollower
 from elys.render_node.orbit import Orbit
+from elys.render_node.play_control import SILENCE, PlayControl
 from elys.render_node.quality import interactive_quality
 from elys.render_node.renderer import Renderer
 from elys.render_node.window import Dragged, Key, KeyPressed, Scrolled, Window, WindowEvent
@@ -32,7 +29,6 @@ IDLE_TIME: Final = 0.1  # [s] between two looks at the window when nothing moves
 TITLE_TIME: Final = 0.25  # [s] between two titles
 NOTE_TIME: Final = 0.25  # [s] after which what stands on the picture is told anew
 RATE_PICTURES: Final = 30  # over which the rate of pictures is taken
-SILENCE: Final = 1.5  # [s] without a status, of which four come a second, after which the host counts as hung
 LOST: Final = "simulation lost - waiting"
 _log = logging.getLogger(__name__)
 
@@ -85,15 +81,13 @@ class _Viewer:
         self._follower = follower
         self._renderer = renderer
         self._orbit: Orbit | None = None  # None: looks through the scene's camera
-        self._status: SessionStatus | None = None
-        self._heard_at = time.monotonic()
+        self._play = PlayControl(session)
         self._debug: frozenset[Debug] = frozenset()
         self.tells_age = False
         self._shown_at: deque[float] = deque(maxlen=RATE_PICTURES)  # [s] of the last pictures
         self._is_dirty = True
         self._drawn: tuple[object, ...] | None = None
         window.on_event = self._on_event
-        session.subscribe(topics.STATUS, self._on_status)
 
     async def run(self, frame_limit: int | None) -> None:
         """Polls, draws when something has changed, and waits for the next frame or for news."""
@@ -136,10 +130,10 @@ class _Viewer:
         follower = self._follower
         name = follower.mirror.scene or self._session.name
         now = time.monotonic()
-        if not self._session.connected or now - self._heard_at > SILENCE:
+        if self._play.is_lost(SILENCE):
             return f"ELYS  {name}  ·  {LOST}"
-        state = "playing" if self._status is None or self._status.playing else "paused"
-        tick = self._status.tick if self._status is not None else follower.mirror.tick
+        state, status = "playing" if self._play.is_playing else "paused", self._play.status
+        tick = status.tick if status is not None else follower.mirror.tick
         timeline = follower.world.timeline
         is_aging = state == "playing" and timeline.newest is not None
         age = f"  ·  {timeline.seen_age(now) * 1e3:.0f} ms old" if is_aging else ""
@@ -178,9 +172,6 @@ class _Viewer:
             self._frame(aspect)
         return self._orbit.camera() if self._orbit is not None else self._follower.world.camera(aspect)
 
-    def _on_status(self, status: SessionStatus, _: str) -> None:
-        self._status, self._heard_at = status, time.monotonic()
-
     def _on_event(self, event: WindowEvent) -> None:
         self._is_dirty = True
         match event:
@@ -200,7 +191,7 @@ class _Viewer:
             case KeyPressed(key=key) if key in DEBUG_KEYS:
                 self.show_debug(self._debug ^ {DEBUG_KEYS[key]})
             case KeyPressed(key="space"):
-                self._session.start(self._toggle_playing())
+                self._play.toggle()
             case KeyPressed(key="escape"):
                 self._window.request_close()
 
@@ -221,14 +212,3 @@ class _Viewer:
     def _frame(self, aspect: float) -> None:
         self._orbit = self._orbit or Orbit()
         self._orbit.frame(*self._follower.world.bounds(), aspect=aspect)
-
-    async def _toggle_playing(self) -> None:
-        playing = self._status is None or self._status.playing
-        request = CommandRequest(origin=self._session.node.id, command=SetPlaying(playing=not playing))
-        try:
-            reply = await self._session.request(topics.COMMAND, request)
-        except BusError as error:
-            _log.warning("could not %s: %s", "pause" if playing else "play", error)
-            return
-        if not reply.accepted:
-            _log.warning("could not %s: %s", "pause" if playing else "play", reply.reason)
