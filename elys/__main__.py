@@ -272,11 +272,16 @@ def record(
     seconds: Annotated[
         float, typer.Option(help="stop after so many seconds (0: at Ctrl-C or the session's end)", min=0.0)
     ] = 0.0,
+    view: Annotated[
+        list[str], typer.Option(help="name of a camera whose pictures are recorded too; may be given several times")
+    ] = [],  # noqa: B006
+    view_size: Annotated[str, typer.Option(help="WIDTHxHEIGHT of such pictures")] = "1280x720",
+    view_fps: Annotated[float, typer.Option(help="how many a second at most", min=0.1, max=60.0)] = 30.0,
 ) -> None:
     """Record a running session from outside."""
     from elys.verbs import replay
 
-    replay.record(output, connect=connect, seconds=seconds)
+    replay.record(output, connect=connect, seconds=seconds, views=view, view_size=view_size, view_fps=view_fps)
 
 
 @app.command()

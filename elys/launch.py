@@ -197,7 +197,7 @@ class _Supervisor:
                 stdin=asyncio.subprocess.DEVNULL,
                 stdout=asyncio.subprocess.PIPE,
                 stderr=asyncio.subprocess.STDOUT,
-                preexec_fn=_before_exec(described.nice),
+                preexec_fn=before_exec(described.nice),
                 start_new_session=True,  # Ctrl-C reaches the supervisor alone, which ends the others in order
                 env={**os.environ, "PYTHONUNBUFFERED": "1"},
             )
@@ -240,7 +240,7 @@ async def _lines(stream: asyncio.StreamReader) -> AsyncIterator[str]:
         yield raw.decode(errors="replace").rstrip("\n")
 
 
-def _before_exec(nice: int) -> Callable[[], None]:
+def before_exec(nice: int) -> Callable[[], None]:
     """Runs in the child before exec: it shall die with its parent, and be as nice as asked."""
     libc = ctypes.CDLL(None, use_errno=True) if sys.platform == "linux" else None
     parent = os.getpid()

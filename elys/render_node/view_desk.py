@@ -66,7 +66,7 @@ class View:
         """Whether the request wants a picture now: at once, or only if it would show something else than the last one."""
         if self._is_answered:
             return False
-        waits = self.request.newer_than_tick >= 0 and not self.request.keyframe and self._wanted() == self._shown
+        waits = self.request.newer_than_tick >= 0 and self._wanted() == self._shown
         return not waits or gliding or revision != self._shown_revision
 
     def answered(self, revision: int, now: float) -> None:

@@ -104,7 +104,7 @@ def _check_overlay(order: Order) -> None:
 def _order(output: Path, *, size: str, view: str, viewpoint: Viewpoint, fps: float) -> Order:
     """Everything that can be wrong with it is found here, before any work."""
     kind = output_kind(output)
-    width, height = _parse_size(size)
+    width, height = parsed_size(size)
     check_size(width, height)
     if kind == "video":
         check_video(width, height, fps)
@@ -176,7 +176,8 @@ def _film(
         )
 
 
-def _parse_size(text: str) -> tuple[int, int]:
+def parsed_size(text: str) -> tuple[int, int]:
+    """Width and height [pixels] of WIDTHxHEIGHT. Raises ElysError."""
     match = re.fullmatch(r"(\d{1,5})[xX](\d{1,5})", text)
     if not match:
         raise ElysError(f"'{text}' is no size: write WIDTHxHEIGHT, for instance 1280x720")

@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 import asyncio
+import base64
+import json
 from collections.abc import AsyncIterator, Callable, Coroutine
 from contextlib import asynccontextmanager
+from pathlib import Path
 from typing import Any
 
 import av
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 from elys.bus import topics
+from elys.bus.export import recording_info
 from elys.bus.messages.scene import SceneDelta, Snapshot, SnapshotRequest, Spawned
 from elys.bus.messages.views import FRAMED, ViewCamera, ViewFrame, ViewRequest
 from elys.bus.mirror import SceneMirror
+from elys.bus.recorder import record_session
+from elys.bus.recording import Recording
 from elys.bus.session import Session
 from elys.bus.transports.loopback import LoopbackBroker
+from elys.bus.view_recording import RecordedView
 from elys.common.components import Camera, Light, Material, MeshRenderer, Transform, values_of
 from elys.render_node.node import serve_views
 from elys.render_node.quality import FAST
@@ -122,8 +130,8 @@ def test_the_link_is_measured_by_what_large_pictures_take_longer_than_small_ones
 class Play:
     """A host with a glowing box and a camera at its side, a render node, and a client."""
 
-    def __init__(self, host: Session, render: Session, client: Session) -> None:
-        self.host, self.render, self.client = host, render, client
+    def __init__(self, broker: LoopbackBroker, host: Session, render: Session, client: Session) -> None:
+        self.broker, self.host, self.render, self.client = broker, host, render, client
         self.pictures: asyncio.Queue[RemotePicture] = asyncio.Queue()
         self.remote: RemoteView
 
@@ -170,7 +178,7 @@ async def play(context: Any) -> AsyncIterator[Play]:
     task = asyncio.create_task(serve_views(render, context=context, quality=FAST))
     try:
         await asyncio.sleep(0)
-        yield Play(host, render, client)
+        yield Play(broker, host, render, client)
         if task.done():
             task.result()
     finally:
@@ -262,3 +270,58 @@ def test_another_render_node_takes_over_with_a_stream_of_its_own(context: Any) -
         assert (await made.picture()).frame.keyframe
 
     run(context, act)
+
+
+# --- in recordings -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.gl
+def test_a_recording_holds_views_that_others_can_read(context: Any, tmp_path: Path, make_frame: Any) -> None:
+    path = tmp_path / "run.mcap"
+
+    async def act(made: Play) -> None:
+        recorder, stop = await Session.join(made.broker.connect(), kind="recorder"), asyncio.Event()
+        views = [RecordedView(name="Side view!", entity=SIDE, width=97, height=64, fps=60.0)]
+        recording = asyncio.create_task(record_session(recorder, path, stop, views))
+        shown: list[ViewFrame] = []
+        made.host.subscribe(topics.VIEW_FRAME, lambda frame, _: shown.append(frame))
+        async with asyncio.timeout(PATIENCE):
+            for tick in range(4, 12):
+                count = len(shown)
+                frame = make_frame(
+                    {7: (0.25 * (tick - 4), 0.0, 0.0)}, tick=tick, simulation_time=tick / 60, published_at=10**18 + tick
+                )
+                while len(shown) == count:  # until it is drawn
+                    made.host.publish(topics.STATE, frame)
+                    assert not recording.done(), recording.result()
+                    await asyncio.sleep(0.01)
+        stop.set()
+        await recording
+        await recorder.close()
+
+    run(context, act)
+    with path.open("rb") as file:
+        found = list(make_reader(file).iter_messages(topics=["video/Side-view"]))
+    assert len(found) >= 7
+    schema, channel, _ = found[0]
+    assert (schema.name, schema.encoding, channel.message_encoding) == (
+        "foxglove.CompressedVideo",
+        "jsonschema",
+        "json",
+    )
+    assert json.loads(schema.data)["properties"]["data"]["contentEncoding"] == "base64"
+    decoder, pictures = av.CodecContext.create("h264", "r"), []
+    for _, _, message in found:
+        picture = json.loads(message.data)
+        assert (picture["format"], picture["frame_id"]) == ("h264", "Side view!")
+        frames = decoder.decode(av.Packet(base64.b64decode(picture["data"])))
+        assert len(frames) == 1  # one a message, and no B frames
+        pictures.append(frames[0].to_ndarray(format="rgb24")[:64, :97])
+    assert picture["timestamp"] == {"sec": 10**9, "nsec": 11}  # the state that the last one shows
+    columns = [np.nonzero(pixels[..., 0] > 60.0 + pixels[..., 2])[1].mean() for pixels in (pictures[0], pictures[-1])]
+    assert columns[1] > columns[0] + 5  # the box goes to the right
+    with Recording(path) as opened:
+        assert len(opened) >= 8
+        channels = {message.channel for message in opened.messages_of(0, len(opened) - 1)}
+        assert "video/Side-view" in channels
+    assert "video/Side-view" in {channel.name for channel in recording_info(path).channels}
