@@ -29,15 +29,18 @@ class CodedPicture(NamedTuple):
 class ViewEncoder:
     """One stream of pictures of one size. Each is encoded at once and refers to none that comes later."""
 
-    def __init__(self, width: int, height: int, *, bit_rate: float = 0.0) -> None:
-        """`bit_rate` [bit/s] is the most that it takes; 0 leaves that to what is seen. Raises ElysError."""
+    def __init__(self, width: int, height: int, *, bit_rate: float = 0.0, preset: str = "ultrafast") -> None:
+        """`bit_rate` [bit/s] is the most that it takes; 0 leaves that to what is seen. `preset` is one of x264's.
+
+        Raises ElysError.
+        """
         self.width, self.height, self.bit_rate = width, height, bit_rate
         self._number = 0
         coder: Any = av.CodecContext.create("libx264", "w")
         coder.width, coder.height = width + width % 2, height + height % 2
         coder.pix_fmt, coder.time_base, coder.framerate = "yuv420p", TIME_BASE, Fraction(30)
         coder.thread_count = THREADS
-        options = {"preset": "ultrafast", "tune": "zerolatency", "crf": str(CONSTANT_RATE_FACTOR), "forced-idr": "1"}
+        options = {"preset": preset, "tune": "zerolatency", "crf": str(CONSTANT_RATE_FACTOR), "forced-idr": "1"}
         limits = {"maxrate": str(int(bit_rate)), "bufsize": str(int(bit_rate * SHORTEST_BUFFER))} if bit_rate else {}
         coder.options = {**options, **limits, "x264-params": "keyint=infinite:scenecut=0:bframes=0"}
         try:

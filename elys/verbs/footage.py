@@ -35,6 +35,7 @@ class Footage:
     duration: float  # [s] from the first frame
     origin: float = 0.0  # [s] of simulation from which --time and camera paths count
     drawing: DebugDrawing | None = None  # fed with what `frames` passes
+    recording: Recording | None = None  # that it comes from
 
 
 @contextlib.contextmanager
@@ -93,6 +94,7 @@ def recorded(
             duration=min(duration, end - start - time) if duration else end - start - time,
             origin=start,
             drawing=drawing,
+            recording=recording,
         )
 
 

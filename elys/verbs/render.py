@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import itertools
 import re
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal, cast
+
+import numpy as np
+from numpy.typing import NDArray
 
 from elys.bus.messages.physics import DebugLines
 from elys.bus.messages.state_frame import StateFrame
@@ -37,7 +41,7 @@ class Order:
     """What is wanted of it."""
 
     output: Path
-    kind: Literal["picture", "video"]
+    kind: Literal["picture", "video", "recording"]
     width: int
     height: int
     shows: Shows
@@ -80,6 +84,10 @@ def render(
         stamp=stamp,
     )
     _check_overlay(order)
+    if order.kind == "recording" and (source is None or Path(source).suffix != ".mcap"):
+        raise ElysError(
+            f"{output} is to be a recording with pictures: name the recording it is made of, or use `elys record --view`"
+        )
     if source is None:
         if time:
             raise ElysError("a running session is drawn as it is now: leave --time out, or name a scene or a recording")
@@ -103,10 +111,10 @@ def _check_overlay(order: Order) -> None:
 
 def _order(output: Path, *, size: str, view: str, viewpoint: Viewpoint, fps: float) -> Order:
     """Everything that can be wrong with it is found here, before any work."""
-    kind = output_kind(output)
+    kind: Literal["picture", "video", "recording"] = "recording" if output.suffix == ".mcap" else output_kind(output)
     width, height = parsed_size(size)
     check_size(width, height)
-    if kind == "video":
+    if kind != "picture":
         check_video(width, height, fps)
     if view not in VIEWS:
         raise ElysError(f"there is no view '{view}': views are {', '.join(VIEWS)}")
@@ -142,6 +150,10 @@ def _draw(footage: Footage, order: Order) -> None:
             now = first.simulation_time if first is not None else footage.mirror.simulation_time
             renderer.write_picture(order.output, camera=camera_at(now) if camera_at else None)
             what = f"{order.width}x{order.height}"
+        elif order.kind == "recording":
+            assert first is not None
+            count = _into_recording(renderer, order, footage, first, camera_at)
+            what = f"{count} pictures of {order.width}x{order.height} beside what was recorded"
         else:
             assert first is not None
             count = _film(renderer, order, footage, first, camera_at)
@@ -174,6 +186,31 @@ def _film(
             camera_at=camera_at,
             progress=lambda drawn, total: bar.update(task, completed=drawn, total=total or None),
         )
+
+
+def _into_recording(
+    renderer: OfflineRenderer, order: Order, footage: Footage, first: StateFrame, camera_at: CameraAt | None
+) -> int:
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from elys.verbs.recording_child import require_recordable
+    from elys.verbs.video_recording import Strip, with_pictures
+
+    assert footage.recording is not None
+    require_recordable(order.output)
+    name = order.viewpoint.camera or "view"
+    strip = Strip(name=name, width=order.width, height=order.height, fps=order.fps, duration=footage.duration)
+
+    def draw(frame: StateFrame) -> NDArray[np.uint8]:
+        footage.mirror.keep_frame(frame)
+        return renderer.picture(camera=camera_at(frame.simulation_time) if camera_at else None)
+
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(f"Drawing {order.output.name}", total=round(footage.duration * order.fps))
+        frames = itertools.chain([first], footage.frames)
+        return with_pictures(footage.recording, order.output, strip, frames, draw, lambda: bar.advance(task))
 
 
 def parsed_size(text: str) -> tuple[int, int]:
