@@ -144,9 +144,10 @@ def _why_shadow(plan: PicturePlan) -> str:
         return "no sun"
     if not plan.sun.light.cast_shadows:
         return "the sun casts no shadows"
-    if plan.shadow is None:
+    if not plan.cascades:
         return "nothing that throws a shadow is in view"
-    if plan.shadow_is_fresh:
-        return "the map drawn for the last picture still holds"
-    finer = ", and a finer map around the eye for the long view" if plan.near_shadow is not None else ""
-    return f"{sum(call.instance_count for call in plan.casters)} things throw shadows{finer}"
+    if not plan.stale_cascades:
+        return "what was drawn for the last picture still holds"
+    finer = len(plan.cascades) - 1
+    more = f", and {finer} finer map{'s' if finer > 1 else ''} around the eye for the long view" if finer else ""
+    return f"{sum(call.instance_count for call in plan.casters[-1])} things throw shadows{more}"

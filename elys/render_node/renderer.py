@@ -248,7 +248,7 @@ class Renderer:
             selection=selection,
             grid=grid,
             marks=marks,
-            drawn_shadow=self._shadow.drawn if is_same else None,
+            drawn_cascades=self._shadow.drawn if is_same else (),
             shadow_size=self._quality.shadow_size,
             long_views=not self._quality.single_shadow_tap,
             lamp_shadow_size=self._quality.lamp_shadow_size,
