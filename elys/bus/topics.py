@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass
 from typing import Any, Final, Generic, TypeVar
 
-from elys.bus.messages import commands, physics, scene, session, state_frame, views
+from elys.bus.messages import commands, physics, plan, scene, session, state_frame, views
 from elys.common.errors import BusError
 
 M = TypeVar("M")
@@ -145,6 +145,14 @@ VIEW_FRAME: Final = Topic(
     keyed=True,
     recorded=False,
 )
+RENDER_PROFILE: Final = Topic(
+    name="render_profile",
+    message=plan.RenderProfile,
+    text="what a picture of the view named by the key cost, by stage, and its passes; only while somebody listens",
+    delivery=Delivery.LATEST,
+    keyed=True,
+    recorded=False,
+)
 
 HELLO: Final = Query(
     name="hello",
@@ -163,6 +171,12 @@ COMMAND: Final = Query(
     request=commands.CommandRequest,
     reply=commands.CommandReply,
     text="asks for a change; answered with accepted or why not",
+)
+PLAN: Final = Query(
+    name="plan",
+    request=plan.PlanRequest,
+    reply=plan.PhysicsPlan,
+    text="which stages a step of physics has, and why the others are off",
 )
 PICK: Final = Query(
     name="pick",
@@ -194,8 +208,11 @@ TOPICS: Final[tuple[Topic[Any], ...]] = (
     DEBUG_LINES,
     VIEW_REQUEST,
     VIEW_FRAME,
+    RENDER_PROFILE,
 )
-QUERIES: Final[tuple[Query[Any, Any], ...]] = (HELLO, SNAPSHOT, COMMAND, PICK, ASSET)
+QUERIES: Final[tuple[Query[Any, Any], ...]] = (HELLO, SNAPSHOT, COMMAND, PLAN, PICK, ASSET)
+# Made only while somebody listens: to listen to them costs whoever makes them.
+ON_DEMAND: Final = frozenset({DIAGNOSTICS, DEBUG_LINES, RENDER_PROFILE})
 
 _CHUNK = re.compile(r"[A-Za-z0-9_.-]+\Z")
 

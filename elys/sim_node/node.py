@@ -20,6 +20,7 @@ from elys.bus.messages.commands import (
     SetRate,
     StepTicks,
 )
+from elys.bus.messages.plan import PhysicsPlan, PlanRequest
 from elys.bus.messages.scene import Snapshot, SnapshotRequest
 from elys.bus.messages.session import Event, EventBatch, SessionStatus
 from elys.bus.session import Session
@@ -32,6 +33,7 @@ from elys.sim_node.systems.apply_commands import apply_command
 from elys.sim_node.systems.publish_state import (
     contact_batch,
     is_heard,
+    physics_plan,
     publish_debug_lines,
     publish_diagnostics,
     publish_profile,
@@ -105,6 +107,7 @@ class SimulationNode:
         session = self.session
         session.serve(topics.COMMAND, self._take_command)
         session.serve(topics.SNAPSHOT, self._give_snapshot)
+        session.serve(topics.PLAN, self._give_plan)
         serve_assets(session, self.simulation.assets)
         self._publish_status()
         self._publish_frame()  # who subscribes before the first tick sees the scene as it was loaded
@@ -252,6 +255,9 @@ class SimulationNode:
 
     async def _give_snapshot(self, request: SnapshotRequest, key: str) -> Snapshot:
         return self.snapshot()
+
+    async def _give_plan(self, request: PlanRequest, key: str) -> PhysicsPlan:
+        return physics_plan(self.simulation)
 
     def snapshot(self) -> Snapshot:
         """The whole scene as it is between two ticks."""
