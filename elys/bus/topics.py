@@ -212,7 +212,7 @@ TOPICS: Final[tuple[Topic[Any], ...]] = (
 )
 QUERIES: Final[tuple[Query[Any, Any], ...]] = (HELLO, SNAPSHOT, COMMAND, PLAN, PICK, ASSET)
 # Made only while somebody listens: to listen to them costs whoever makes them.
-ON_DEMAND: Final = frozenset({DIAGNOSTICS, DEBUG_LINES, RENDER_PROFILE})
+ON_DEMAND: Final[frozenset[Topic[Any]]] = frozenset({DIAGNOSTICS, DEBUG_LINES, RENDER_PROFILE})
 
 _CHUNK = re.compile(r"[A-Za-z0-9_.-]+\Z")
 

@@ -9,6 +9,7 @@ from typing import Final, get_args
 from imgui_bundle import imgui
 
 from elys.bus.messages.views import Shows
+from elys.editor_node.instruments import Instruments
 from elys.editor_node.language import tr, tr_label
 from elys.editor_node.palette import PaletteEntry
 from elys.editor_node.panels import (
@@ -17,8 +18,11 @@ from elys.editor_node.panels import (
     hierarchy,
     inspector,
     keys_help,
+    plan,
+    plots,
     profiler,
     timeline,
+    topics,
     tour,
     viewport,
 )
@@ -67,14 +71,22 @@ class Workspace:
         self.ask_to_close = ask_to_close
         self._toolbar = Toolbar()
         self._status_bar = StatusBar()
+        self.instruments = Instruments(ui.model)
+        self.console = console.ConsolePanel(self.instruments)
+        self.profiler = profiler.ProfilerPanel(self.instruments)
+        self.plots = plots.PlotsPanel(self.instruments)
+        ui.plot_field = self.plot_field
         self._panels = {
             "Viewport": self.viewport.draw,
             "Hierarchy": self.hierarchy.draw,
             "Inspector": self.inspector.draw,
-            "Console": console.ConsolePanel().draw,
+            "Console": self.console.draw,
             "Timeline": timeline.TimelinePanel().draw,
-            "Profiler": profiler.ProfilerPanel().draw,
-            "Diagnostics": diagnostics.DiagnosticsPanel().draw,
+            "Profiler": self.profiler.draw,
+            "Plots": self.plots.draw,
+            "Diagnostics": diagnostics.DiagnosticsPanel(self.instruments).draw,
+            "Topics": topics.TopicsPanel(self.instruments).draw,
+            "Plan": plan.PlanPanel(self.instruments).draw,
         }
         self.start_page = StartPage()
         self.link = LinkWindow()
@@ -85,6 +97,7 @@ class Workspace:
         self.layouts = LayoutMenu(now=self.layout, use=self._use_layout)
         self._load_docking = load_docking
         self._hidden: set[str] = set(ui.preferences.hidden_panels)
+        self._panel_to_show = ""  # once it is drawn
         self._opens_about = False
         self._resets_layout = False
         self._opens_help = False
@@ -109,6 +122,7 @@ class Workspace:
         self.link.draw(self.ui)
         self.preferences.draw(self.ui)
         self.palette.draw(self.ui)
+        self.ui.watches.end_frame()
 
     def _draw_panels(self) -> None:
         self._dock()
@@ -119,6 +133,9 @@ class Workspace:
             self._frames_to_focus -= 1
             # A tab comes to the front when its window has kept the focus into the next frame.
             imgui.set_window_focus(console.TITLE if self._frames_to_focus else viewport.TITLE)
+        elif self._panel_to_show:
+            imgui.set_window_focus(f"###{self._panel_to_show}")
+            self._panel_to_show = ""
         self._show_timeline_once()
         self._note_panels()
         draw_banner(self.ui, self.viewport.rectangle)
@@ -134,6 +151,22 @@ class Workspace:
                 if window is not None:
                     low, size = window.pos, window.size
                     landmarks.rectangles[place] = (low.x, low.y, low.x + size.x, low.y + size.y)
+
+    def show_panel(self, name: str) -> None:
+        """Opens a panel, in front of those it shares its place with."""
+        self._hidden.discard(name)
+        self._panel_to_show = name
+
+    def plot_field(self, entity: int, component: str, field: str) -> None:
+        """Plots a field of an entity, each of its elements, where they can be seen."""
+        self.show_panel("Plots")
+        for path in self.instruments.plots.paths.paths_to(entity, component, field):
+            self.plots.plot(path)
+
+    def ask_field_to_plot(self) -> None:
+        """Shows the plots and asks for a field."""
+        self.show_panel("Plots")
+        self.plots.ask_field()
 
     def _show_entity(self, entity: int) -> None:
         self.ui.model.selection.replace((entity,))
@@ -314,7 +347,16 @@ def _build_layout(dock: int) -> None:
     lower = builder.dock_builder_split_node(right.id_at_opposite_dir, imgui.Dir.down, _LOWER_SHARE)
     builder.dock_builder_dock_window(hierarchy.TITLE, left.id_at_dir)
     builder.dock_builder_dock_window(inspector.TITLE, right.id_at_dir)
-    for title in (console.TITLE, timeline.TITLE, profiler.TITLE, diagnostics.TITLE):
+    lower_titles = (
+        console.TITLE,
+        timeline.TITLE,
+        profiler.TITLE,
+        plots.TITLE,
+        diagnostics.TITLE,
+        topics.TITLE,
+        plan.TITLE,
+    )
+    for title in lower_titles:
         builder.dock_builder_dock_window(title, lower.id_at_dir)
     builder.dock_builder_dock_window(viewport.TITLE, lower.id_at_opposite_dir)
     builder.dock_builder_finish(dock)
