@@ -237,7 +237,7 @@ def _component_field(path: str, entity: int, component: str, inner: str) -> Plot
             tr("{component} has no number '{what}'; it has {known}", component=component, what=name, known=known)
         )
     element = _element(declared, letter) if dot else -1
-    if (declared.kind in _ELEMENTS) != (element >= 0):
+    if element < 0 and (dot or declared.kind in _ELEMENTS):
         letters = ", ".join(_ELEMENTS.get(declared.kind, ())) or tr("no parts")
         raise FieldPathError(tr("'{what}' has {known}: name one of them", what=name, known=letters))
     return PlotField(

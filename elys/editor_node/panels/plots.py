@@ -141,7 +141,8 @@ class PlotsPanel:
                 if imgui.selectable(f"{path}###{place}", False, int(imgui.SelectableFlags_.no_auto_close_popups))[0]:
                     chosen = path
                 ui.landmarks.note(f"plots/suggestion/{place}")
-            if not keeps_open and not imgui.is_window_hovered() and not chosen:
+            is_hovered = imgui.is_window_hovered(imgui.HoveredFlags_.allow_when_blocked_by_active_item.value)
+            if not (keeps_open or is_hovered or chosen):
                 imgui.close_current_popup()
             imgui.end_popup()
         if chosen:
