@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import Final
+from typing import Final, TypeVar
 
-from elys.bus import topics
+from elys.bus import codec, topics
 from elys.bus.messages.physics import Diagnostics
 from elys.bus.messages.plan import PhysicsPlan, PlanRequest, RenderProfile
 from elys.bus.messages.session import TickProfile
 from elys.bus.session import Session
+from elys.bus.topics import Topic
 from elys.bus.transports.transport import Closer
-from elys.common.errors import BusError
+from elys.common.errors import BusError, MessageError, ProtocolError
 from elys.editor_node.entity_mentions import EntityMentions
 from elys.editor_node.frame_profiles import ProfileTrack, Sample
 from elys.editor_node.model import EditorModel
@@ -25,6 +27,8 @@ SIMULATION: Final = "simulation"
 EDITOR: Final = "editor"
 REDRAW: Final = 0.25  # [s] within which a number that changed is drawn
 FRAME_BUDGET: Final = 1000.0 / 60.0  # [ms] of a picture and of the editor's own frame
+M = TypeVar("M")
+_log = logging.getLogger(__name__)
 
 
 class Instruments:
@@ -38,7 +42,7 @@ class Instruments:
         self.tracks: dict[str, ProfileTrack] = {}  # of the simulation, of each view, of the editor
         self.views: dict[str, RenderProfile] = {}  # the newest of each view
         self.measured: deque[Diagnostics] = deque(maxlen=240)  # the newest last
-        self.plots = Plots(model.scene, watch_measured=self._watch_measured)
+        self.plots = Plots(model.scene, watch=self._watch_every)
         self.topics = TopicWatch(model.session, on_message=lambda: self._redraw(REDRAW))
         self.plan = PlanWatch(model.session, on_change=lambda: self._redraw(0.0))
         model.session.on_link(self._link_changed)
@@ -53,7 +57,7 @@ class Instruments:
 
     def watch_measured(self) -> Closer:
         """Listens to what the host measures."""
-        return self._watch_measured(self.measured.append)
+        return self._session.subscribe(topics.DIAGNOSTICS, self._measured_arrived)
 
     def add_editor_frame(self, number: int, total: float, stages: dict[str, float]) -> None:
         """Takes note of a frame of the editor's own [ms]."""
@@ -100,12 +104,21 @@ class Instruments:
         )
         self._redraw(REDRAW)
 
-    def _watch_measured(self, heard: Callable[[Diagnostics], None]) -> Closer:
-        def arrived(found: Diagnostics, _: str) -> None:
-            heard(found)
+    def _measured_arrived(self, found: Diagnostics, _: str) -> None:
+        self.measured.append(found)
+        self._redraw(REDRAW)
+
+    def _watch_every(self, topic: Topic[M], heard: Callable[[M], None], /) -> Closer:
+        def arrived(_: str, payload: bytes) -> None:
+            try:
+                message: M = codec.decode(payload, topic.message, topic.encoding)
+            except (MessageError, ProtocolError) as error:
+                _log.debug("a message on %s is left out of the plots: %s", topic.name, error)
+                return
+            heard(message)
             self._redraw(REDRAW)
 
-        return self._session.subscribe(topics.DIAGNOSTICS, arrived)
+        return self._session.subscribe_payloads(topic, arrived, every=True)
 
     def _link_changed(self, connected: bool) -> None:
         """What another run measured is no part of this one's curves."""

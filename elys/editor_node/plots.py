@@ -1,16 +1,21 @@
 """What is plotted: series of fields, read as the state frames arrive, also those of a recording.
 
-STATE ──> scene mirror ──> FieldPaths.read ──> SeriesTable        DIAGNOSTICS ──> the row of its tick
+STATE, each frame ──> scene mirror ──> FieldPaths.read ──> SeriesTable        DIAGNOSTICS ──> the row of its tick
+
+Panels are content with the newest frame. A measurement is not: while something is plotted every frame is taken, also those that
+came while the editor was busy drawing.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Final
+from typing import Final, Protocol, TypeVar
 
+from elys.bus import topics
 from elys.bus.messages.physics import Diagnostics
 from elys.bus.messages.state_frame import StateFrame
+from elys.bus.topics import Topic
 from elys.bus.transports.transport import Closer
 from elys.editor_node.field_paths import FieldPathError, FieldPaths, PlotField
 from elys.editor_node.language import tr
@@ -18,26 +23,28 @@ from elys.editor_node.plot_series import Series, SeriesTable
 from elys.editor_node.scene_mirror import EditorScene
 
 MAX_SERIES: Final = 32
+M = TypeVar("M")
+
+
+class Watch(Protocol):
+    """Subscribes to every message of a topic, none left out."""
+
+    def __call__(self, topic: Topic[M], heard: Callable[[M], None], /) -> Closer:
+        """Begins; what is returned ends it."""
 
 
 class Plots:
-    """Nothing is read, and nothing listened to, while there is no series or `is_paused`.
+    """Nothing is listened to while there is no series, and nothing read while `is_paused`."""
 
-    `watch_measured` subscribes to what the host measures of everything.
-    """
-
-    def __init__(
-        self, scene: EditorScene, *, watch_measured: Callable[[Callable[[Diagnostics], None]], Closer]
-    ) -> None:
+    def __init__(self, scene: EditorScene, *, watch: Watch) -> None:
         self.paths = FieldPaths(scene)
         self.table = SeriesTable()
         self._scene = scene
-        self._watch_measured = watch_measured
-        self._stop_measured: Closer | None = None
+        self._watch = watch
+        self._closers: dict[str, Closer] = {}  # of the topics that are listened to
         self._fields: dict[str, PlotField | None] = {}  # None: it leads nowhere at the moment
         self._resolved_at: tuple[int, int] = (-1, -1)
         self.is_paused = False
-        scene.frame_listeners.append(self._frame_arrived)
 
     def add(self, path: str) -> Series:
         """Plots a field from now on; its number of this moment is the first.
@@ -50,8 +57,8 @@ class Plots:
             raise FieldPathError(tr("{count} fields are plotted already: take one away first", count=MAX_SERIES))
         series = self.table.add(field.path, field.unit)
         self._fields[field.path] = field
-        self._follow_measured()
-        if self._scene.frame is not None and not self.is_paused:
+        self._follow()
+        if self._scene.frame is not None:
             self._frame_arrived(self._scene.frame)
         return series
 
@@ -59,7 +66,7 @@ class Plots:
         """Plots it no longer."""
         self.table.remove(series)
         del self._fields[series.path]
-        self._follow_measured()
+        self._follow()
 
     def clear(self) -> None:
         """Forgets the past of all."""
@@ -75,6 +82,7 @@ class Plots:
     def _frame_arrived(self, frame: StateFrame) -> None:
         if self.is_paused or not self.table.series:
             return
+        self._scene.mirror.keep_frame(frame)  # which ends at the newest one, as every frame comes here
         self._resolve_again()
         values = []
         for series in self.table.series:
@@ -89,19 +97,23 @@ class Plots:
             return
         self._resolved_at = version
         for path, field in self._fields.items():
-            if field is None or not self._scene.exists(field.entity):
+            if field is None or (field.entity and not self._scene.exists(field.entity)):
                 try:
                     self._fields[path] = self.paths.resolve(path)
                 except FieldPathError:
                     self._fields[path] = None
 
-    def _follow_measured(self) -> None:
-        is_wanted = any(field is not None and not field.entity for field in self._fields.values())
-        if is_wanted and self._stop_measured is None:
-            self._stop_measured = self._watch_measured(self._measured)
-        elif not is_wanted and self._stop_measured is not None:
-            self._stop_measured()
-            self._stop_measured = None
+    def _follow(self) -> None:
+        """Listens to what the series need."""
+        needs_world = any(field is not None and not field.entity for field in self._fields.values())
+        self._listen(topics.STATE, self._frame_arrived, is_wanted=bool(self._fields))
+        self._listen(topics.DIAGNOSTICS, self._measured, is_wanted=needs_world)
+
+    def _listen(self, topic: Topic[M], heard: Callable[[M], None], *, is_wanted: bool) -> None:
+        if is_wanted and topic.name not in self._closers:
+            self._closers[topic.name] = self._watch(topic, heard)
+        elif not is_wanted and topic.name in self._closers:
+            self._closers.pop(topic.name)()
 
     def _measured(self, found: Diagnostics) -> None:
         """Of a tick whose frame came before it."""

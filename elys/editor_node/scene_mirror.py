@@ -74,7 +74,6 @@ class EditorScene:
         self._session = session
         self._on_change = on_change
         self._on_state = on_state
-        self.frame_listeners: list[Callable[[StateFrame], None]] = []  # hear each state frame once the mirror holds it
         self._changed = asyncio.Event()
         self._opened: dict[int, bool] = {}  # what the person opened or closed
         self._opened_version = 0
@@ -346,8 +345,6 @@ class EditorScene:
     def _frame_kept(self, frame: StateFrame) -> None:
         self.version += 1
         self._on_state()
-        for listener in self.frame_listeners:
-            listener(frame)
 
     def _live(self, entity: int, value: Transform | RigidBody, row: int) -> Component:
         frame = self.mirror.latest_frame

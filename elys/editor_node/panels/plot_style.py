@@ -32,10 +32,11 @@ def plot_colors() -> Iterator[None]:
         implot.push_style_color(place.value, imgui.ImVec4(*color))
     implot.push_style_var(implot.StyleVar_.plot_padding.value, imgui.ImVec2(6.0, 6.0))
     implot.push_style_var(implot.StyleVar_.label_padding.value, imgui.ImVec2(4.0, 3.0))
+    implot.push_style_var(implot.StyleVar_.plot_min_size.value, imgui.ImVec2(60.0, 30.0))  # panels may be low
     try:
         yield
     finally:
-        implot.pop_style_var(2)
+        implot.pop_style_var(3)
         implot.pop_style_color(len(_COLORS))
 
 

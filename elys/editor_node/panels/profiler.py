@@ -183,10 +183,8 @@ def draw_flame(ui: Ui, sample: Sample, colors: Mapping[str, Rgba], *, budget: fl
             draw_list.add_text((left + 4.0, top + 1.0), color_code(BACKGROUND), text)
         if hovered and left <= mouse.x < right and top <= mouse.y < bottom:
             imgui.set_tooltip(f"{stage_label(bar.name)}  {bar.length:.3f} ms")
-    if budget and budget >= sample.total:
-        return  # the strip's own end
     if budget:
-        x = low.x + budget * scale
+        x = low.x + budget * scale - 1.0
         draw_list.add_line((x, low.y), (x, low.y + height * (depth + 1)), color_code(ERROR), 2.0)
 
 
@@ -212,6 +210,6 @@ def _summary(figures: Figures, budget: float) -> str:
     )
     if not budget:
         return text
-    over = tr("{count} of {all} over the budget of {budget} ms", count=figures.over_budget, all=figures.sample_count,
+    over = tr("{count} of {all} over {budget} ms", count=figures.over_budget, all=figures.sample_count,
               budget=f"{budget:.2f}")  # fmt: skip
     return f"{text}     {over}"

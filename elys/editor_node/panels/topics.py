@@ -16,8 +16,9 @@ from elys.editor_node.ui import Ui, centered_text, color_code, colored_text, dim
 from elys.editor_node.value_tree import TreeRow, tree_rows
 
 TITLE: Final = f"{icons.ICON_FA_TOWER_BROADCAST}  Topics###Topics"
-_LIST_SHARE: Final = 0.58
+_LIST_SHARE: Final = 0.62
 _COLUMNS: Final = ("topic", "messages", "rate", "size", "throughput", "latency")
+_WEIGHTS: Final = {"topic": 2.0, "messages": 1.3, "throughput": 1.35}
 
 
 class TopicsPanel:
@@ -54,7 +55,7 @@ class TopicsPanel:
         imgui.table_setup_scroll_freeze(0, 1)
         for column in _COLUMNS:
             stretch = imgui.TableColumnFlags_.width_stretch.value
-            imgui.table_setup_column(f"{tr(column)}###{column}", stretch, 2.4 if column == "topic" else 1.0)
+            imgui.table_setup_column(f"{tr(column)}###{column}", stretch, _WEIGHTS.get(column, 1.0))
         imgui.table_headers_row()
         for flow in self._topics.flows():
             imgui.table_next_row()
