@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 KEPT: Final = 600  # ticks or frames that curves and figures are of
+DRAWN_SAMPLES: Final = 200  # of curves
 SPIKE_WINDOW: Final = 60.0  # [s] for which the worst one is kept
 REST: Final = "between stages"  # what no stage accounts for
 
@@ -100,9 +101,11 @@ class ProfileTrack:
         """The sample whose number is nearest."""
         return min(self.samples, key=lambda sample: abs(sample.number - number), default=None)
 
-    def numbers(self) -> Array:
-        """(N,) of the samples."""
-        return np.array([sample.number for sample in self.samples], np.float64)
+    def drawn(self, limit: int = DRAWN_SAMPLES) -> list[Sample]:
+        """At most `limit` samples for curves: of each stretch the dearest, so that no spike is lost."""
+        samples = list(self.samples)
+        stretch = -(-len(samples) // limit) or 1
+        return [max(samples[i : i + stretch], key=_total) for i in range(0, len(samples), stretch)]
 
     def totals(self) -> Array:
         """(N,) [ms]."""
@@ -125,12 +128,17 @@ class ProfileTrack:
                 names |= dict.fromkeys(sample.stages)
         return [*names, REST]
 
-    def stacked(self, names: Sequence[str]) -> Array:
-        """(S + 1, N) [ms]: own times upon one another; row s is where stage s begins, the last row the top."""
-        rows = np.zeros((len(names) + 1, len(self.samples)))
-        for column, sample in enumerate(self.samples):
+    @staticmethod
+    def stacked(names: Sequence[str], samples: Sequence[Sample]) -> Array:
+        """(S + 1, N) [ms]: own times of N samples upon one another; row s is where stage s begins, the last row the top."""
+        rows = np.zeros((len(names) + 1, len(samples)))
+        for column, sample in enumerate(samples):
             rows[1:, column] = [sample.own.get(name, 0.0) for name in names]
         return np.cumsum(rows, axis=0)
+
+
+def _total(sample: Sample) -> float:
+    return sample.total
 
 
 def within(name: str, stages: Mapping[str, Any]) -> str:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from imgui_bundle import imgui, implot
+from numpy.typing import NDArray
 
 from elys.editor_node.frame_profiles import REST, Figures, ProfileTrack, Sample, flame
 from elys.editor_node.instruments import EDITOR, SIMULATION, Instruments
@@ -16,8 +17,20 @@ from elys.editor_node.theme import BACKGROUND, ERROR, FIELD, SERIES, TEXT, TEXT_
 from elys.editor_node.ui import Ui, centered_text, color_code, colored_text, dim_text, icon_button
 
 TITLE: Final = f"{icons.ICON_FA_GAUGE_HIGH}  Profiler###Profiler"
+_CURVE_INTERVAL: Final = 0.2  # [s] between two looks at all samples
 _STAGE_TEXT_MARGIN: Final = 8.0  # [points] a name must have beside it to stand on its bar
 _LIST_WIDTH: Final = 22.0  # [letters] of the list of stages
+
+
+class _Curves(NamedTuple):
+    """What is drawn of a track, made a few times a second: nobody reads figures that change faster."""
+
+    made_at: float  # [s] by ImGui's clock
+    track: ProfileTrack
+    figures: Figures
+    names: list[str]
+    numbers: NDArray[np.float64]  # (N,)
+    rows: NDArray[np.float64]  # (S + 1, N) [ms]
 
 
 class ProfilerPanel:
@@ -26,6 +39,7 @@ class ProfilerPanel:
     def __init__(self, instruments: Instruments) -> None:
         self._instruments = instruments
         self.shown = SIMULATION
+        self._curves: _Curves | None = None
 
     @property
     def track(self) -> ProfileTrack | None:
@@ -82,21 +96,28 @@ class ProfilerPanel:
         if icon_button(icons.ICON_FA_THUMBTACK, "hold", tooltip, active=is_held):
             track.hold(None if is_held else track.chosen)
         ui.landmarks.note("profiler/hold")
-        figures = track.figures()
-        if figures is not None:
-            imgui.same_line()
-            imgui.align_text_to_frame_padding()
-            dim_text(_summary(figures, track.budget))
+        imgui.same_line()
+        imgui.align_text_to_frame_padding()
+        dim_text(_summary(self._curves_of(track).figures, track.budget))
+
+    def _curves_of(self, track: ProfileTrack) -> _Curves:
+        now, made = imgui.get_time(), self._curves
+        if made is None or made.track is not track or now > made.made_at + _CURVE_INTERVAL:
+            figures, names, samples = track.figures(), track.stage_names(), track.drawn()
+            assert figures is not None  # a track is made for its first sample
+            numbers = np.array([sample.number for sample in samples], np.float64)
+            made = self._curves = _Curves(now, track, figures, names, numbers, track.stacked(names, samples))
+        return made
 
     # --- one track -------------------------------------------------------------------------------------------------
 
     def _draw_track(self, ui: Ui, track: ProfileTrack, chosen: Sample) -> None:
-        names = track.stage_names()
-        colors = stage_colors(names)
+        curves = self._curves_of(track)
+        colors = stage_colors(curves.names)
         self._draw_chosen(track, chosen)
         draw_flame(ui, chosen, colors, budget=track.budget)
         width = imgui.get_content_region_avail().x - imgui.get_font_size() * _LIST_WIDTH
-        self._draw_curves(ui, track, names, colors, max(width, imgui.get_font_size() * 8.0))
+        self._draw_curves(ui, curves, colors, max(width, imgui.get_font_size() * 8.0))
         imgui.same_line()
         if imgui.begin_child("###stages"):
             _draw_stages(chosen, colors)
@@ -112,10 +133,8 @@ class ProfilerPanel:
         imgui.same_line(0.0, 20.0)
         dim_text(f"{counts}{late}")
 
-    def _draw_curves(
-        self, ui: Ui, track: ProfileTrack, names: Sequence[str], colors: Mapping[str, Rgba], width: float
-    ) -> None:
-        numbers, rows = track.numbers(), track.stacked(names)
+    def _draw_curves(self, ui: Ui, curves: _Curves, colors: Mapping[str, Rgba], width: float) -> None:
+        track, names, numbers, rows = curves.track, curves.names, curves.numbers, curves.rows
         flags = implot.Flags_.no_legend | implot.Flags_.no_mouse_text | implot.Flags_.no_menus | implot.Flags_.no_title
         with plot_colors():
             if not implot.begin_plot("###curves", (width, -1.0), int(flags)):

@@ -74,6 +74,17 @@ def test_a_host_that_starts_anew_is_another_story():
     assert track.worst.number == 1
 
 
+def test_curves_of_many_keep_every_spike():
+    rng, track = random.Random(8), ProfileTrack()
+    for number in range(600):
+        track.add(sample(number, rng.expovariate(1.0)))
+    drawn = track.drawn(limit=100)
+    assert [max(list(track.samples)[i : i + 6], key=lambda s: s.total) for i in range(0, 600, 6)] == drawn
+    assert max(s.total for s in drawn) == track.figures().longest
+    assert track.drawn(limit=600) == list(track.samples)
+    assert ProfileTrack().drawn() == []
+
+
 def test_stages_within_stages_are_counted_once():
     own = tick().own
     assert own["simulate_physics"] == pytest.approx(0.5)
@@ -103,7 +114,7 @@ def test_curves_stand_upon_one_another_up_to_the_total():
         track.add(tick(number))
     track.add(sample(4, 2.0, apply_commands=1.5, late_one=0.5))
     names = track.stage_names()
-    rows = track.stacked(names)
+    rows = track.stacked(names, track.drawn())
     assert names[-1] == REST
     assert set(names) == {*tick().stages, "late_one", REST}
     assert (np.diff(rows, axis=0) >= 0.0).all()
