@@ -13,6 +13,7 @@ from elys.bus.messages.commands import CommandRequest, StepTicks
 from elys.verbs.nodes import joined
 from tests.benchmarks.processes import environment, running
 from tests.editor_pictures import draw_editor_pictures
+from tests.instrument_pictures import main as draw_instrument_pictures
 
 if TYPE_CHECKING:
     from elys.editor_node.node import Editor
@@ -36,6 +37,7 @@ def main() -> None:
         asyncio.run(draw_editor(PICTURES / "editor.png"))
         os.environ["ELYS_RUNTIME_DIR"] = env["ELYS_RUNTIME_DIR"]  # of which sessions the start page is to tell
         asyncio.run(draw_editor_pictures(PICTURES / "editor", ENDPOINT))
+    draw_instrument_pictures()
     table = (*elys, "run", "docs/examples/table.scene.json", "--headless", "--paused", "--listen", ENDPOINT)
     with environment() as env, running(table, env=env, wait_for="simulating"):
         asyncio.run(draw_inspector(PICTURES / "editor-inspector.png"))
