@@ -55,6 +55,7 @@ Listen = Annotated[
 Threads = Annotated[
     int, typer.Option("--threads", min=1, max=64, help="threads for large steps of physics; what comes out is the same")
 ]
+Keep = Annotated[float, typer.Option(min=0.0, max=3600.0, help="simulated seconds that can be gone back to (0: none)")]
 NoGuard = Annotated[bool, typer.Option("--no-guard", help="do not keep the last 5 s for when something goes wrong")]
 Json = Annotated[bool, typer.Option("--json", help="print facts as JSON")]
 Frames = Annotated[int, typer.Option(help="end after so many frames (0: never)", min=0, hidden=True)]
@@ -97,6 +98,7 @@ def run(
     name: Annotated[str, typer.Option(help="name of the session; default: the scene's")] = "",
     threads: Threads = 1,
     no_guard: NoGuard = False,
+    keep: Keep = 60.0,
     json: Json = False,
 ) -> None:
     """Simulate a scene, with an editor attached; or --headless, for a server or a script."""
@@ -113,6 +115,7 @@ def run(
         name=name,
         threads=threads,
         guarded=not no_guard,
+        keep=keep,
         json=json,
     )
 
@@ -465,6 +468,7 @@ def node_simulation(
     name: Annotated[str, typer.Option()] = "",
     threads: Threads = 1,
     no_guard: NoGuard = False,
+    keep: Keep = 60.0,
 ) -> None:
     """The simulation."""
     from elys.verbs import nodes
@@ -479,6 +483,7 @@ def node_simulation(
         name=name,
         threads=threads,
         guarded=not no_guard,
+        keep=keep,
     )
 
 

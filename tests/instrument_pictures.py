@@ -119,7 +119,7 @@ async def _plots(person: Person, directory: Path) -> None:
 
 
 async def _show(person: Person, name: str) -> None:
-    person.editor.workspace.show_panel(name)
+    person.editor.workspace.show(f"###{name}")
     await person.frames(4)
 
 

@@ -1,12 +1,18 @@
-"""make pictures: draws the pictures of the docs anew, with the real nodes. Look at them before committing."""
+"""make pictures: draws the pictures of the docs anew, with the real nodes; or those that are named, as `timeline`.
+
+Look at them before committing.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import os
 import sys
+import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from PIL import Image
 
 from elys.bus import topics
 from elys.bus.messages.commands import CommandRequest, StepTicks
@@ -25,6 +31,7 @@ TICK = 110  # much lies, much still falls
 
 def main() -> None:
     os.environ["ELYS_NULL_PLATFORM"] = "1"
+    os.environ["ELYS_STATE_DIR"] = tempfile.mkdtemp()  # no bookmark of a person's own is shown, or lost
     PICTURES.mkdir(exist_ok=True)
     elys = (sys.executable, "-m", "elys")
     simulation = (*elys, "run", "yard", "--headless", "--paused", "--listen", ENDPOINT)
@@ -34,10 +41,17 @@ def main() -> None:
         running(simulation, env=env, wait_for="simulating"),
         running(render, env=env, wait_for="drawing views"),
     ):
-        asyncio.run(draw_editor(PICTURES / "editor.png"))
         os.environ["ELYS_RUNTIME_DIR"] = env["ELYS_RUNTIME_DIR"]  # of which sessions the start page is to tell
-        asyncio.run(draw_editor_pictures(PICTURES / "editor", ENDPOINT))
-    draw_instrument_pictures()
+        drawn = {"editor": draw_editor, "editor-hierarchy": draw_hierarchy, "timeline": draw_timeline}
+        for name, draw in drawn.items():
+            if name in (sys.argv[1:] or [name]):
+                asyncio.run(draw(PICTURES / f"{name}.png"))
+        if "windows" in (sys.argv[1:] or ["windows"]):
+            asyncio.run(draw_editor_pictures(PICTURES / "editor", ENDPOINT))
+    if "instruments" in (sys.argv[1:] or ["instruments"]):
+        draw_instrument_pictures()
+    if "editor-inspector" not in (sys.argv[1:] or ["editor-inspector"]):
+        return
     table = (*elys, "run", "docs/examples/table.scene.json", "--headless", "--paused", "--listen", ENDPOINT)
     with environment() as env, running(table, env=env, wait_for="simulating"):
         asyncio.run(draw_inspector(PICTURES / "editor-inspector.png"))
@@ -114,12 +128,89 @@ async def draw_inspector(path: Path) -> None:
     print(path)
 
 
+async def draw_timeline(path: Path) -> None:
+    """The editor's window on the yard, four seconds in, rewound to the second, with a loop and two bookmarks."""
+    from imgui_bundle import imgui
+
+    from elys.editor_node.node import Editor
+    from elys.editor_node.panels import timeline
+
+    async with joined(ENDPOINT, kind="editor") as session:
+        with Editor(session, null_platform=True, size=(1600, 900)) as editor:
+            window = asyncio.create_task(editor.run())
+            model, line = editor.model, editor.model.timeline
+            while not model.scene.is_known or model.status is None:
+                await asyncio.sleep(0.05)
+            ticks = StepTicks(count=TICK + 240 - model.status.tick)
+            await session.request(topics.COMMAND, CommandRequest(origin="pictures", command=ticks))
+            while model.status.tick < TICK + 240:
+                await asyncio.sleep(0.05)
+            box = next(e.id for e in model.scene.mirror.entities.values() if e.name == "Box 8")
+            model.edit.set_fields([box], "Material", {"roughness": 0.2})
+            await model.history.settle()
+            for name, at in (("first hits", 0.9), ("all lie", 4.6)):
+                line.bookmarks.add(name, at)
+            line.loop_start, line.loop_end, line.is_looping = 1.5, 3.5, True
+            line.go_to(2.0)
+            for _ in range(80):
+                imgui.set_window_focus(timeline.TITLE)
+                editor.application.keep_awake(1.0)
+                await asyncio.sleep(0.1)
+            editor.screenshot(path)
+            for bookmark in line.bookmarks.all:
+                line.bookmarks.remove(bookmark)
+            editor.application.close()
+            await window
+    print(path)
+
+
+async def draw_hierarchy(path: Path) -> None:
+    """The hierarchy of the yard, with a search and its menu of others, and some that are locked, hidden and off."""
+    from elys.editor_node.events import CursorEntered, MouseMoved, MousePressed, MouseReleased
+    from elys.editor_node.node import Editor
+
+    async with joined(ENDPOINT, kind="editor") as session:
+        with Editor(session, null_platform=True, size=(1600, 900)) as editor:
+            window = asyncio.create_task(editor.run())
+            scene, panel = editor.model.scene, editor.workspace.hierarchy
+            while not scene.is_known or editor.stream.shown is None:
+                await asyncio.sleep(0.05)
+            boxes = [e.id for e in scene.mirror.entities.values() if e.name.startswith("Box ")]
+            scene.marks.set("locked", boxes[1:3], True)
+            scene.marks.set("hidden", boxes[2:5], True)
+            editor.model.selection.replace(boxes[5:8])
+            panel.search_for("t:box !plank")
+            editor.ui.landmarks.is_wanted = True
+            for event in (CursorEntered(True), None, "hierarchy/filters", MousePressed(0), MouseReleased(0)):
+                editor.application.keep_awake(2.0)
+                await asyncio.sleep(0.5)
+                if isinstance(event, str):
+                    event = MouseMoved(*editor.ui.landmarks.center(event))
+                if event is not None:
+                    editor.application.offer(event)
+            for _ in range(20):
+                editor.application.keep_awake(1.0)
+                await asyncio.sleep(0.1)
+            editor.screenshot(path)
+            crop(path, (0, 0, 760, 630))
+            editor.application.close()
+            await window
+    print(path)
+
+
 async def frames_of(editor: Editor, count: int) -> None:
     """Waits until so many frames were drawn."""
     goal = editor.application.frame_count + count
     while editor.application.frame_count < goal:
         editor.application.keep_awake(1.0)
         await asyncio.sleep(0.01)
+
+
+def crop(path: Path, box: tuple[int, int, int, int]) -> None:
+    """Keeps a part (left, top, right, bottom) of a picture."""
+    with Image.open(path) as picture:
+        part = picture.crop(box)
+    part.save(path, optimize=True)
 
 
 if __name__ == "__main__":

@@ -8,25 +8,33 @@ from __future__ import annotations
 import asyncio
 import logging
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+import msgspec
 import platformdirs
 
 from elys.bus import topics
 from elys.bus.session import Session
 from elys.bus.transports.transport import Closer
 from elys.bus.transports.zenoh import MAX_MESSAGE_SIZE
-from elys.common.assets.store import PREFIX, AssetKind, AssetStore, is_reference, reference_of
+from elys.common.assets.store import PREFIX, AssetKind, AssetStore, is_reference, reference_of, references_in
 from elys.common.errors import AssetError, MessageError
+from elys.common.scene_document import EntityRecord
 
 ASSET_TIMEOUT: Final = 30.0  # [s] a large mesh over a slow line
 CACHE_SIZE: Final = 4 << 30  # [bytes] above which the files used longest ago are thrown away
+_HAS: Final = b"has"
+_WANTS: Final = b"wants"
 _log = logging.getLogger(__name__)
 
 
 def serve_assets(session: Session, store: AssetStore) -> Closer:
-    """Answers every ASSET request from `store`; what is not in it is refused with a sentence."""
+    """Answers every ASSET request from `store`; what is not in it is refused with a sentence.
+
+    What somebody offers is taken into it: who pastes a part of another scene brings along what that needs.
+    """
 
     async def answer(request: bytes, key: str) -> bytes:
         data = store.get(PREFIX + key)
@@ -34,7 +42,38 @@ def serve_assets(session: Session, store: AssetStore) -> Closer:
             raise AssetError(f"asset {PREFIX}{key} has {len(data) >> 20} MiB, more than one message may carry")
         return data
 
-    return session.serve(topics.ASSET, answer)
+    async def take(data: bytes, key: str) -> bytes:
+        if data and not store.has(PREFIX + key):
+            if reference_of(data) != PREFIX + key:
+                raise MessageError(f"what was offered as {PREFIX + key} is other content ({reference_of(data)})")
+            store.put(data, kind="mesh")
+        return _HAS if store.has(PREFIX + key) else _WANTS
+
+    closers = (session.serve(topics.ASSET, answer), session.serve(topics.ASSET_OFFER, take))
+
+    def close() -> None:
+        for closer in closers:
+            closer()
+
+    return close
+
+
+def lacking_assets(store: AssetStore, records: Sequence[EntityRecord]) -> list[str]:
+    """What records name that a store has not got."""
+    named = references_in(msgspec.json.encode([record.components for record in records]))
+    return [reference for reference in named if not store.has(reference)]
+
+
+async def offer_assets(session: Session, store: AssetStore, records: Sequence[EntityRecord]) -> None:
+    """Gives the host what records name and it lacks.
+
+    Raises:
+        AssetError: it is not here either, or too large for one message. BusError: the host refuses it, or is gone.
+    """
+    offer = AssetOffer(session)
+    for reference in references_in(msgspec.json.encode([record.components for record in records])):
+        if not await offer.bring(reference, store):
+            raise AssetError(f"asset {reference} is neither with the host nor here")
 
 
 def cache_directory() -> Path:
@@ -95,3 +134,34 @@ class AssetClient:
             raise MessageError(f"the host answered {reference} with other content ({reference_of(data)})")
         await asyncio.to_thread(self._store.put, data, kind=kind)
         return data
+
+
+class AssetOffer:
+    """Brings the host content that it lacks."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+
+    async def bring(self, reference: str, store: AssetStore) -> bool:
+        """Whether the host has the content, now that it was given what `store`, or else this machine's cache, has of it.
+
+        Raises:
+            AssetError: it is too large for one message.
+            BusError: the host does not answer, or takes no offers.
+        """
+        if await self._ask(reference, b""):
+            return True
+        for known in (store, open_asset_cache()):
+            try:
+                data = await asyncio.to_thread(known.get, reference)
+            except AssetError:
+                continue
+            if len(data) > MAX_MESSAGE_SIZE - 4096:
+                raise AssetError(f"asset {reference} has {len(data) >> 20} MiB, more than one message may carry")
+            return await self._ask(reference, data)
+        return False
+
+    async def _ask(self, reference: str, data: bytes) -> bool:
+        key = reference.removeprefix(PREFIX)
+        reply = await self._session.request(topics.ASSET_OFFER, data, key=key, timeout=ASSET_TIMEOUT)
+        return reply == _HAS

@@ -62,7 +62,7 @@ def advertise(*, name: str, endpoint: str, kind: str, scene: str) -> Closer:
         kind=kind,
         scene=scene,
         started=time.time(),
-        process_started=_start_of(os.getpid()),
+        process_started=start_of_process(os.getpid()),
     )
     folder = runtime_directory() / "sessions"
     path = folder / f"{record.pid}-{re.sub(r'[^A-Za-z0-9]+', '_', record.endpoint)}.json"
@@ -148,11 +148,11 @@ def _is_alive(record: SessionRecord) -> bool:
         return False
     except (PermissionError, OverflowError):
         return True
-    now = _start_of(record.pid)
+    now = start_of_process(record.pid)
     return not (now and record.process_started and now != record.process_started)
 
 
-def _start_of(pid: int) -> str:
+def start_of_process(pid: int) -> str:
     """When a process started, in the kernel's ticks since boot; "" where that cannot be known."""
     try:
         text = Path(f"/proc/{pid}/stat").read_text()

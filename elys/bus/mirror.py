@@ -87,6 +87,8 @@ class SceneMirror:
         self.scene = ""
         self.epoch = 0
         self.sequence = -1
+        self.revision = 0  # how many edits it contains
+        self.content = 0  # what names all that was edited; the same number, the same content
         self.tick = 0
         self.simulation_time = 0.0
         self.latest_frame: StateFrame | None = None
@@ -215,6 +217,7 @@ class SceneMirror:
         self.entities, self.roots = entities, roots
         self.settings, self.scene = snapshot.settings, snapshot.scene
         self.epoch, self.sequence = snapshot.epoch, snapshot.sequence
+        self.revision, self.content = snapshot.revision, snapshot.content
         self.tick, self.simulation_time = snapshot.tick, snapshot.simulation_time
         self._tell(MirrorUpdate(reset=True))
 
@@ -233,6 +236,7 @@ class SceneMirror:
         for change in delta.changes:
             self._follow(change, delta.sequence, removed)
         self.sequence, self.tick = delta.sequence, delta.tick
+        self.revision, self.content = delta.revision, delta.content
         self._tell(MirrorUpdate(reset=False, changes=delta.changes, removed=tuple(removed)))
 
     def to_snapshot(self, *, frame: StateFrame | None = None) -> Snapshot:
@@ -262,6 +266,8 @@ class SceneMirror:
             prefabs=tuple(entity.prefab for entity in ordered),
             strings=strings.texts,
             components=components,
+            revision=self.revision,
+            content=self.content,
         )
 
     # --- inside ----------------------------------------------------------------------------------------------------
@@ -276,7 +282,13 @@ class SceneMirror:
                 self._spawn(change, sequence)
             case Despawned():
                 gone = self.descendants(self._entity(change.entity).id)
-                self.children_of(self.entities[change.entity].parent).remove(change.entity)
+                siblings = self.children_of(self.entities[change.entity].parent)
+                if (
+                    siblings[-1] == change.entity
+                ):  # many are ended from the last on: looked for, each would cost all others
+                    siblings.pop()
+                else:
+                    siblings.remove(change.entity)
                 for entity in gone:
                     del self.entities[entity]
                 removed.extend(gone)

@@ -11,12 +11,14 @@ import contextlib
 import logging
 import math
 import time
+from collections.abc import Callable
 from typing import Any, Final
 
 import msgspec
 import numpy as np
 
 from elys.bus import codec, topics
+from elys.bus.marker_log import MarkerLog, markers_of_command, markers_of_contacts, markers_of_events
 from elys.bus.messages.commands import (
     Command,
     CommandReply,
@@ -27,10 +29,12 @@ from elys.bus.messages.commands import (
     SetRate,
     StepTicks,
 )
+from elys.bus.messages.history import HistoryReply, HistoryRequest
 from elys.bus.messages.plan import PhysicsPlan, PlanRequest
 from elys.bus.messages.scene import SceneDelta, Snapshot, SnapshotRequest
 from elys.bus.messages.session import SessionStatus
 from elys.bus.messages.state_frame import HEADER, PLAYING
+from elys.bus.messages.timeline import Marker, Markers, MarkersRequest
 from elys.bus.recording import Recording
 from elys.bus.session import Session
 from elys.bus.topics import Encoding
@@ -45,6 +49,12 @@ _SHOWN_IN_A_ROW: Final = 4  # frames published one by one; of more that are due 
 _TOLD_ONE_BY_ONE: Final = 100  # deltas after a seek; more are said with one resync
 END_MARGIN: Final = 0.1  # [s]
 _NOT_EDITABLE: Final = "this is a recording: it cannot be edited; run its scene with `elys run` to change it"
+_READ_IN_A_ROW: Final = 240  # frames whose messages are looked through for markers before others have their turn
+_MARKED: Final[dict[str, Callable[[Any, float], list[Marker]]]] = {
+    topics.EVENTS.name: markers_of_events,
+    topics.CONTACTS.name: markers_of_contacts,
+    topics.COMMANDS.name: markers_of_command,
+}
 _log = logging.getLogger(__name__)
 
 
@@ -69,6 +79,8 @@ class Player:
         self._measured = (time.monotonic(), float(recording.time[0]))
         self._realtime_factor = 0.0
         self._wake = asyncio.Event()
+        self._markers = MarkerLog()
+        self._reading_markers: asyncio.Task[None] | None = None  # begun when somebody asks
 
     @property
     def tick(self) -> int:
@@ -85,7 +97,9 @@ class Player:
         self.session.serve(topics.SNAPSHOT, self._give_snapshot)
         self.session.serve(topics.PLAN, self._refuse_plan)
         self.session.serve(topics.ASSET, self._give_asset)
+        self.session.serve(topics.MARKERS, self._give_markers)
         self.session.serve(topics.COMMAND, self._take_command)
+        self.session.serve(topics.HISTORY, self._give_history)
         self._set_anchor()
         self._publish_frame()
         async with asyncio.TaskGroup() as group:
@@ -245,6 +259,38 @@ class Player:
     async def _give_snapshot(self, request: SnapshotRequest, key: str) -> Snapshot:
         snapshot = self._mirror.to_snapshot(frame=self.recording.frame(self.position))
         return msgspec.structs.replace(snapshot, epoch=self.session.epoch, sequence=self._sequence)
+
+    async def _give_history(self, request: HistoryRequest, key: str) -> HistoryReply:
+        return HistoryReply(author="")  # nothing can be edited here
+
+    async def _give_markers(self, request: MarkersRequest, key: str) -> Markers:
+        if self._reading_markers is None:
+            self._reading_markers = self.session.start(self._read_markers())
+        return self._markers.reply(request)
+
+    async def _read_markers(self) -> None:
+        """Reads what was said in the whole recording, a piece at a time; who asks meanwhile gets what was found so far."""
+        for first in range(0, len(self.recording), _READ_IN_A_ROW):
+            last = min(first + _READ_IN_A_ROW, len(self.recording)) - 1
+            try:
+                self._markers.add(marker for m in self.recording.messages_of(first, last) for marker in self._marked(m))
+            except RecordingError as error:
+                _log.warning("markers end at tick %d: %s", self.recording.tick[first], error)
+                return
+            await asyncio.sleep(0.001)
+
+    def _marked(self, message: RecordedMessage) -> list[Marker]:
+        """The markers of a message."""
+        make = _MARKED.get(message.channel)
+        if make is None:
+            return []
+        topic = topics.topic_named(message.channel)
+        try:
+            content = codec.decode_body(message.body, topic.message, topic.encoding)
+        except MessageError:
+            return []  # it is told when it is played
+        place = min(int(np.searchsorted(self.recording.tick, content.tick)), len(self.recording) - 1)
+        return make(content, float(self.recording.time[place]))
 
     async def _give_asset(self, request: bytes, key: str) -> bytes:
         return self.recording.asset(PREFIX + key)

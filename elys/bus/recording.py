@@ -1,7 +1,8 @@
 """A recording as a timeline: frames by tick, and the scene as it was at any of them.
 
 Opening reads where the state frames stand, not the frames. If the recorded host started anew, or was itself a replay that
-was wound back, the file holds several runs; the timeline is the longest.
+was wound back, the file holds several runs; the timeline is the longest. A simulation that was rewound and went on as a fork
+left two futures in the file: the index names the one that it kept, and nothing of what it showed of its past meanwhile.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from elys.bus import codec
 from elys.bus.messages.scene import SceneDelta, Snapshot
 from elys.bus.messages.state_frame import HEADER, StateFrame, unpack_frame
 from elys.bus.mirror import SceneMirror
-from elys.bus.topics import PROTOCOL_VERSION, Encoding
+from elys.bus.topics import READABLE_VERSIONS, Encoding
 from elys.bus.transports.mcap import METADATA_NAME
 from elys.bus.transports.mcap_index import (
     DELTA_CHANNEL,
@@ -113,11 +114,18 @@ class Recording:
         return message.place >= self._places[0] and (self._end is None or message.place < self._end)
 
     def messages_of(self, first: int, last: int) -> Iterator[RecordedMessage]:
-        """What else was recorded with the frames from `first` to `last`: after each and before the next, scene left out."""
+        """What else was recorded with the frames from `first` to `last`: after each and before the next, scene left out.
+
+        What came with frames that are not part of the timeline is left out.
+        """
         start = self._places[first]
         end = self._places[last + 1] if last + 1 < len(self) else self._end
+        shown = set(self._places[first : last + 1])
+        is_shown = True
         for message in self.reader.messages(start=start, end=end):
-            if message.channel not in (STATE_CHANNEL, SNAPSHOT_CHANNEL, DELTA_CHANNEL):
+            if message.channel == STATE_CHANNEL:
+                is_shown = message.place in shown
+            elif is_shown and message.channel not in (SNAPSHOT_CHANNEL, DELTA_CHANNEL):
                 yield message
 
     # --- the scene -------------------------------------------------------------------------------------------------
@@ -197,10 +205,10 @@ class Recording:
         made = self.reader.metadata.get(METADATA_NAME)
         if made is None:
             raise RecordingError(f"{self.path} is an MCAP file, but no recording of ELYS")
-        if made.get("protocol") != str(PROTOCOL_VERSION):
+        if made.get("protocol") not in [str(version) for version in READABLE_VERSIONS]:
             raise RecordingError(
                 f"{self.path} was recorded by ELYS {made.get('elys', '?')} in protocol version {made.get('protocol', '?')}; "
-                f"this one reads version {PROTOCOL_VERSION}: open it with that release"
+                f"this one reads versions {' and '.join(map(str, READABLE_VERSIONS))}: open it with that release"
             )
 
     def _read_indexes(self) -> tuple[NDArray[Any], NDArray[Any]]:

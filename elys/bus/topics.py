@@ -11,14 +11,15 @@ import re
 from dataclasses import dataclass
 from typing import Any, Final, Generic, TypeVar
 
-from elys.bus.messages import commands, physics, plan, scene, session, state_frame, views
+from elys.bus.messages import commands, history, physics, plan, scene, session, state_frame, timeline, views
 from elys.common.errors import BusError
 
 M = TypeVar("M")
 Q = TypeVar("Q")
 R = TypeVar("R")
 
-PROTOCOL_VERSION: Final = 2
+PROTOCOL_VERSION: Final = 3
+READABLE_VERSIONS: Final = (2, 3)  # of recordings: what came since has defaults
 ROOT: Final = "elys"
 
 
@@ -178,6 +179,18 @@ PLAN: Final = Query(
     reply=plan.PhysicsPlan,
     text="which stages a step of physics has, and why the others are off",
 )
+HISTORY: Final = Query(
+    name="history",
+    request=history.HistoryRequest,
+    reply=history.HistoryReply,
+    text="what somebody can undo and redo here, and as whom",
+)
+MARKERS: Final = Query(
+    name="markers",
+    request=timeline.MarkersRequest,
+    reply=timeline.Markers,
+    text="what stands out on the timeline: collisions, triggers, errors, edits",
+)
 PICK: Final = Query(
     name="pick",
     request=views.PickRequest,
@@ -190,6 +203,15 @@ ASSET: Final = Query(
     request=bytes,
     reply=bytes,
     text="the bytes whose content hash is the key",
+    request_encoding=Encoding.RAW,
+    reply_encoding=Encoding.RAW,
+    keyed=True,
+)
+ASSET_OFFER: Final = Query(
+    name="offer",
+    request=bytes,
+    reply=bytes,
+    text="gives the host the bytes whose content hash is the key; none asks whether it has them; answered with has or wants",
     request_encoding=Encoding.RAW,
     reply_encoding=Encoding.RAW,
     keyed=True,
@@ -210,7 +232,17 @@ TOPICS: Final[tuple[Topic[Any], ...]] = (
     VIEW_FRAME,
     RENDER_PROFILE,
 )
-QUERIES: Final[tuple[Query[Any, Any], ...]] = (HELLO, SNAPSHOT, COMMAND, PLAN, PICK, ASSET)
+QUERIES: Final[tuple[Query[Any, Any], ...]] = (
+    HELLO,
+    SNAPSHOT,
+    COMMAND,
+    HISTORY,
+    MARKERS,
+    PLAN,
+    PICK,
+    ASSET,
+    ASSET_OFFER,
+)
 # Made only while somebody listens: to listen to them costs whoever makes them.
 ON_DEMAND: Final[frozenset[Topic[Any]]] = frozenset({DIAGNOSTICS, DEBUG_LINES, RENDER_PROFILE})
 

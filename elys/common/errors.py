@@ -6,12 +6,14 @@
     ├── ComponentError        a component or one of its fields does not exist or has a value of the wrong kind
     ├── EntityError           an entity does not exist (any more), or a structural change is impossible
     │   └── HierarchyError    a parent would become its own descendant
+    ├── StateError            the state of a simulation is not one, or not one that it can go back to
     ├── PhysicsError          a body, collider or setting that physics cannot work with: the entity, what, what to do
     ├── BusError
     │   ├── MessageError      a payload that is not what its topic promises
     │   ├── ProtocolError     the other side speaks another version of the protocol
     │   ├── ConnectionLost    nobody answers at the endpoint
     │   └── RequestError      the other side answered, and refused
+    │       └── EditConflict  because somebody else has changed the same meanwhile
     ├── RecordingError        a recording is not one, or is damaged beyond repair
     ├── DisplayError          no display, no EGL, no OpenGL driver
     └── LaunchError           a launch file is wrong or a process could not be started
@@ -46,6 +48,10 @@ class HierarchyError(EntityError):
     """A change of parent would make a cycle."""
 
 
+class StateError(ElysError):
+    """The state of a simulation cannot be read, or not be gone back to."""
+
+
 class PhysicsError(ElysError):
     """Physics cannot work with a value."""
 
@@ -68,6 +74,10 @@ class ConnectionLost(BusError):
 
 class RequestError(BusError):
     """The other side refused a request."""
+
+
+class EditConflict(RequestError):
+    """Somebody else has changed meanwhile what an edit would change."""
 
 
 class RecordingError(ElysError):

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import get_args
 
 from elys.bus.messages.views import Shows
 from elys.editor_node.actions import Action, Actions
 from elys.editor_node.language import LANGUAGES
 from elys.editor_node.model import EditorModel
+from elys.editor_node.panels import changes, history_list
 from elys.editor_node.panels.inspector import InspectorPanel
 from elys.editor_node.panels.preferences_window import change_font_scale, change_language
 from elys.editor_node.preferences import Theme
+from elys.editor_node.tree_actions import tree_actions
 from elys.editor_node.ui import Tool, Tools, Ui
 from elys.editor_node.viewport_layer import ViewportLayer
 from elys.editor_node.workspace import Workspace
@@ -22,6 +25,7 @@ def add_actions(actions: Actions, ui: Ui, workspace: Workspace, viewport: Viewpo
         *_file_actions(ui, workspace),
         *_edit_actions(ui, workspace),
         *_inspector_actions(ui, workspace.inspector),
+        *tree_actions(ui, workspace.hierarchy),
         *_time_actions(ui.model),
         *_tool_actions(ui.tools),
         *_view_actions(ui, workspace, viewport),
@@ -31,7 +35,18 @@ def add_actions(actions: Actions, ui: Ui, workspace: Workspace, viewport: Viewpo
 
 def _file_actions(ui: Ui, workspace: Workspace) -> tuple[Action, ...]:
     dialog = workspace.save_dialog
+
+    def has_file() -> bool:
+        return ui.model.file.path is not None and not ui.model.is_replay
+
     return (
+        Action(
+            name="file.open",
+            label="Open...",
+            keys=("Ctrl+O",),
+            run=lambda: dialog.ask_which(ui),
+            is_possible=lambda: not ui.model.is_replay,
+        ),
         Action(name="file.save", label="Save", keys=("Ctrl+S",), run=lambda: dialog.save(ui)),
         Action(name="file.save_as", label="Save as...", keys=("Ctrl+Shift+S",), run=lambda: dialog.ask_where(ui)),
         Action(
@@ -55,6 +70,18 @@ def _file_actions(ui: Ui, workspace: Workspace) -> tuple[Action, ...]:
             run=lambda: setattr(workspace.preferences, "is_open", not workspace.preferences.is_open),
             needs_session=False,
         ),
+        Action(
+            name="file.save_running",
+            label="Save the running state as...",
+            run=lambda: dialog.ask_where(ui, running=True),
+        ),
+        Action(name="file.revert", label="Revert to the file", run=lambda: dialog.revert(ui), is_possible=has_file),
+        Action(
+            name="file.changes",
+            label="What changed since the file",
+            run=lambda: workspace.show(changes.TITLE),
+            is_possible=has_file,
+        ),
         Action(name="file.quit", label="Quit", keys=("Ctrl+Q",), run=workspace.ask_to_close, needs_session=False),
     )
 
@@ -70,7 +97,8 @@ def _edit_actions(ui: Ui, workspace: Workspace) -> tuple[Action, ...]:
         workspace.hierarchy.start_renaming(ui, selection.primary)
 
     def select_all() -> None:
-        selection.replace(row.entity for row in model.scene.rows())
+        rows = workspace.hierarchy.rows(ui)
+        selection.replace(e for e in rows.entities if not rows.is_filtered or e in rows.found)
 
     def may_undo() -> bool:
         return bool(history.undo_label) or history.is_busy
@@ -88,6 +116,7 @@ def _edit_actions(ui: Ui, workspace: Workspace) -> tuple[Action, ...]:
             is_possible=may_redo,
             repeats=True,
         ),
+        Action(name="edit.history", label="History", run=lambda: workspace.show(history_list.TITLE)),
         Action(
             name="edit.duplicate",
             label="Duplicate",
@@ -123,9 +152,40 @@ def _inspector_actions(ui: Ui, panel: InspectorPanel) -> tuple[Action, ...]:
 
 
 def _time_actions(model: EditorModel) -> tuple[Action, ...]:
+    line = model.timeline
+
+    def can_wind() -> bool:
+        return line.can_wind
+
+    def wind(name: str, label: str, key: str, run: Callable[[], object], *, repeats: bool = False) -> Action:
+        keys = (key,) if key else ()
+        return Action(name=f"time.{name}", label=label, keys=keys, run=run, is_possible=can_wind, repeats=repeats)
+
     return (
         Action(name="time.play", label="Play or pause", keys=("Space",), run=model.toggle_playing),
         Action(name="time.step", label="One tick on", keys=(".",), run=model.step, repeats=True),
+        wind("step_back", "One tick back", ",", lambda: model.step(-1), repeats=True),
+        wind("start", "To the oldest kept", "Shift+,", line.go_to_start),
+        wind("end", "To the newest", "Shift+.", line.go_to_end),
+        Action(
+            name="time.resume",
+            label="Go on from here",
+            run=line.go_on_from_here,
+            is_possible=lambda: line.is_rewound,
+        ),
+        wind("previous_marker", "To the marker before", "Alt+,", lambda: line.go_to_next(-1)),
+        wind("next_marker", "To the next marker", "Alt+.", lambda: line.go_to_next(1)),
+        wind("bookmark", "Bookmark this instant", "Ctrl+B", line.add_bookmark),
+        Action(name="time.loop", label="Loop", keys=("L",), run=line.toggle_loop, is_on=lambda: line.loops),
+        wind("loop_start", "Loop from here", "[", line.set_loop_start),
+        wind("loop_end", "Loop up to here", "]", line.set_loop_end),
+        Action(
+            name="time.forget_loop",
+            label="Forget the loop",
+            run=line.forget_loop,
+            is_possible=lambda: line.loop_start is not None or line.loop_end is not None,
+        ),
+        wind("show_all", "Show the whole timeline", "", line.show_all),
     )
 
 

@@ -1,41 +1,44 @@
-"""Undo and redo: every edit goes to the host as commands, one edit after the other, and leaves behind what takes it back.
+"""Undo and redo: every edit goes to the host as one command, one after the other; the host keeps what takes them back.
 
-    perform ─> queue ─> send ─> replies ─> wait for the echo ─> entry in `undoable`
-                                                                    │ undo: its commands are an edit too,
-                                              entry in `redoable` <─┘ whose inverse is what redoes it
+    perform ─> queue ─> send ─> reply ─> wait for the echo ─> entry in `undoable`
+                                                                  │ undo: the host takes it back,
+                                            entry in `redoable` <─┘ redo makes it again
 
-One edit is under way at a time, so that an inverse is always computed from a mirror that shows the edits before it. Edits of
-one stroke (a drag, from button down to button up) make one entry, and of those that wait only the newest is sent.
+The lists here mirror the host's, which outlive this editor: whoever comes back to a session that still runs finds them again.
+One edit is under way at a time. Edits of one stroke (a drag, from button down to button up) make one entry, and of those that
+wait only the newest is sent; all of a stroke count as made from the scene that it began with.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 from collections import deque
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, Protocol
 
-from elys.bus.messages.commands import Command, CommandReply, Despawn, Reparent, Spawn
+import msgspec
+
+from elys.bus.messages.commands import Batch, Command, CommandReply, Edit, Redo, Spawn, Undo
+from elys.bus.messages.history import HistoryEntry, HistoryReply
 from elys.common.errors import BusError, RequestError
 from elys.editor_node import edits
 from elys.editor_node.scene_mirror import EditorScene
 
-ECHO_TIMEOUT: Final = 0.2  # [s] after which an edit that changed nothing visible is taken as done
+ECHO_TIMEOUT: Final = 1.0  # [s] after which an edit counts as done though the scene does not show it
+ATTACH_PAUSE: Final = 0.5  # [s] before the host is asked again which edits there are
 ENTRY_LIMIT: Final = 500
+_log = logging.getLogger(__name__)
 
-Send = Callable[[Command], Awaitable[CommandReply]]
+Kind = Literal["do", "undo", "redo"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Entry:
-    """An edit that can be taken back (or made again): what to send, and what the menu calls it."""
+class Send(Protocol):
+    """Asks the host; the keywords are fields of CommandRequest."""
 
-    label: str
-    commands: tuple[Command, ...]
-    stroke: object = None
-    respawned: tuple[tuple[int, ...], ...] = ()  # for each Spawn among the commands the ids its entities had before
+    def __call__(self, command: Command, **about: Any) -> Awaitable[CommandReply]: ...
 
 
 @dataclass(slots=True, kw_only=True)
@@ -52,16 +55,19 @@ class Outcome:
 
 @dataclass(slots=True, kw_only=True)
 class _Work:
-    kind: Literal["do", "undo", "redo"]
+    kind: Kind
     label: str = ""
-    commands: tuple[Command, ...] = ()
+    edits: tuple[Edit, ...] = ()
     stroke: object = None
+    stroke_name: str = ""  # of the stroke, for the host
+    made_from: int = -1
+    force: bool = False
     done: asyncio.Future[Outcome]
 
     @property
     def targets(self) -> list[tuple[Any, ...]]:
         """What it changes."""
-        return [edits.target_of(command) for command in self.commands]
+        return [edits.target_of(edit) for edit in self.edits]
 
 
 class History:
@@ -70,31 +76,45 @@ class History:
     def __init__(
         self,
         send: Send,
+        attach: Callable[[], Awaitable[HistoryReply]],
         scene: EditorScene,
         *,
+        node: str = "",
         on_outcome: Callable[[Outcome], None] = lambda outcome: None,
         on_new_ids: Callable[[dict[int, int]], None] = lambda new_ids: None,
+        on_attached: Callable[[HistoryReply], None] = lambda reply: None,
     ) -> None:
+        self.author = ""  # as whom the host knows this editor
+        self.undoable: list[HistoryEntry] = []  # the oldest first
+        self.redoable: list[HistoryEntry] = []  # what comes next last
+        self.initial = 0  # what names the content before the first of them
+        self.conflict: Kind | None = None  # which of undo and redo was refused because of somebody else's edit
+        self.is_attached = False
         self._send = send
+        self._attach = attach
         self._scene = scene
+        self._node = node
         self._on_outcome = on_outcome
         self._on_new_ids = on_new_ids
+        self._on_attached = on_attached
         self._queue: deque[_Work] = deque()
         self._wake = asyncio.Event()
         self._under_way: _Work | None = None
-        self._undoable: list[Entry] = []
-        self._redoable: list[Entry] = []
-        self.version = 0  # rises with every edit that was accepted
+        self._stroke: object = None  # of the last edit, its number and the revision that it began with
+        self._stroke_number = 0
+        self._stroke_from = 0
+        self._remembered_stroke: object = None  # of the last entry
+        self._forgotten = 0  # times
 
     @property
     def undo_label(self) -> str:
         """What undo would take back; empty when there is nothing."""
-        return self._undoable[-1].label if self._undoable else ""
+        return self.undoable[-1].label if self.undoable else ""
 
     @property
     def redo_label(self) -> str:
         """What redo would make again; empty when there is nothing."""
-        return self._redoable[-1].label if self._redoable else ""
+        return self.redoable[-1].label if self.redoable else ""
 
     @property
     def is_busy(self) -> bool:
@@ -106,27 +126,49 @@ class History:
         under_way = self._under_way
         return (under_way is not None and under_way.stroke == stroke) or any(w.stroke == stroke for w in self._queue)
 
-    def perform(self, label: str, commands: tuple[Command, ...], *, stroke: object = None) -> asyncio.Future[Outcome]:
-        """Makes an edit; its outcome may be awaited. With the `stroke` of the last one it joins that one's entry."""
+    def perform(self, label: str, commands: tuple[Edit, ...], *, stroke: object = None) -> asyncio.Future[Outcome]:
+        """Makes an edit, all of it or nothing; its outcome may be awaited. With the last one's `stroke` it joins its entry."""
         last = self._queue[-1] if self._queue else None
         targets = [edits.target_of(command) for command in commands]
         if last is not None and stroke is not None and last.stroke == stroke and last.targets == targets:
-            last.commands = commands
+            last.edits = commands
             return last.done
-        return self._enqueue(_Work(kind="do", label=label, commands=commands, stroke=stroke, done=_future()))
+        if stroke is None or stroke != self._stroke:
+            self._stroke, self._stroke_from = stroke, self._scene.mirror.revision
+            self._stroke_number += 1
+        work = _Work(
+            kind="do",
+            label=label,
+            edits=commands,
+            stroke=stroke,
+            stroke_name=f"{self._node}/{self._stroke_number}" if stroke is not None else "",
+            made_from=self._stroke_from,
+            done=_future(),
+        )
+        return self._enqueue(work)
 
-    def undo(self) -> asyncio.Future[Outcome]:
-        """Takes the last edit back, after those that are still under way."""
-        return self._enqueue(_Work(kind="undo", done=_future()))
+    def undo(self, *, force: bool = False) -> asyncio.Future[Outcome]:
+        """Takes the last edit back, after those that are still under way; `force` also over somebody else's later edit."""
+        return self._enqueue(_Work(kind="undo", force=force, done=_future()))
 
-    def redo(self) -> asyncio.Future[Outcome]:
-        """Makes again what was taken back last."""
-        return self._enqueue(_Work(kind="redo", done=_future()))
+    def redo(self, *, force: bool = False) -> asyncio.Future[Outcome]:
+        """Makes again what was taken back last; `force` as in `undo`."""
+        return self._enqueue(_Work(kind="redo", force=force, done=_future()))
+
+    async def go_to(self, count: int) -> None:
+        """Undoes or redoes until `count` of all entries are made, or one is refused."""
+        while len(self.undoable) != count:
+            outcome = await (self.undo() if len(self.undoable) > count else self.redo())
+            if not outcome.accepted:
+                return
 
     def forget(self) -> None:
-        """Drops all entries: another scene, whose ids mean others."""
-        self._undoable.clear()
-        self._redoable.clear()
+        """Drops all entries, and asks the host anew which there are: another scene, or another host."""
+        self.undoable.clear()
+        self.redoable.clear()
+        self.conflict, self.is_attached = None, False
+        self._forgotten += 1
+        self._wake.set()
 
     async def settle(self) -> None:
         """Waits until nothing is under way."""
@@ -139,9 +181,16 @@ class History:
     async def run(self) -> None:
         """Sends what is enqueued, until cancelled."""
         while True:
-            while not self._queue:
-                self._wake.clear()
-                await self._wake.wait()
+            self._wake.clear()
+            if not self.is_attached:
+                try:
+                    await self._come_in()
+                except BusError as error:
+                    _log.debug("what can be undone is not known, asking again: %s", error)
+            if not self._queue:
+                with contextlib.suppress(TimeoutError):
+                    await asyncio.wait_for(self._wake.wait(), None if self.is_attached else ATTACH_PAUSE)
+                continue
             work = self._under_way = self._queue.popleft()
             try:
                 outcome = await self._carry_out(work)
@@ -152,150 +201,98 @@ class History:
                     work.done.cancel()
             self._on_outcome(outcome)
 
+    async def _come_in(self) -> None:
+        forgotten = self._forgotten
+        told = await self._attach()
+        if forgotten != self._forgotten:
+            self._wake.set()  # what was told is of the scene before
+            return
+        self.author, self.initial = told.author, told.initial
+        self.undoable, self.redoable = list(told.undoable), list(told.redoable)
+        self._remembered_stroke = None
+        self.is_attached = True
+        self._on_attached(told)
+
     def _enqueue(self, work: _Work) -> asyncio.Future[Outcome]:
         self._queue.append(work)
         self._wake.set()
         return work.done
 
     async def _carry_out(self, work: _Work) -> Outcome:
-        match work.kind:
-            case "do":
-                outcome, inverse = await self._apply(Entry(label=work.label, commands=work.commands))
-                outcome.stroke = work.stroke
-                if inverse.commands:
-                    self._remember(inverse, work.stroke)
-                    self._redoable.clear()
-            case "undo" | "redo":
-                source, target = self._undoable, self._redoable
-                if work.kind == "redo":
-                    source, target = target, source
-                if not source:
-                    return Outcome(label="")
-                entry = source.pop()
-                outcome, inverse = await self._apply(entry)
-                outcome.label = f"{work.kind.capitalize()} {entry.label}"
-                if inverse.commands:
-                    target.append(inverse)
-        if outcome.accepted:
-            self.version += 1
+        outcome = Outcome(label=work.label, stroke=work.stroke)
+        lists = {"undo": self.undoable, "redo": self.redoable}.get(work.kind)
+        if lists is not None:
+            if not lists:
+                return outcome
+            outcome.label = f"{work.kind.capitalize()} {lists[-1].label}"
+        try:
+            if not self.is_attached:
+                await self._come_in()
+            reply = await self._ask(work)
+        except RequestError as error:
+            outcome.refusals.append(str(error))
+            return outcome
+        except BusError as error:
+            outcome.refusals.append(f"not sent: {error}")
+            return outcome
+        outcome.tick = reply.tick
+        self.conflict = work.kind if reply.is_conflict and work.kind != "do" else None
+        if not reply.accepted:
+            outcome.refusals.append(reply.reason)
+            return outcome
+        outcome.accepted = max(len(work.edits), 1)
+        await self._echo(reply)
+        self._remember(work, reply)
+        outcome.spawned = self._tops(work, reply)
+        if reply.new_ids:
+            self._on_new_ids(reply.new_ids)
         return outcome
 
-    async def _apply(self, entry: Entry) -> tuple[Outcome, Entry]:
-        """Sends an entry's commands; its outcome, and the entry that takes back what was accepted of it."""
-        outcome = Outcome(label=entry.label)
-        inverses: list[Command] = []
-        respawned: list[tuple[int, ...]] = []
-        old_ids = deque(entry.respawned)
-        for batch in _batches(entry.commands, self._scene):
-            befores = [edits.watched_value(command, self._scene) for command in batch]
-            backs = [edits.inverse_of(command, self._scene) for command in batch]
-            gone = [self._ids_below(command) for command in backs]
-            replies = await self._send_all(batch, outcome)
-            new_ids: dict[int, int] = {}
-            for command, reply, back, ids in zip(batch, replies, backs, gone, strict=True):
-                before_ids = old_ids.popleft() if isinstance(command, Spawn) and old_ids else ()
-                if reply is None:
-                    continue
-                new_ids.update(zip(before_ids, reply.entities, strict=False))
-                inverses[:0] = back or edits.inverse_of_reply(command, reply)
-                respawned[:0] = ids
-                outcome.spawned += edits.roots_of(command, reply)
-            await self._echo(batch, replies, befores)
-            if new_ids:
-                self._follow(new_ids)
-                inverses = [edits.with_new_ids(command, new_ids) for command in inverses]
-        return outcome, Entry(label=entry.label, commands=tuple(inverses), respawned=tuple(respawned))
+    async def _ask(self, work: _Work) -> CommandReply:
+        command: Command
+        match work.kind:
+            case "do":
+                command = work.edits[0] if len(work.edits) == 1 else Batch(edits=work.edits)
+            case "undo":
+                command = Undo(force=work.force)
+            case "redo":
+                command = Redo(force=work.force)
+        return await self._send(
+            command, author=self.author, label=work.label, stroke=work.stroke_name, made_from=work.made_from
+        )
 
-    async def _send_all(self, batch: tuple[Command, ...], outcome: Outcome) -> list[CommandReply | None]:
-        answers = await asyncio.gather(*(self._send(command) for command in batch), return_exceptions=True)
-        replies: list[CommandReply | None] = []
-        for answer in answers:
-            if isinstance(answer, CommandReply):
-                outcome.tick = max(outcome.tick, answer.tick)
-                if answer.accepted:
-                    outcome.accepted += 1
-                else:
-                    outcome.refusals.append(answer.reason)
-                replies.append(answer if answer.accepted else None)
-            elif isinstance(answer, RequestError):
-                outcome.refusals.append(str(answer))
-                replies.append(None)
-            elif isinstance(answer, BusError):
-                outcome.refusals.append(f"not sent: {answer}")
-                replies.append(None)
-            else:
-                raise answer
-        return replies
-
-    async def _echo(
-        self, batch: tuple[Command, ...], replies: list[CommandReply | None], befores: list[object]
-    ) -> None:
-        """Waits until the mirror shows what was accepted; what changes nothing shows nothing, so not for long."""
-
-        # Each is looked at until it is seen, and not again: thousands come back one by one.
-        unseen = deque((c, reply, b) for c, reply, b in zip(batch, replies, befores, strict=True) if reply is not None)
-
-        def is_seen() -> bool:
-            while unseen and edits.is_echoed(unseen[0][0], unseen[0][1], self._scene, unseen[0][2]):
-                unseen.popleft()
-            return not unseen
-
+    async def _echo(self, reply: CommandReply) -> None:
+        """Waits until the mirror shows what was accepted."""
+        mirror = self._scene.mirror
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(ECHO_TIMEOUT):
-                while not is_seen():
+                while mirror.sequence < reply.sequence:
                     await self._scene.wait_for_change()
 
-    def _ids_below(self, back: tuple[Command, ...]) -> list[tuple[int, ...]]:
-        """For each Spawn that would bring entities back the ids they have now."""
-        return [
-            edits.records_of(self._scene, self._scene.children_of(command.parent)[command.index])[1]
-            for command in back
-            if isinstance(command, Spawn)
-        ]
+    def _remember(self, work: _Work, reply: CommandReply) -> None:
+        """Does with the lists what the host did with its own."""
+        match work.kind:
+            case "do":
+                self.redoable.clear()
+                is_joined = work.stroke is not None and work.stroke == self._remembered_stroke and self.undoable
+                if is_joined:
+                    self.undoable[-1] = msgspec.structs.replace(self.undoable[-1], content=reply.content)
+                else:
+                    self.undoable.append(HistoryEntry(label=work.label, content=reply.content))
+                    del self.undoable[:-ENTRY_LIMIT]
+                self._remembered_stroke = work.stroke
+            case "undo" if self.undoable:
+                self.redoable.append(self.undoable.pop())
+                self._remembered_stroke = None
+            case "redo" if self.redoable:
+                self.undoable.append(msgspec.structs.replace(self.redoable.pop(), content=reply.content))
+                self._remembered_stroke = None
 
-    def _remember(self, inverse: Entry, stroke: object) -> None:
-        last = self._undoable[-1] if self._undoable else None
-        if last is not None and stroke is not None and last.stroke == stroke:
-            # The values from before the stroke are the ones to return to; only targets that are new to it are added.
-            known = {edits.target_of(command) for command in last.commands}
-            added = tuple(command for command in inverse.commands if edits.target_of(command) not in known)
-            self._undoable[-1] = Entry(label=last.label, commands=added + last.commands, stroke=stroke)
-            return
-        self._undoable.append(
-            Entry(label=inverse.label, commands=inverse.commands, stroke=stroke, respawned=inverse.respawned)
-        )
-        del self._undoable[:-ENTRY_LIMIT]
-
-    def _follow(self, new_ids: dict[int, int]) -> None:
-        """Renames entities in all that is remembered and all that waits."""
-        for stack in (self._undoable, self._redoable):
-            stack[:] = [
-                Entry(
-                    label=entry.label,
-                    commands=tuple(edits.with_new_ids(command, new_ids) for command in entry.commands),
-                    stroke=entry.stroke,
-                    respawned=tuple(tuple(new_ids.get(i, i) for i in ids) for ids in entry.respawned),
-                )
-                for entry in stack
-            ]
-        for work in self._queue:
-            work.commands = tuple(edits.with_new_ids(command, new_ids) for command in work.commands)
-        self._on_new_ids(new_ids)
-
-
-def _batches(commands: tuple[Command, ...], scene: EditorScene) -> list[tuple[Command, ...]]:
-    """Commands that may be under way together: their inverses are computed from the scene before any of them."""
-    if any(isinstance(command, Reparent) for command in commands):
-        return [(command,) for command in commands]  # a change of parent moves the places that others are told by
-    if all(isinstance(command, Despawn) for command in commands):
-        # The last first: brought back in reverse, each finds those before it in their places.
-        commands = tuple(sorted(commands, key=lambda despawn: _order(despawn, scene), reverse=True))
-    return [commands] if commands else []
-
-
-def _order(command: Command, scene: EditorScene) -> int:
-    entity = getattr(command, "entity", 0)
-    return scene.order_of(entity) if scene.exists(entity) else -1
+    def _tops(self, work: _Work, reply: CommandReply) -> tuple[int, ...]:
+        if work.kind == "do" and not any(isinstance(edit, Spawn) for edit in work.edits):
+            return ()
+        scene, made = self._scene, set(reply.entities)
+        return tuple(e for e in reply.entities if scene.exists(e) and scene.parent_of(e) not in made)
 
 
 def _future() -> asyncio.Future[Outcome]:

@@ -97,6 +97,10 @@ class KeyBindings:
         """What a chord does; where two actions claim it, the one that was added first."""
         return next((action for action in self._actions if chord in self.chords_of(action.name)), None)
 
+    def actions_for(self, chord: Chord) -> list[Action]:
+        """All that claim a chord, in the order in which they were added."""
+        return [action for action in self._actions if chord in self.chords_of(action.name)]
+
     def bind(self, name: str, chord: Chord) -> str:
         """Lets `chord` alone do an action. Who had it loses it: the name of that action, or nothing."""
         owner = self.action_for(chord)

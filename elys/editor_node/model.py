@@ -6,25 +6,31 @@ Nothing here changes the scene. Every operation is a command to the host; what t
 from __future__ import annotations
 
 import asyncio
+import getpass
 import time
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from elys.bus import topics
+from elys.bus.asset_service import AssetOffer
 from elys.bus.messages.commands import (
     Command,
     CommandRecord,
     CommandReply,
     CommandRequest,
+    LoadScene,
+    NoteSaved,
     Seek,
     SetLoop,
     SetPlaying,
     SetRate,
     StepTicks,
 )
+from elys.bus.messages.history import HistoryReply, HistoryRequest
 from elys.bus.messages.session import LogLevel, LogLine, SessionStatus
 from elys.bus.session import Session
 from elys.common.errors import BusError, ConnectionLost
@@ -33,10 +39,14 @@ from elys.editor_node.history import History, Outcome
 from elys.editor_node.language import tr
 from elys.editor_node.operations import Operations
 from elys.editor_node.prefab_values import PrefabValues
-from elys.editor_node.scene_file import SceneFile
+from elys.editor_node.recovery import Recovery
+from elys.editor_node.scene_documents import SceneDocuments
 from elys.editor_node.scene_mirror import EditorScene
 from elys.editor_node.selection import Selection
 from elys.editor_node.set_values import SetValues
+from elys.editor_node.timeline import Timeline
+from elys.editor_node.tree_edits import TreeEdits
+from elys.editor_node.tree_walk import TreeWalk
 
 COMMAND_TIMEOUT: Final = 5.0  # [s]
 POINT_RADIUS: Final = 1.0  # [m] around an entity without extent, to be looked at
@@ -54,18 +64,33 @@ class EditorModel:
         session: Session,
         *,
         request_redraw: Callable[[float], None] = lambda within: None,
+        recovery: Recovery | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.session = session
         self.request_redraw = request_redraw
         self.console = ConsoleLog()
         self.selection = Selection()
-        self.scene = EditorScene(session, on_change=self._scene_changed, on_state=lambda: self.request_redraw(0.1))
+        self.timeline = Timeline(self, clock=clock)
+        self.scene = EditorScene(session, on_change=self._scene_changed, on_state=self._state_arrived)
         self.set_values = SetValues(self.scene.mirror)
         self.prefabs = PrefabValues(self.scene, start=session.start, on_change=lambda: self.request_redraw(0.0))
-        self.history = History(self._ask, self.scene, on_outcome=self._tell_outcome, on_new_ids=self._follow_new_ids)
+        self.history = History(
+            self._ask,
+            self._ask_for_history,
+            self.scene,
+            node=session.node.id,
+            on_outcome=self._tell_outcome,
+            on_new_ids=self._follow_new_ids,
+            on_attached=self._came_in,
+        )
         self.edit = Operations(self.scene, self.selection, self.history)
-        self.file = SceneFile(self.scene, self.history)
+        self.documents = SceneDocuments(session, self.scene, self._ask_plainly, recovery=recovery, clock=clock)
+        self.file = self.documents.file
+        self.walk = TreeWalk(self.scene.mirror, self.scene.tree, self.selection, clock=clock)
+        self.tree = TreeEdits(
+            self.scene, self.selection, self.history, self.edit, offer=AssetOffer(session), say=self.say
+        )
         self.status: SessionStatus | None = None
         self.connected = session.connected
         self._known_session = (session.name, session.epoch)  # of which the mirror tells
@@ -88,6 +113,7 @@ class EditorModel:
         async with asyncio.TaskGroup() as group:
             group.create_task(self.scene.follow())
             group.create_task(self.history.run())
+            group.create_task(self.documents.keep_aside())
 
     # --- time ------------------------------------------------------------------------------------------------------
 
@@ -112,7 +138,7 @@ class EditorModel:
         self.command("Step", StepTicks(count=count))
 
     def seek(self, time: float) -> None:
-        """Goes to a time [s] of a replay. While the host is still on its way the newest wish counts."""
+        """Goes to a time [s] that the host keeps. While the host is still on its way the newest wish counts."""
         self._wanted_time = time
         if self._seeking is None or self._seeking.done():
             self._seeking = self.session.start(self._seek())
@@ -193,13 +219,32 @@ class EditorModel:
             else:
                 self.request_redraw(left)
 
-    def save(self, path: str) -> None:
-        """Writes the scene to a file under the name it has, and says so; SceneError where that cannot be."""
-        self.file.save(path, name=self.status.scene if self.status is not None else "")
-        text = tr("Saved {path}", path=self.file.path)
+    def praise(self, text: str) -> None:
+        """Says what went well, in the console and the status bar."""
         self.say("info", text)
         self.error, self.notice = "", text
         self._message_ends = self._clock() + MESSAGE_TIME
+
+    async def save(self, path: str, *, running: bool = False) -> None:
+        """Writes the scene to a file under the name it has, and says so; as it was edited, or a copy of the `running` state.
+
+        Raises:
+            ElysError: that cannot be; nothing was written.
+        """
+        name = self.status.scene if self.status is not None else ""
+        if running:
+            saved = self.documents.save_running(path, name=name)
+        else:
+            saved = await self.documents.save(path, name=name)
+        self.praise(f"Saved {saved}")
+
+    def paste(self) -> asyncio.Task[None]:
+        """Makes what is on the clipboard."""
+
+        async def paste() -> None:
+            await self.tree.paste(directory=self.file.path.parent if self.file.path is not None else Path.cwd())
+
+        return self.session.start(paste())
 
     def node_label(self, node: str) -> str:
         """What the console calls a node: its kind."""
@@ -208,15 +253,30 @@ class EditorModel:
 
     # --- inside ----------------------------------------------------------------------------------------------------
 
-    async def _ask(self, command: Command) -> CommandReply:
+    async def _ask_for_history(self) -> HistoryReply:
+        request = HistoryRequest(person=_person(), node=self.session.node.id)
+        return await self.session.request(topics.HISTORY, request, timeout=COMMAND_TIMEOUT)
+
+    def _came_in(self, told: HistoryReply) -> None:
+        self.file.learn(told)
+        self.documents.look_for_left_behind()
+        self.request_redraw(0.0)
+
+    async def _ask_plainly(self, command: Command, *, timeout: float = COMMAND_TIMEOUT) -> CommandReply:
+        request = CommandRequest(origin=self.session.node.id, command=command)
+        return await self.session.request(topics.COMMAND, request, timeout=timeout)
+
+    async def _ask(self, command: Command, **about: Any) -> CommandReply:
         if not self.connected:
             raise ConnectionLost(tr("the simulation is gone"))
-        request = CommandRequest(origin=self.session.node.id, command=command)
+        request = CommandRequest(origin=self.session.node.id, command=command, **about)
         return await self.session.request(topics.COMMAND, request, timeout=COMMAND_TIMEOUT)
 
     def _tell_outcome(self, outcome: Outcome) -> None:
         for reason in dict.fromkeys(outcome.refusals):
             self.say("error", tr("{what} refused: {reason}", what=outcome.label, reason=reason), tick=outcome.tick)
+        if outcome.spawned and not self.selection:
+            self.selection.replace(outcome.spawned)  # what an undo brought back
         is_told = outcome.stroke is not None and outcome.stroke is self._told_stroke  # a drag is one line
         self._told_stroke = outcome.stroke
         if outcome.accepted and not outcome.refusals:
@@ -225,6 +285,7 @@ class EditorModel:
             self.say("info", outcome.label, tick=outcome.tick)
 
     def _follow_new_ids(self, new_ids: dict[int, int]) -> None:
+        self.scene.marks.remap(new_ids)
         self.selection.remap(new_ids)
         if not self.selection:
             self.selection.replace(new_ids.values())
@@ -239,9 +300,17 @@ class EditorModel:
             self.selection.keep_only(self.scene.exists)
         self.request_redraw(0.0)
 
+    def _state_arrived(self) -> None:
+        frame = self.scene.frame
+        if frame is not None:
+            self.timeline.follow(frame.simulation_time)
+        self.request_redraw(0.1)
+
     def _status_arrived(self, status: SessionStatus, _: str) -> None:
         if status != self.status:
             changed = self.status is None or _controls(self.status) != _controls(status)
+            if self.status is not None and self.status.is_rewound and not status.is_rewound:
+                self.history.forget()  # as a fork there is less to undo: the host is asked
             self.status = status
             self.request_redraw(0.0 if changed else 0.25)
 
@@ -252,6 +321,10 @@ class EditorModel:
 
     def _command_seen(self, record: CommandRecord, _: str) -> None:
         self.set_values.command_seen(record)
+        if record.accepted and isinstance(record.command, LoadScene):
+            self.history.forget()
+        if record.accepted and isinstance(record.command, NoteSaved):
+            self.file.saved_content = record.command.content
         if record.origin == self.session.node.id:
             return
         verdict = "" if record.accepted else f" refused: {record.reason}"
@@ -276,6 +349,7 @@ class EditorModel:
         if epoch != known_epoch:
             self._wanted_paths = [self.scene.path_of(entity) for entity in self.selection if self.scene.exists(entity)]
             self.history.forget()
+            self.timeline.forget()
         if known_name and name != known_name:
             self.status = None
             self.file.forget()
@@ -288,7 +362,15 @@ class EditorModel:
 
 def _controls(status: SessionStatus) -> tuple[Any, ...]:
     """What a person sets, and wants to see set at once."""
-    return (status.playing, status.rate, status.kind, status.scene, status.loop)
+    return (status.playing, status.rate, status.kind, status.scene, status.loop, status.is_rewound)
+
+
+def _person() -> str:
+    """What sentences call who sits here."""
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):  # a user that this machine has no name for
+        return "somebody"
 
 
 def _named(command: Command) -> str:

@@ -28,9 +28,11 @@ from elys.editor_node.preferences import (
     load_preferences,
     save_preferences,
 )
+from elys.editor_node.recovery import Recovery, state_directory
 from elys.editor_node.seat import Seat
 from elys.editor_node.session_state import restore_session, session_state
 from elys.editor_node.shortcuts import ChordCapture, ShortcutLayer
+from elys.editor_node.type_ahead import TypeAheadLayer
 from elys.editor_node.ui import Rectangle, Ui
 from elys.editor_node.view_stream import ViewStream
 from elys.editor_node.viewport_layer import ViewportLayer
@@ -92,7 +94,10 @@ class Editor:
         self.attachments = Attachments(
             self.seat, self.preferences, openers=openers, join=join, on_change=redraw, on_leave=self._keep_session
         )
-        self.model = EditorModel(self.seat, request_redraw=redraw)
+        # As with preferences: tests and pictures leave nothing behind and find nothing.
+        recovery = None if self._directory is None else Recovery(state_directory())
+        self.model = EditorModel(self.seat, request_redraw=redraw, recovery=recovery)
+        self.model.tree.clipboard = self.window
         self.stream = ViewStream(self.seat, on_frame=redraw)
         self._picture = self.context.picture()
         self.panel = ViewportPanel(self.stream, self._picture, OrbitCamera())
@@ -129,6 +134,7 @@ class Editor:
         self.navigation = ViewportLayer(self.model, self.panel, hold_pointer=self.window.hold_pointer)
         add_actions(actions, self.ui, self.workspace, self.navigation)
         self.application.push_layer(ShortcutLayer(actions, self.ui.keys))
+        self.application.push_layer(TypeAheadLayer(self.model.walk, self.workspace.hierarchy, self.ui.keys))
         self.application.push_layer(self.navigation)
         self.application.push_layer(self.widgets)
         self.application.push_layer(capture)
@@ -149,6 +155,8 @@ class Editor:
         if self.attachments.is_attached:
             self._keep_session()
         self._save_preferences()
+        if kind is None:
+            self.model.documents.close()
         self.stream.close()
         self._picture.release()
         self.widgets.close()

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from elys.bus.messages.commands import (
     AddComponent,
-    Command,
     Despawn,
+    Edit,
     RemoveComponent,
     Rename,
     Reparent,
@@ -69,7 +69,7 @@ class Operations:
             index -= sum(entity in before for entity in moving)
         else:
             moving = [entity for entity in moving if scene.parent_of(entity) != parent]
-        commands: list[Command] = []
+        commands: list[Edit] = []
         for offset, entity in enumerate(moving):
             place = index + offset if index >= 0 else -1
             if scene.place_of(entity) != (parent, place):
@@ -81,7 +81,7 @@ class Operations:
 
     def set_enabled(self, entities: Iterable[int], enabled: bool) -> Done | None:
         """Switches entities, and with them all below."""
-        targets = [e for e in entities if self._scene.exists(e) and self._scene.is_enabled(e) != enabled]
+        targets = [e for e in dict.fromkeys(entities) if self._scene.exists(e) and self._scene.is_enabled(e) != enabled]
         what = self._described(targets)
         label = tr("Enable {what}", what=what) if enabled else tr("Disable {what}", what=what)
         return self._perform(label, tuple(SetEnabled(entity=entity, enabled=enabled) for entity in targets))
@@ -97,7 +97,7 @@ class Operations:
     ) -> Done | None:
         """Sets values of a component, each entity its own."""
         declaration = declaration_of(component)
-        commands: list[Command] = []
+        commands: list[Edit] = []
         for entity, values in values_of_entity.items():
             current = self._scene.component_of(entity, component)
             if current is None:
@@ -120,7 +120,11 @@ class Operations:
     def add_component(self, entities: Iterable[int], component: str) -> Done | None:
         """Gives a component with its defaults to all of the entities that have none."""
         declaration_of(component)
-        targets = [e for e in entities if self._scene.exists(e) and component not in self._scene.components_of(e)]
+        targets = [
+            e
+            for e in dict.fromkeys(entities)
+            if self._scene.exists(e) and component not in self._scene.components_of(e)
+        ]
         commands = tuple(AddComponent(entity=entity, component=component) for entity in targets)
         return self._perform(
             tr("Add {component} to {what}", component=component, what=self._described(targets)), commands
@@ -131,7 +135,7 @@ class Operations:
 
         A component that an entity lacks is added, None takes one away. `label` says what it is, before whose.
         """
-        commands: list[Command] = []
+        commands: list[Edit] = []
         for entity, changes in changes_of_entity.items():
             if not self._scene.exists(entity):
                 continue
@@ -152,7 +156,9 @@ class Operations:
 
     def remove_component(self, entities: Iterable[int], component: str) -> Done | None:
         """Takes a component away."""
-        targets = [e for e in entities if self._scene.exists(e) and component in self._scene.components_of(e)]
+        targets = [
+            e for e in dict.fromkeys(entities) if self._scene.exists(e) and component in self._scene.components_of(e)
+        ]
         commands = tuple(RemoveComponent(entity=entity, component=component) for entity in targets)
         return self._perform(
             tr("Remove {component} from {what}", component=component, what=self._described(targets)), commands
@@ -176,7 +182,7 @@ class Operations:
     def duplicate(self) -> Done | None:
         """Copies the selected entities with all below them, each beside its original, and selects the copies."""
         # From the last on, so that a copy does not shift the places of those that are still to be copied.
-        commands: list[Command] = []
+        commands: list[Edit] = []
         for entity in reversed(self.tops(self._selection)):
             parent, index = self._scene.place_of(entity)
             records, _ = records_of(self._scene, entity)
@@ -198,10 +204,10 @@ class Operations:
         tops = [entity for entity in chosen if not chosen.intersection(scene.ancestors_of(entity))]
         return sorted(tops, key=scene.order_of)
 
-    def _perform(self, label: str, commands: tuple[Command, ...], *, stroke: object = None) -> Done | None:
+    def _perform(self, label: str, commands: tuple[Edit, ...], *, stroke: object = None) -> Done | None:
         return self._history.perform(label, commands, stroke=stroke) if commands else None
 
-    def _spawn(self, label: str, commands: tuple[Command, ...]) -> Done | None:
+    def _spawn(self, label: str, commands: tuple[Edit, ...]) -> Done | None:
         done = self._perform(label, commands)
         if done is not None:
             done.add_done_callback(self._select_spawned)

@@ -1,66 +1,85 @@
-"""Saving: the scene as the host last told of it, written to a file that `elys run` opens."""
+"""The scene's file: what was edited, written so that `elys run` opens it, and read again.
+
+What is saved is the scene as it was edited: where time has moved bodies since, they are where they were put. The running state
+can be written to a file of its own.
+"""
 
 from __future__ import annotations
 
 import logging
+import socket
 from pathlib import Path
 
 import msgspec
 
 from elys.bus.asset_service import open_asset_cache
+from elys.bus.messages.history import HistoryReply
 from elys.common.assets.store import AssetStore
 from elys.common.errors import ElysError, SceneError
-from elys.common.scene import SCENE_SUFFIX, EntityRecord, collapse, expand, open_scene, write_scene
+from elys.common.scene import PREFAB_SUFFIX, SCENE_SUFFIX, EntityRecord, collapse, expand, open_scene, write_scene
 from elys.common.scene_naming import take_references
 from elys.editor_node.edits import records_of
-from elys.editor_node.history import History
 from elys.editor_node.scene_mirror import EditorScene
 
 _log = logging.getLogger(__name__)
 
 
 class SceneFile:
-    """Where the scene was saved last, and whether it was edited since."""
+    """Where the scene was opened from or saved last, and whether it was edited since."""
 
-    def __init__(self, scene: EditorScene, history: History) -> None:
+    def __init__(self, scene: EditorScene) -> None:
         self.path: Path | None = None
+        self.saved_content = 0  # what names the content that the file has
         self._scene = scene
-        self._history = history
-        self._saved_version = 0
 
     @property
     def is_dirty(self) -> bool:
-        """Whether there are edits that no file has."""
-        return self._history.version != self._saved_version
+        """Whether there are edits that no file has; undoing them all makes it clean again."""
+        return self._scene.is_known and self._scene.mirror.content != self.saved_content
 
     def forget(self) -> None:
-        """Another scene: it was saved nowhere, and what was edited is not its own."""
-        self.path, self._saved_version = None, self._history.version
+        """Another scene: where it was saved is known when its host has told."""
+        self.path, self.saved_content = None, self._scene.mirror.content
 
-    def save(self, path: str | Path, *, name: str = "") -> None:
-        """Writes the scene as it is now, moving bodies where they are now; `name` is what it calls itself, if not as its file.
+    def learn(self, told: HistoryReply) -> None:
+        """Takes over what the host says of the file; one on another machine cannot be written from here."""
+        self.saved_content = told.saved
+        path = Path(told.path) if told.path and told.machine == socket.gethostname() else None
+        # What was opened from a model or a prefab is saved as a scene of its own.
+        is_scene = path is not None and path.name.endswith(".json") and not path.name.endswith(PREFAB_SUFFIX)
+        self.path = path if is_scene and path is not None and path.is_file() else None
+
+    def save(
+        self, path: str | Path, *, name: str = "", scene: EditorScene | None = None, is_copy: bool = False
+    ) -> Path:
+        """Writes a scene, that of the mirror if no other is given; returns the file, whose suffix may have been added.
+
+        `name` is what it calls itself, if not as its file; a copy leaves the scene as dirty as it is, and its file what it was.
 
         Raises:
             SceneError: the file cannot be written, or could not be opened again; the sentence says why. Nothing was written.
         """
-        path = Path(path).expanduser()
+        scene = scene if scene is not None else self._scene
+        path = Path(path).expanduser().absolute()
         if not path.name.endswith(".json"):
             path = path.with_name(f"{path.name}{SCENE_SUFFIX}")
-        if not self._scene.is_known:
+        if not scene.is_known:
             raise SceneError("there is no scene to save yet")
         assets = open_asset_cache()
         self._learn_sources(path, assets)
         document = collapse(
-            scene_records(self._scene),
+            scene_records(scene),
             name=name or path.name.removesuffix(SCENE_SUFFIX),
-            settings=self._scene.settings,
+            settings=scene.settings,
             directory=path.parent,
             assets=assets,
         )
         # What cannot be opened again is lost, however well it was written.
         expand(document, directory=path.parent, assets=AssetStore())
         write_scene(document, path)
-        self.path, self._saved_version = path, self._history.version
+        if not is_copy:
+            self.path, self.saved_content = path, scene.mirror.content
+        return path
 
     def _learn_sources(self, path: Path, assets: AssetStore) -> None:
         """Puts into `assets` what the file that is about to be replaced, and the one saved last, have from other files."""

@@ -1,4 +1,4 @@
-"""What the bus last said of the scene, as the panels read it: live poses of bodies, the tree flattened to rows, search.
+"""What the bus last said of the scene, as the panels read it: live poses of bodies, places in the tree.
 
 A thin layer over `elys.bus.mirror.SceneMirror`. Nothing here is ever changed by the editor itself.
 """
@@ -8,53 +8,31 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Final, NamedTuple
+from typing import Final
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from elys.bus.following import follow_scene, follow_state
-from elys.bus.messages.scene import ComponentRemoved, ComponentSet, SettingsSet
+from elys.bus.messages.scene import ComponentRemoved, ComponentSet, Despawned, Reparented, SettingsSet, Spawned
 from elys.bus.messages.state_frame import StateFrame
-from elys.bus.mirror import MirrorEntity, MirrorUpdate, SceneMirror, WorldPose
+from elys.bus.mirror import MirrorUpdate, SceneMirror, WorldPose
 from elys.bus.session import Session
 from elys.common.assets.primitives import PRIMITIVES
 from elys.common.components import Collider, Component, MeshRenderer, RigidBody, Transform
 from elys.common.math import matrix
 from elys.common.math.poses import local_pose
 from elys.common.scene import SceneSettings
+from elys.editor_node.entity_filter import parse_filter
+from elys.editor_node.entity_marks import EntityMarks
+from elys.editor_node.tree_rows import Order, TreeRows
 
-OPEN_AT_FIRST: Final = 64  # a root with at most so many children shows them
 _GAP: Final = 0.005  # [m] between a new body and what it is put on
 _VALUE_CHANGES: Final = (ComponentSet, ComponentRemoved, SettingsSet)
+_TREE_CHANGES: Final = (Spawned, Despawned, Reparented)
 # Radius of the ball around a mesh that is not scaled [m]; imported ones are taken as a metre large.
 _MESH_RADIUS: Final[Mapping[str, float]] = {"box": math.sqrt(3.0) / 2.0, "sphere": 0.5, "cylinder": math.sqrt(0.5)}
-
-
-class Row(NamedTuple):
-    """A line of the tree that is to be seen."""
-
-    entity: int
-    depth: int
-    has_children: bool
-    is_open: bool
-
-
-class _Place(NamedTuple):
-    """Where an entity stands: in the whole tree from the top down, and among its siblings."""
-
-    order: int
-    sibling_index: int
-
-
-@dataclass(slots=True)
-class _Rows:
-    """Rows and what they were made from."""
-
-    key: tuple[Any, ...]
-    rows: list[Row]
 
 
 class EditorScene:
@@ -70,16 +48,16 @@ class EditorScene:
         self.mirror = SceneMirror()
         self.structure_version = 0  # rises when the tree, a name or a switch changes
         self.version = 0  # rises with everything that is heard of the scene, state frames as well
+        self.transforms_version = 0  # rises when somebody sets, gives or takes a Transform; state frames do not count
         self.is_known = False  # whether there was a snapshot yet
         self._session = session
         self._on_change = on_change
         self._on_state = on_state
         self._changed = asyncio.Event()
-        self._opened: dict[int, bool] = {}  # what the person opened or closed
-        self._opened_version = 0
-        self._rows = _Rows((), [])
-        self._place_of: dict[int, _Place] = {}
-        self._places_version = -1
+        self.marks = EntityMarks(self.mirror, on_change=self._marks_changed)
+        self.tree = TreeRows(self.mirror, is_marked=self.marks.is_marked)
+        self._index_of: dict[int, dict[int, int]] = {}  # of the children of a parent
+        self._epoch = 0
 
     async def follow(self) -> None:
         """Follows the host's scene until cancelled."""
@@ -126,11 +104,13 @@ class EditorScene:
 
     def place_of(self, entity: int) -> tuple[int, int]:
         """Its parent and its index among that one's children."""
-        return self.parent_of(entity), self._places()[entity].sibling_index
+        return self.parent_of(entity), self._index_among_siblings(entity)
 
-    def order_of(self, entity: int) -> int:
-        """Sorts entities as the tree shows them, from the top down."""
-        return self._places()[entity].order
+    def order_of(self, entity: int) -> tuple[int, ...]:
+        """Sorts entities as the scene has them, from the top down: the index among siblings of all above it and its own."""
+        path = [self._index_among_siblings(entity)]
+        path.extend(self._index_among_siblings(ancestor) for ancestor in self.ancestors_of(entity))
+        return tuple(reversed(path))
 
     def ancestors_of(self, entity: int) -> Iterator[int]:
         """Those above it, nearest first."""
@@ -228,7 +208,7 @@ class EditorScene:
         Boxes along the axes stand for what is there; imported meshes count as the ball around them.
         """
         y = max(y, half)
-        boxes = [self._box_of(entity) for entity in self.mirror.entities if self.has_extent(entity)]
+        boxes = [self._box_of(entity) for entity in self._near(x, z, half) if self.has_extent(entity)]
         over = [(low[1], high[1]) for low, high in boxes if low[0] < x + half and high[0] > x - half
                 and low[2] < z + half and high[2] > z - half]  # fmt: skip
         # From the lowest up: once above one, nothing that was passed can be in the way again.
@@ -236,6 +216,21 @@ class EditorScene:
             if low < y + half and high > y - half:
                 y = high + half + _GAP
         return y
+
+    def _near(self, x: float, z: float, half: float) -> Iterator[int]:
+        """Those that may reach over a square of half edge `half` [m]; all that stand below others, whose poses cost more."""
+        frame = self.mirror.latest_frame
+        positions = frame.position.tolist() if frame is not None else []
+        for entity, found in self.mirror.entities.items():
+            transform = found.components.get("Transform")
+            if found.parent or not isinstance(transform, Transform):
+                yield entity
+                continue
+            row = self.mirror.frame_row(entity)
+            place = positions[row] if row >= 0 else transform.position
+            reach = half + max(map(abs, transform.scale)) * (1.0 + _collider_reach(found.components.get("Collider")))
+            if abs(place[0] - x) <= reach and abs(place[2] - z) <= reach:
+                yield entity
 
     def _box_of(self, entity: int) -> tuple[list[float], list[float]]:
         """The corners [m] of a box along the world's axes around what an entity shows and collides with."""
@@ -252,80 +247,34 @@ class EditorScene:
             low, high = np.minimum(low, place - reach), np.maximum(high, place + reach)
         return low.tolist(), high.tolist()
 
-    def _places(self) -> dict[int, _Place]:
-        if self._places_version != self.structure_version:
-            self._places_version = self.structure_version
-            self._place_of = {}
-            waiting = list(enumerate(self.mirror.roots))[::-1]
-            while waiting:
-                index, entity = waiting.pop()
-                self._place_of[entity] = _Place(len(self._place_of), index)
-                waiting.extend(list(enumerate(self.children_of(entity)))[::-1])
-        return self._place_of
+    def _index_among_siblings(self, entity: int) -> int:
+        """Made for all children of a parent at once, and kept until one of them comes, goes or moves."""
+        parent = self.parent_of(entity)
+        found = self._index_of.get(parent)
+        if found is None:
+            found = {child: index for index, child in enumerate(self.children_of(parent))}
+            self._index_of[parent] = found
+        return found[entity]
 
     # --- the tree as rows ------------------------------------------------------------------------------------------
 
     def set_open(self, entity: int, is_open: bool) -> None:
         """Shows or hides what is below an entity."""
-        self._opened[entity] = is_open
-        self._opened_version += 1
+        self.tree.set_open(entity, is_open)
 
     def reveal(self, entity: int) -> None:
         """Opens all above an entity."""
-        for ancestor in self.ancestors_of(entity):
-            if not self._is_open(ancestor):
-                self.set_open(ancestor, True)
+        for ancestor in reversed(list(self.ancestors_of(entity))):
+            if not self.tree.is_open(ancestor):
+                self.tree.set_open(ancestor, True)
 
-    def rows(self, search: str = "") -> list[Row]:
-        """The lines to be seen, from the top down. With `search` those whose name holds it and all above them;
-        "has:Light" finds those with a Light."""
-        key = (self.structure_version, self._opened_version, search)
-        if self._rows.key != key:
-            self._rows = _Rows(key, self._found_rows(search) if search else self._open_rows())
-        return self._rows.rows
+    def rows(self, search: str = "", order: Order = "scene") -> TreeRows:
+        """The lines to be seen, from the top down: those that a search finds with all above them, siblings in an order.
 
-    def _open_rows(self) -> list[Row]:
-        rows: list[Row] = []
-        entities = self.mirror.entities
-        waiting = [(entity, 0) for entity in reversed(self.mirror.roots)]
-        while waiting:
-            entity, depth = waiting.pop()
-            children = entities[entity].children
-            is_open = bool(children) and self._is_open(entity)
-            rows.append(Row(entity, depth, bool(children), is_open))
-            if is_open:
-                waiting.extend((child, depth + 1) for child in reversed(children))
-        return rows
-
-    def _found_rows(self, search: str) -> list[Row]:
-        shown: set[int] = set()
-        for entity in self._found(search):
-            while entity and entity not in shown:
-                shown.add(entity)
-                entity = self.parent_of(entity)
-        rows: list[Row] = []
-        waiting = [(entity, 0) for entity in reversed(self.mirror.roots) if entity in shown]
-        while waiting:
-            entity, depth = waiting.pop()
-            children = [child for child in self.children_of(entity) if child in shown]
-            rows.append(Row(entity, depth, bool(children), bool(children)))
-            waiting.extend((child, depth + 1) for child in reversed(children))
-        return rows
-
-    def _found(self, search: str) -> list[int]:
-        wanted = search.casefold().strip()
-        entities: Mapping[int, MirrorEntity] = self.mirror.entities
-        if wanted.startswith("has:"):
-            part = wanted.removeprefix("has:")
-            return [i for i, e in entities.items() if any(part in name.casefold() for name in e.components)]
-        return [i for i, e in entities.items() if wanted in e.name.casefold()]
-
-    def _is_open(self, entity: int) -> bool:
-        opened = self._opened.get(entity)
-        if opened is None:
-            found = self.mirror.entities[entity]
-            return found.parent == 0 and len(found.children) <= OPEN_AT_FIRST
-        return opened
+        Raises:
+            FilterError: the search means nothing.
+        """
+        return self.tree.show(parse_filter(search), order)
 
     # --- being told ------------------------------------------------------------------------------------------------
 
@@ -334,12 +283,20 @@ class EditorScene:
         self.version += 1
         if update.reset or not all(isinstance(change, _VALUE_CHANGES) for change in update.changes):
             self.structure_version += 1
-        if update.reset:
-            self._opened = {entity: is_open for entity, is_open in self._opened.items() if self.exists(entity)}
-        for entity in update.removed:
-            self._opened.pop(entity, None)
+        if update.reset or any(isinstance(change, _TREE_CHANGES) for change in update.changes):
+            self._index_of.clear()
+        if any(isinstance(c, ComponentSet | ComponentRemoved) and c.component == "Transform" for c in update.changes):
+            self.transforms_version += 1
+        self.tree.follow(update)
+        if update.reset and self.mirror.epoch != self._epoch:
+            self._epoch = self.mirror.epoch
+            self.marks.forget((*self.marks.own("locked"), *self.marks.own("hidden")))
         changed, self._changed = self._changed, asyncio.Event()
         changed.set()
+        self._on_change()
+
+    def _marks_changed(self) -> None:
+        self.tree.marks_changed()
         self._on_change()
 
     def _frame_kept(self, frame: StateFrame) -> None:
@@ -360,3 +317,11 @@ class EditorScene:
         if parent:
             position, rotation = local_pose(*self.world_pose(parent), position, rotation)
         return msgspec.structs.replace(value, position=position, rotation=rotation)
+
+
+def _collider_reach(collider: Component | None) -> float:
+    """How far [m] a collider reaches from where its entity is, at most and before it is scaled."""
+    if not isinstance(collider, Collider):
+        return 0.0
+    extent = collider.radius if collider.shape == "sphere" else math.hypot(*collider.size) / 2.0
+    return extent * 2.0 + math.hypot(*collider.offset)

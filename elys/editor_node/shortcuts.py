@@ -22,7 +22,9 @@ class ShortcutLayer:
         if not isinstance(event, KeyPressed):
             return False
         chord = Chord.of(event)
-        action = self._keys.action_for(chord) if chord is not None else None
+        claimants = self._keys.actions_for(chord) if chord is not None else []
+        # A key may mean one thing in one panel and another elsewhere: whoever can do something now has it.
+        action = next((claimant for claimant in claimants if claimant.is_possible()), next(iter(claimants), None))
         if action is None or (event.repeated and not action.repeats):
             return False
         self._actions.run(action.name)

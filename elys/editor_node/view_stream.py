@@ -36,6 +36,7 @@ class View:
     width: int
     height: int
     selection: tuple[int, ...] = ()
+    hidden: tuple[int, ...] = ()
     grid: bool = True
     shows: Shows = "shaded"
 
@@ -97,11 +98,21 @@ class ViewStream:
         height, width, _ = rows.shape
         picture.upload(np.ascontiguousarray(rows[::-1]), width, height)  # JPEG rows run downwards, textures upwards
 
-    async def pick(self, x: int, y: int) -> PickReply:
-        """What is seen at a pixel of the picture shown; raises BusError when the render node does not answer."""
+    async def pick(self, x: int, y: int, *, passed_over: tuple[int, ...] = ()) -> PickReply:
+        """What is seen at a pixel of the picture shown, or behind who is passed over there.
+
+        Raises BusError when the render node does not answer.
+        """
         if self.shown is None or self.renderer is None:
             return PickReply(entity=0)
-        request = PickRequest(camera=self.shown.camera, width=self.shown.width, height=self.shown.height, x=x, y=y)
+        request = PickRequest(
+            camera=self.shown.camera,
+            width=self.shown.width,
+            height=self.shown.height,
+            x=x,
+            y=y,
+            passed_over=passed_over,
+        )
         return await self._session.request(topics.PICK, request, key=self.renderer.id, timeout=2.0)
 
     def forget(self) -> None:
@@ -151,6 +162,7 @@ class ViewStream:
             width=view.width,
             height=view.height,
             selection=view.selection,
+            hidden=view.hidden,
             grid=view.grid,
             shows=view.shows,
             ring=self._ring.address if self._ring is not None else None,

@@ -174,7 +174,9 @@ class ViewportLayer:
         pixel_x = int((self._pressed_at[0] - x) / width * shown.width)
         pixel_y = int((self._pressed_at[1] - y) / height * shown.height)
         try:
-            reply = await self._panel.stream.pick(pixel_x, pixel_y)
+            marks = self._model.scene.marks
+            passed_over = (*marks.own("locked"), *marks.own("hidden"))
+            reply = await self._panel.stream.pick(pixel_x, pixel_y, passed_over=passed_over)
         except BusError as error:
             self._model.say("error", f"cannot pick: {error}")
             return
@@ -182,8 +184,10 @@ class ViewportLayer:
         self._model.request_redraw(0.0)
 
     def _select(self, reply: PickReply, modifiers: Modifiers) -> None:
-        selection = self._model.selection
-        if not self._model.scene.exists(reply.entity):
+        selection, scene = self._model.selection, self._model.scene
+        # Locked after it was asked for, or by a render node that knows nothing of locks.
+        is_free = not scene.marks.is_marked("locked", reply.entity)
+        if not scene.exists(reply.entity) or not is_free:
             if not modifiers & (Modifiers.CTRL | Modifiers.SHIFT):
                 selection.clear()
         elif modifiers & (Modifiers.CTRL | Modifiers.SHIFT):

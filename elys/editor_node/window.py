@@ -107,6 +107,17 @@ class Window:
         mode = glfw.CURSOR_DISABLED if is_held else glfw.CURSOR_NORMAL
         glfw.set_input_mode(self._window, glfw.CURSOR, mode)
 
+    def read(self) -> str:
+        """The text on the system's clipboard; empty where there is none."""
+        text: Any = None
+        with contextlib.suppress(glfw.GLFWError):
+            text = glfw.get_clipboard_string(self._window)
+        return text.decode(errors="replace") if isinstance(text, bytes) else text or ""
+
+    def write(self, text: str) -> None:
+        """Puts a text on the system's clipboard."""
+        glfw.set_clipboard_string(self._window, text)
+
     def set_title(self, title: str) -> None:
         """What the frame around it says."""
         glfw.set_window_title(self._window, title)

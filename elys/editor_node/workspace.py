@@ -13,9 +13,11 @@ from elys.editor_node.instruments import Instruments
 from elys.editor_node.language import tr, tr_label
 from elys.editor_node.palette import PaletteEntry
 from elys.editor_node.panels import (
+    changes,
     console,
     diagnostics,
     hierarchy,
+    history_list,
     inspector,
     keys_help,
     plan,
@@ -27,7 +29,8 @@ from elys.editor_node.panels import (
     viewport,
 )
 from elys.editor_node.panels.command_palette import CommandPalette
-from elys.editor_node.panels.hierarchy import HierarchyPanel, draw_add_menu
+from elys.editor_node.panels.hierarchy import HierarchyPanel
+from elys.editor_node.panels.hierarchy_menus import draw_add_menu, draw_select_menu
 from elys.editor_node.panels.keys_help import draw_help
 from elys.editor_node.panels.layout_menu import LayoutMenu
 from elys.editor_node.panels.link import LinkWindow, draw_banner
@@ -46,6 +49,11 @@ _DOCK_NAME: Final = "editor"
 _LEFT_SHARE: Final = 0.19
 _RIGHT_SHARE: Final = 0.29
 _LOWER_SHARE: Final = 0.27
+_TIME_MENU: Final = (
+    *("time.play", "time.step", "time.step_back", "time.start", "time.end", "time.resume"),
+    *("time.previous_marker", "time.next_marker", "time.bookmark"),
+    *("time.loop", "time.loop_start", "time.loop_end", "time.forget_loop"),
+)
 _FOCUS_FRAMES: Final = 4  # until then docked windows take their places, each new one in front
 
 
@@ -69,6 +77,7 @@ class Workspace:
         self.viewport = viewport_panel
         self.save_dialog = SaveDialog(close)
         self.ask_to_close = ask_to_close
+        self.changes = changes.ChangesPanel()
         self._toolbar = Toolbar()
         self._status_bar = StatusBar()
         self.instruments = Instruments(ui.model)
@@ -87,6 +96,8 @@ class Workspace:
             "Diagnostics": diagnostics.DiagnosticsPanel(self.instruments).draw,
             "Topics": topics.TopicsPanel(self.instruments).draw,
             "Plan": plan.PlanPanel(self.instruments).draw,
+            "History": history_list.HistoryPanel().draw,
+            "Changes": self.changes.draw,
         }
         self.start_page = StartPage()
         self.link = LinkWindow()
@@ -97,10 +108,10 @@ class Workspace:
         self.layouts = LayoutMenu(now=self.layout, use=self._use_layout)
         self._load_docking = load_docking
         self._hidden: set[str] = set(ui.preferences.hidden_panels)
-        self._panel_to_show = ""  # once it is drawn
         self._opens_about = False
         self._resets_layout = False
         self._opens_help = False
+        self._comes_to_front = ""
         self._frames_to_focus = _FOCUS_FRAMES  # of tabs that share a place the first is to be in front
         self._has_shown_timeline = False
         self.frame_time = 0.0  # [s] of the last frame, for the status bar
@@ -133,9 +144,9 @@ class Workspace:
             self._frames_to_focus -= 1
             # A tab comes to the front when its window has kept the focus into the next frame.
             imgui.set_window_focus(console.TITLE if self._frames_to_focus else viewport.TITLE)
-        elif self._panel_to_show:
-            imgui.set_window_focus(f"###{self._panel_to_show}")
-            self._panel_to_show = ""
+        if self._comes_to_front:
+            imgui.set_window_focus(self._comes_to_front)
+            self._comes_to_front = ""
         self._show_timeline_once()
         self._note_panels()
         draw_banner(self.ui, self.viewport.rectangle)
@@ -152,20 +163,15 @@ class Workspace:
                     low, size = window.pos, window.size
                     landmarks.rectangles[place] = (low.x, low.y, low.x + size.x, low.y + size.y)
 
-    def show_panel(self, name: str) -> None:
-        """Opens a panel, in front of those it shares its place with."""
-        self._hidden.discard(name)
-        self._panel_to_show = name
-
     def plot_field(self, entity: int, component: str, field: str) -> None:
         """Plots a field of an entity, each of its elements, where they can be seen."""
-        self.show_panel("Plots")
+        self.show(plots.TITLE)
         for path in self.instruments.plots.paths.paths_to(entity, component, field):
             self.plots.plot(path)
 
     def ask_field_to_plot(self) -> None:
         """Shows the plots and asks for a field."""
-        self.show_panel("Plots")
+        self.show(plots.TITLE)
         self.plots.ask_field()
 
     def _show_entity(self, entity: int) -> None:
@@ -220,6 +226,11 @@ class Workspace:
         """Those that are closed, by name."""
         return tuple(sorted(self._hidden))
 
+    def show(self, title: str) -> None:
+        """Brings a panel to the front, open if it was not."""
+        self._hidden.discard(title.rpartition("###")[2])
+        self._comes_to_front = title
+
     def show_help(self) -> None:
         """Opens the page of keys."""
         self._opens_help = True
@@ -248,6 +259,10 @@ class Workspace:
         if self.ui.attachments.is_attached and imgui.begin_menu(tr_label("Add")):
             draw_add_menu(self.ui, parent=0)
             imgui.end_menu()
+        if imgui.begin_menu(tr_label("Time")):
+            for name in _TIME_MENU:
+                action_item(self.ui, name)
+            imgui.end_menu()
         self._draw_view_menu()
         self._draw_help_menu()
         if imgui.menu_item(f"{icons.ICON_FA_MAGNIFYING_GLASS}###palette", "", False)[0]:
@@ -263,8 +278,12 @@ class Workspace:
 
     def _draw_file_menu(self) -> None:
         if imgui.begin_menu(tr_label("File")):
+            action_item(self.ui, "file.open")
             action_item(self.ui, "file.save")
             action_item(self.ui, "file.save_as")
+            action_item(self.ui, "file.save_running")
+            action_item(self.ui, "file.revert")
+            action_item(self.ui, "file.changes")
             imgui.separator()
             action_item(self.ui, "file.connect")
             action_item(self.ui, "file.detach")
@@ -290,10 +309,22 @@ class Workspace:
             return
         action_item(self.ui, "edit.undo", f"{tr('Undo')} {history.undo_label}")
         action_item(self.ui, "edit.redo", f"{tr('Redo')} {history.redo_label}")
+        action_item(self.ui, "edit.history")
         imgui.separator()
-        for name in ("edit.duplicate", "edit.rename", "edit.delete", "edit.select_all"):
+        for name in (
+            "edit.cut",
+            "edit.copy",
+            "edit.paste",
+            "edit.duplicate",
+            "edit.rename",
+            "edit.group",
+            "edit.delete",
+        ):
             action_item(self.ui, name)
         imgui.separator()
+        action_item(self.ui, "edit.select_all")
+        draw_select_menu(self.ui)
+        action_item(self.ui, "edit.find")
         for name in ("search", "add_component", "fold_all", "unfold_all", "revert_all"):
             action_item(self.ui, f"inspector.{name}")
         imgui.end_menu()
@@ -347,7 +378,7 @@ def _build_layout(dock: int) -> None:
     lower = builder.dock_builder_split_node(right.id_at_opposite_dir, imgui.Dir.down, _LOWER_SHARE)
     builder.dock_builder_dock_window(hierarchy.TITLE, left.id_at_dir)
     builder.dock_builder_dock_window(inspector.TITLE, right.id_at_dir)
-    lower_titles = (
+    for title in (
         console.TITLE,
         timeline.TITLE,
         profiler.TITLE,
@@ -355,8 +386,9 @@ def _build_layout(dock: int) -> None:
         diagnostics.TITLE,
         topics.TITLE,
         plan.TITLE,
-    )
-    for title in lower_titles:
+        history_list.TITLE,
+        changes.TITLE,
+    ):
         builder.dock_builder_dock_window(title, lower.id_at_dir)
     builder.dock_builder_dock_window(viewport.TITLE, lower.id_at_opposite_dir)
     builder.dock_builder_finish(dock)

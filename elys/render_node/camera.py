@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -32,8 +33,7 @@ class View:
     @classmethod
     def of(cls, camera: ViewCamera, width: int, height: int) -> View:
         """The view of a camera in a picture of `width` by `height` pixels."""
-        rotation = quaternion.normalize(np.asarray(camera.rotation, np.float64))
-        world_from_view: Vector = quaternion.to_matrix(rotation).astype(np.float64, copy=False)
+        world_from_view = _rotation_matrix(tuple(camera.rotation))
         view_from_relative = np.eye(4)
         view_from_relative[:3, :3] = world_from_view.T
         near = max(camera.near, 1e-5)
@@ -63,6 +63,15 @@ class View:
         part_from_clip[0, 3] = (self.width - 2.0 * x - width) / width
         part_from_clip[1, 3] = (2.0 * y + height - self.height) / height
         return replace(self, width=width, height=height, clip_from_relative=part_from_clip @ self.clip_from_relative)
+
+
+@lru_cache(maxsize=16)
+def _rotation_matrix(rotation: tuple[float, float, float, float]) -> Vector:
+    """(3, 3) of a quaternion of any length."""
+    unit = quaternion.normalize(np.asarray(rotation, np.float64))
+    found: Vector = quaternion.to_matrix(unit).astype(np.float64, copy=False)
+    found.setflags(write=False)  # others get the same
+    return found
 
 
 def frustum_planes(clip_from_space: NDArray[np.floating]) -> Vector:

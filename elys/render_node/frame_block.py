@@ -58,11 +58,9 @@ def frame_block(plan: PicturePlan, harmonics: NDArray[np.float64], tiles: NDArra
     if plan.sun is not None:
         light = plan.sun.light
         frame["sun_direction"][:3] = -plan.sun.direction
-        frame["sun_direction"][3] = 1.0
         frame["sun_illuminance"][:3] = np.multiply(light.color, light.intensity)
     if plan.shadow is not None:
         frame["shadow_from_relative"] = (_MAP_FROM_CLIP @ plan.shadow.map_from_relative).T
-        frame["sun_illuminance"][3] = 1.0
         frame["shadow_scale"][:2] = (plan.shadow.texel * NORMAL_OFFSET, 1.0 / plan.shadow.map_size)
     if plan.near_shadow is not None:
         frame["near_shadow_from_relative"] = (_MAP_FROM_CLIP @ plan.near_shadow.map_from_relative).T

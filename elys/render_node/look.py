@@ -74,6 +74,12 @@ class Look(NamedTuple):
         return (*((SKINNED,) if self.is_skinned else ()), *((MORPHED,) if self.is_morphed else ()))
 
     @property
+    def surface(self) -> tuple[str, ...]:
+        """Definitions for which fragments there are, and which way they look."""
+        masked = ("MASKED",) if self.alpha_mode == "mask" else ()
+        return (*masked, *(("DOUBLE_SIDED",) if self.is_double_sided else ()))
+
+    @property
     def has_normal_map(self) -> bool:
         """Whether tangents are needed: only a normal map is laid along them."""
         return bool(self.textures[2] or self.textures[9])

@@ -177,7 +177,9 @@ class _ViewServer:
         self._follower.refresh(self._moment())
         width, height, _ = sane_size(request.width, request.height)
         world = self._follower.world
-        entity, position = self._renderer.pick(world, sane_camera(request.camera), width, height, request.x, request.y)
+        entity, position = self._renderer.pick(
+            world, sane_camera(request.camera), width, height, request.x, request.y, passed_over=request.passed_over
+        )
         return PickReply(entity=entity, position=position, tick=self._follower.tick)
 
     async def run(self, renderer: Renderer) -> None:
@@ -248,10 +250,16 @@ class _ViewServer:
         request, world = view.request, self._follower.world
         if request.shows == "shaded":
             picture = renderer.draw(
-                world, camera, view.width, view.height, selection=request.selection, grid=request.grid
+                world,
+                camera,
+                view.width,
+                view.height,
+                selection=request.selection,
+                hidden=request.hidden,
+                grid=request.grid,
             )
             return view.put(picture)
-        values = renderer.draw_data(world, camera, view.width, view.height, request.shows)
+        values = renderer.draw_data(world, camera, view.width, view.height, request.shows, hidden=request.hidden)
         unit = depth_unit_of(values) if request.shows == "depth" else 1.0
         return view.put_pixels(data_pixels(values, request.shows, depth_unit=unit))
 

@@ -33,7 +33,7 @@ class PicturePlan:
 
     view: View
     world: RenderWorld
-    instances: NDArray[np.void]  # [N] of INSTANCE_DTYPE
+    instances: NDArray[np.void]  # [N] of INSTANCE_DTYPE or PLAIN_INSTANCE_DTYPE, until the next plan of the same world
     opaque: list[DrawCall]
     transparent: list[DrawCall]  # farthest first
     casters: list[DrawCall]
@@ -45,6 +45,7 @@ class PicturePlan:
     shadow_is_fresh: bool  # the map drawn for the last picture still holds
     lamp_shadows: LampShadows | None
     lamp_casters: list[list[DrawCall]]  # of each of their squares; none while the atlas drawn last still holds
+    hidden: tuple[int, ...]  # entities that are left out, with all below them
     grid: bool
     surroundings: Surroundings
 
@@ -60,11 +61,13 @@ class ShadowState(NamedTuple):
     scene_version: int
     pose_version: int
     key: tuple[float, ...]
+    hidden: tuple[int, ...]
 
 
-def shadow_state(world: RenderWorld, shadow: ShadowFit, near: ShadowFit | None) -> ShadowState:
+def shadow_state(world: RenderWorld, shadow: ShadowFit, near: ShadowFit | None, hidden: tuple[int, ...]) -> ShadowState:
     """What maps of these hold once they are drawn."""
-    return ShadowState(world.scene_version, world.pose_version, shadow.key + (near.key if near is not None else ()))
+    key = shadow.key + (near.key if near is not None else ())
+    return ShadowState(world.scene_version, world.pose_version, key, hidden)
 
 
 def plan_picture(
@@ -72,42 +75,53 @@ def plan_picture(
     view: View,
     *,
     selection: tuple[int, ...] = (),
+    hidden: tuple[int, ...] = (),
     grid: bool = False,
     drawn_shadow: ShadowState | None = None,
     shadow_size: int = 0,
     long_views: bool = False,
     lamp_shadow_size: int = 0,
     drawn_lamp_shadows: ShadowState | None = None,
+    for_light: bool = False,
 ) -> PicturePlan:
     """Decides what a picture of the world in this view consists of; `drawn_shadow` is what the shadow map, of `shadow_size`
     texels an edge (0 for none), holds already, and `drawn_lamp_shadows` the same of the atlas of lamps. With
-    `long_views` a finer map around the eye is added where one would be coarse.
+    `long_views` a finer map around the eye is added where one would be coarse. `hidden` entities, and all below them, are
+    neither seen nor throw shadows; lamps among them shine. A plan `for_light` cannot tell who is seen.
     """
-    relative_centre = (world.centre - view.eye).astype(np.float32)
+    left_out = world.instances_of(hidden)
+    # (3, N): numpy is quick along rows, which is how the world keeps them.
+    relative_centre = (world.centre.T - view.eye[:, None]).astype(np.float32)
     seen = _within(frustum_planes(view.clip_from_relative), relative_centre, world.radius)
+    seen[left_out] = False
     lights = world.lights()
     sun = _brightest_sun(lights)
     shadow = _shadow(world, view, sun, shadow_size) if shadow_size else None
     near_shadow = fit_near_shadow(world, view, sun.direction, shadow) if shadow and sun and long_views else None
-    is_fresh = shadow is not None and drawn_shadow == shadow_state(world, shadow, near_shadow)
+    is_fresh = shadow is not None and drawn_shadow == shadow_state(world, shadow, near_shadow, hidden)
     rows = _RowCollector(world)
     seen_rows = np.flatnonzero(seen)
     first_blended = next((batch.first for batch in world.batches if batch.is_blended), world.instance_count)
-    opaque = rows.add_grouped(seen_rows[seen_rows < first_blended])
-    transparent = rows.add_sorted(seen_rows[seen_rows >= first_blended], _distance(view, relative_centre))
-    casters = rows.add_grouped(_caster_rows(world, first_blended)) if shadow is not None and not is_fresh else []
+    opaque = rows.add_grouped(seen_rows[: np.searchsorted(seen_rows, first_blended)], _depth(view, relative_centre))
+    blended = seen_rows[np.searchsorted(seen_rows, first_blended) :]
+    transparent = rows.add_sorted(blended, _distance(view, relative_centre)) if len(blended) else []
+    casts = (shadow is not None and not is_fresh) or lamp_shadow_size
+    all_casters = _caster_rows(world, first_blended, left_out) if casts else seen_rows[:0]
+    casters = rows.add_grouped(all_casters) if shadow is not None and not is_fresh else []
     lamps = _nearest_lamps(lights, view.eye)
-    all_casters = _caster_rows(world, first_blended)
     around = fit_lamp_shadows(world, lamps, all_casters, lamp_shadow_size) if lamp_shadow_size and lamps else None
     holds = around is not None and drawn_lamp_shadows == ShadowState(
-        world.scene_version, world.pose_version, around.key
+        world.scene_version, world.pose_version, around.key, hidden
     )
     lamp_casters = [rows.add_grouped(found) for found in around.casters] if around is not None and not holds else []
-    selected = rows.add_grouped(np.intersect1d(world.instances_of(selection), seen_rows, assume_unique=True))
+    chosen = (
+        np.intersect1d(world.instances_of(selection), seen_rows, assume_unique=True) if selection else seen_rows[:0]
+    )
+    selected = rows.add_grouped(chosen)
     return PicturePlan(
         view=view,
         world=world,
-        instances=world.instance_rows.seen_from(world, rows.all(), view.eye),
+        instances=world.instance_rows.seen_from(world, rows.all(), view.eye, for_light=for_light),
         opaque=opaque,
         transparent=transparent,
         casters=casters,
@@ -119,6 +133,7 @@ def plan_picture(
         shadow_is_fresh=is_fresh,
         lamp_shadows=around,
         lamp_casters=lamp_casters,
+        hidden=hidden,
         grid=grid,
         surroundings=world.surroundings(None if sun is None else -sun.direction),
     )
@@ -134,11 +149,13 @@ class _RowCollector:
         self._grouped: list[tuple[int, Rows]] = []
         self._count = 0
 
-    def add_grouped(self, rows: Rows) -> list[DrawCall]:
-        """Ascending rows, one call a batch. Rows that stand there already, as of casters that are all seen, are used again."""
+    def add_grouped(self, rows: Rows, depth: NDArray[np.float32] | None = None) -> list[DrawCall]:
+        """Ascending rows, one call a batch, of which the least deep come first where the `depth` of all instances is given.
+        Rows that stand there already, as of casters that are all seen, are used again.
+        """
         if not len(rows):
             return []
-        first = self._keep_grouped(rows)
+        first = self._keep_grouped(rows, depth)
         bounds = np.append(np.searchsorted(rows, self._starts), len(rows))
         return [
             DrawCall(self._world.batches[batch], first + int(bounds[batch]), int(bounds[batch + 1] - bounds[batch]))
@@ -164,13 +181,13 @@ class _RowCollector:
         """The rows of all calls in order."""
         return np.concatenate(self._parts) if self._parts else np.zeros(0, np.intp)
 
-    def _keep_grouped(self, rows: Rows) -> int:
+    def _keep_grouped(self, rows: Rows, depth: NDArray[np.float32] | None) -> int:
         """Where these rows stand among all."""
         for first, kept in self._grouped:
             if len(kept) == len(rows) and np.array_equal(kept, rows):
                 return first
         self._grouped.append((self._count, rows))
-        self._keep(rows)
+        self._keep(rows if depth is None else _nearest_first(rows, self._world.batch_of, depth))
         return self._grouped[-1][0]
 
     def _keep(self, rows: Rows) -> None:
@@ -178,22 +195,47 @@ class _RowCollector:
         self._count += len(rows)
 
 
+def _nearest_first(rows: Rows, batch_of: Rows, depth: NDArray[np.float32]) -> Rows:
+    """Ascending rows with those of each batch by their depth, for what is hidden by something drawn before is not shaded.
+
+    By one of 2^16 steps: such numbers are sorted in linear time, and order changes no picture but where surfaces coincide.
+    """
+    batches = batch_of[rows]
+    is_single_batch = batches[0] == batches[-1]
+    if len(rows) == 1 or not (is_single_batch or (batches[1:] == batches[:-1]).any()):
+        return rows
+    deep = depth[rows]
+    nearest, farthest = deep.min(), deep.max()
+    if not 0.0 < farthest - nearest < np.inf:
+        return rows
+    order = np.argsort(((deep - nearest) * (65535.0 / (farthest - nearest))).astype(np.uint16), kind="stable")
+    if not is_single_batch:
+        order = order[np.argsort(batches[order], kind="stable")]
+    return rows[order]
+
+
+def _depth(view: View, relative_centre: NDArray[np.float32]) -> NDArray[np.float32]:
+    """How far (N,) things are along the way the camera looks [m]."""
+    return -view.world_from_view[:, 2].astype(np.float32) @ relative_centre
+
+
 def _distance(view: View, relative_centre: NDArray[np.float32]) -> NDArray[np.float32]:
     """What (N,) see-through things are sorted by: the distance to the eye, squared, or the depth in a parallel view."""
     if view.camera.ortho_height > 0.0:
-        return relative_centre @ -view.world_from_view[:, 2].astype(np.float32)
-    return np.asarray(np.einsum("ij,ij->i", relative_centre, relative_centre))
+        return _depth(view, relative_centre)
+    return np.asarray(np.einsum("ij,ij->j", relative_centre, relative_centre))
 
 
 def _within(planes: NDArray[np.float64], centre: NDArray[np.float32], radius: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Which spheres (N,) reach into the space that six planes enclose."""
-    # (6, N): numpy is quick along rows
-    distance = planes[:, :3].astype(np.float32) @ centre.T + planes[:, 3:].astype(np.float32)
-    return np.asarray((distance > -radius).all(axis=0))
+    """Which spheres, of centres (3, N), reach into the space that six planes enclose."""
+    distance = planes[:, :3].astype(np.float32) @ centre
+    distance += planes[:, 3:].astype(np.float32)
+    return np.asarray(distance.min(axis=0) > -radius)
 
 
-def _caster_rows(world: RenderWorld, first_blended: int) -> Rows:
-    return np.flatnonzero(world.casts[:first_blended])
+def _caster_rows(world: RenderWorld, first_blended: int, left_out: Rows) -> Rows:
+    casters = np.flatnonzero(world.casts[:first_blended])
+    return np.setdiff1d(casters, left_out, assume_unique=True) if len(left_out) else casters
 
 
 def _shadow(world: RenderWorld, view: View, sun: PlacedLight | None, map_size: int) -> ShadowFit | None:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from elys.common.math import quaternion
 from elys.common.math.matrix import compose_affine, depth_levels, inverse_affine, multiply_affine, propagate_affine
+from elys.render_node.pose_columns import FixedTransforms, matrices_of
 from elys.render_node.scene_tables import Rows, SceneTables
 from elys.render_node.timeline import Timeline, rows_in
 
@@ -35,19 +36,21 @@ class Placement:
         if self._limbs is not None:
             rows = np.concatenate([rows, self._limbs.bases])
         world_from_item = tables.world_from_local[rows]
-        self._position = world_from_item[:, :, 3].copy()
-        self._linear = world_from_item[:, :, :3].astype(np.float32)
+        # Kept as columns: `position.T` and `linear.transpose(1, 2, 0)` are contiguous.
+        self._position = np.ascontiguousarray(world_from_item[:, :, 3].T).T
+        self._linear = np.ascontiguousarray(np.moveaxis(world_from_item[:, :, :3], 0, 2), np.float32).transpose(2, 0, 1)
         self.position, self.linear = self._position[:item_count], self._linear[:item_count]
         carrier = _carrier_rows(tables, is_body)[rows]
         self._moving = np.flatnonzero(carrier >= 0)
-        carrier_rows, self._carrier = np.unique(carrier[self._moving], return_inverse=True)
+        carrier_rows, self._carrier = _numbered(carrier[self._moving])
+        self._is_alone = len(carrier_rows) == len(self._moving)  # each item has a body of its own
         self._carriers = tables.entity[carrier_rows]
         self._told_by_scene = tables.pose_sequence[carrier_rows]
         world_from_carrier = np.empty((len(carrier_rows), 3, 4))
         world_from_carrier[:, :, :3] = quaternion.to_matrix(tables.rotation[carrier_rows])
         world_from_carrier[:, :, 3] = tables.world_from_local[carrier_rows][:, :, 3]
         carrier_from_world = inverse_affine(world_from_carrier)[self._carrier]
-        self._carrier_from_item = multiply_affine(carrier_from_world, world_from_item[self._moving]).astype(np.float32)
+        self._carrier_from_item = FixedTransforms(multiply_affine(carrier_from_world, world_from_item[self._moving]))
         self.articulated: Rows = np.zeros(0, np.intp)
         if self._limbs is not None:
             node_of_item = self._limbs.node_of_row[rows[:item_count]]
@@ -70,15 +73,30 @@ class Placement:
     def _follow_bodies(self, timeline: Timeline, fraction: float) -> None:
         assert timeline.newest is not None
         position, rotation, known = timeline.poses(self._carriers, fraction)
-        known &= self._told_by_scene <= timeline.newest.delta_sequence
-        turn = quaternion.to_matrix(rotation.astype(np.float32, copy=False))
-        moving, carrier, from_item = self._moving, self._carrier, self._carrier_from_item
+        known = known & (self._told_by_scene <= timeline.newest.delta_sequence)
+        turn = matrices_of(rotation)
+        moving, carrier, chosen = self._moving, self._carrier, None
         if not known.all():  # gone from the frames, or moved by an edit they do not contain yet: stays where it is
-            still_there = known[carrier]
-            moving, carrier, from_item = moving[still_there], carrier[still_there], from_item[still_there]
-        turned = turn[carrier] @ from_item
-        self._linear[moving] = turned[:, :, :3]
-        self._position[moving] = position[carrier] + turned[:, :, 3]
+            chosen = np.flatnonzero(known[carrier])
+            moving, carrier = moving[chosen], carrier[chosen]
+        if not self._is_alone or chosen is not None:
+            turn, position = turn[:, :, carrier], position[carrier]
+        turned = self._carrier_from_item.turned(turn, chosen=chosen)
+        target: Rows | slice = moving
+        if len(moving) and moving[-1] - moving[0] == len(moving) - 1:
+            target = slice(moving[0], moving[-1] + 1)
+        self._linear.transpose(1, 2, 0)[:, :, target] = turned[:, :3]
+        place = position.T
+        self._position.T[:, target] = place if self._carrier_from_item.offsets_are_none else place + turned[:, 3]
+
+
+def _numbered(carriers: Rows) -> tuple[Rows, Rows]:
+    """Each carrier once, in the order in which they first appear, and for each place which of them stands there."""
+    rows, first, number = np.unique(carriers, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    rank = np.empty(len(rows), np.intp)
+    rank[order] = np.arange(len(rows))
+    return rows[order], rank[number]
 
 
 class _Limbs:

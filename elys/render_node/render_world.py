@@ -22,6 +22,7 @@ from elys.common.components import Camera, Environment, Light, Material
 from elys.common.math import quaternion
 from elys.common.math.aabb import transform_bounds
 from elys.common.scene import SceneSettings
+from elys.render_node.batch_terms import Terms, evenly_scaled, terms_of_batches
 from elys.render_node.camera import framing_camera
 from elys.render_node.deformation import Deformation, bent_rows, morphed_rows
 from elys.render_node.drawable_assets import UNKNOWN_EXTENT, DrawableAssets
@@ -34,6 +35,7 @@ from elys.render_node.timeline import Timeline
 
 PLAIN: Final = Material()
 BLACK: Final = (0.0, 0.0, 0.0)
+UNTURNED: Final = np.array((0.0, 0.0, 0.0, 1.0))
 GIANT: Final = 1.6  # times larger than all smaller things together: neither cameras nor shadow maps are fitted to it
 _CORNER_SIGNS: Final = np.array([(1, 1, 1), (-1, 1, 1), (1, -1, 1), (1, 1, -1)], np.float64)
 # What is drawn where a mesh cannot be had.
@@ -47,6 +49,7 @@ class Batch(NamedTuple):
     look: Look
     first: int  # instance
     instance_count: int
+    terms: Terms = ()  # what of their numbers has to be compiled in
 
     @property
     def is_blended(self) -> bool:
@@ -204,9 +207,11 @@ class RenderWorld:
 
     def surroundings(self, to_sun: NDArray[np.float64] | None) -> Surroundings:
         """What is all around, under a sun in that direction."""
-        item = self.instance_count + len(self._lights) + (self._camera is not None)
-        turned = _axes(self._placement.linear[item].astype(np.float64)) if self._environment is not None else np.eye(3)
-        rotation = np.asarray(quaternion.from_matrix(turned), np.float64)
+        rotation = UNTURNED
+        if self._environment is not None:
+            item = self.instance_count + len(self._lights) + (self._camera is not None)
+            turned = _axes(self._placement.linear[item].astype(np.float64))
+            rotation = np.asarray(quaternion.from_matrix(turned), np.float64)
         return surroundings_of(self._settings, self._environment, rotation, to_sun, self.assets)
 
     def camera(self, aspect: float = 16 / 9) -> ViewCamera:
@@ -322,7 +327,13 @@ class RenderWorld:
         self._rest_lower, self._rest_upper = self._lower.copy(), self._upper.copy()
         self._is_measured = np.array([extent is not UNKNOWN_EXTENT for extent in extents], np.bool_)[of_batch]
         self._extent_radius = np.array([extent.radius for extent in extents], np.float32)[of_batch]
-        self.radius = self._radii(np.arange(len(of_batch)), self._tables.world_from_local[self._rows, :, :3])
+        linear = self._tables.world_from_local[self._rows, :, :3]
+        self.radius = self._radii(np.arange(len(of_batch)), linear)
+        self._find_middles()
+        is_even = evenly_scaled(linear)
+        is_even[self._stretching] = False  # their scale may be animated
+        terms = terms_of_batches(np.array([batch.first for batch in self.batches], np.intp), self.surface, is_even)
+        self.batches = tuple(batch._replace(terms=found) for batch, found in zip(self.batches, terms, strict=True))
 
     def _radii(self, rows: Rows, linear: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
         """Of spheres around instances (N,) that are scaled and sheared so (N, 3, 3)."""
@@ -357,13 +368,22 @@ class RenderWorld:
             self.linear[bent] = np.eye(3)
             self._lower[bent], self._upper[bent] = boxes
             self.radius[bent] = np.linalg.norm(boxes[1] - boxes[0], axis=1) / 2
+        self._find_middles()
+
+    def _find_middles(self) -> None:
+        """Whose boxes are not around their origins, and where the boxes' middles are."""
+        middle = (self._lower + self._upper) / 2
+        self._aside = np.flatnonzero(middle.any(axis=1))
+        self._middle = middle[self._aside]
 
     def _centre(self) -> None:
         articulated = self._stretching
         if len(articulated):  # their scale may be animated
             self.radius[articulated] = self._radii(articulated, self.linear[articulated])
-        offset = np.einsum("nij,nj->ni", self.linear, (self._lower + self._upper) / 2)
-        self.centre = self.position + offset
+        columns = self.position.T.copy()
+        if len(self._aside):
+            columns[:, self._aside] += np.einsum("nij,nj->in", self.linear[self._aside], self._middle)
+        self.centre = columns.T  # as columns, like positions
 
     def _placed_light(self, light: Light, item: int) -> PlacedLight:
         backward = self._placement.linear[item][:, 2].astype(np.float64)
@@ -374,9 +394,11 @@ class RenderWorld:
 
 def without_giants(centre: NDArray[np.float64], radius: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Who of N spheres is left without those that dwarf everything smaller together; all, if that leaves none."""
-    # Only where sizes leap can a giant be: a sphere's own box reaches sqrt(3) times its radius.
-    sizes = np.sort(radius)
     everybody = np.ones(len(radius), np.bool_)
+    # Only where sizes leap can a giant be: a sphere's own box reaches sqrt(3) times its radius.
+    if radius.max(initial=0.0) <= GIANT * math.sqrt(3.0) * radius.min(initial=np.inf):
+        return everybody
+    sizes = np.sort(radius)
     for last in np.flatnonzero(sizes[1:] > GIANT * math.sqrt(3.0) * sizes[:-1]).tolist():
         smaller = radius <= sizes[last]
         reach = radius[smaller, None]
@@ -403,7 +425,7 @@ def _surface(material: Material) -> tuple[tuple[float, ...], ...]:
     return (
         (*material.base_color, opacity),
         (*material.emissive, material.alpha_cutoff),
-        (material.metallic, material.roughness, material.alpha_mode == "mask", material.double_sided),
+        (material.metallic, material.roughness, 0.0, 0.0),
     )
 
 

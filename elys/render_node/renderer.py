@@ -92,18 +92,20 @@ class Renderer:
         height: int,
         *,
         selection: tuple[int, ...] = (),
+        hidden: tuple[int, ...] = (),
         grid: bool = False,
         target: Framebuffer | None = None,
         region: Region | None = None,
     ) -> Framebuffer:
         """Draws the world as it is placed now; returns the picture, which the next one of that size overwrites.
 
-        `target` is where it goes instead, a framebuffer of that size, such as a window's. With a `region` only that part of the
-        picture is drawn, into a framebuffer of its size.
+        `hidden` entities, and all below them, are not drawn and throw no shadows. `target` is where it goes instead, a
+        framebuffer of that size, such as a window's. With a `region` only that part of the picture is drawn, into a framebuffer
+        of its size.
         """
         self.resources.programs.reload_changed()
         with self._timed("plan"):
-            plan = self.planned = self._plan(world, View.of(camera, width, height), selection, grid)
+            plan = self.planned = self._plan(world, View.of(camera, width, height), selection, hidden, grid)
             if region is not None:  # planned as a whole, so that shadows are the same in all parts
                 plan = replace(plan, view=plan.view.of_region(region))
         targets = self._targets_of(
@@ -156,13 +158,21 @@ class Renderer:
         return picture
 
     def pick(
-        self, world: RenderWorld, camera: ViewCamera, width: int, height: int, x: int, y: int
+        self,
+        world: RenderWorld,
+        camera: ViewCamera,
+        width: int,
+        height: int,
+        x: int,
+        y: int,
+        *,
+        passed_over: tuple[int, ...] = (),
     ) -> tuple[int, tuple[float, float, float]]:
-        """The entity (0: none) seen at a pixel, from the upper left, and the point hit [m] in the world."""
+        """The entity (0: none) seen at a pixel, from the upper left, or behind those passed over; and the point hit [m]."""
         if not (0 <= x < width and 0 <= y < height):
             return 0, (0.0, 0.0, 0.0)
         view = View.of(camera, width, height).of_pixel(x, y)
-        plan = plan_picture(world, view)
+        plan = plan_picture(world, view, hidden=passed_over)
         self.resources.instances.write(plan.instances)
         self.resources.show_poses(plan.world)
         if self._picking is None:
@@ -181,11 +191,12 @@ class Renderer:
         height: int,
         kind: DataKind,
         *,
+        hidden: tuple[int, ...] = (),
         region: Region | None = None,
     ) -> NDArray[Any]:
         """Values (H, W, C) of what is seen in a picture or a region of it, the upper row first, as `DataPass.draw` tells."""
         view = View.of(camera, width, height)
-        plan = plan_picture(world, view if region is None else view.of_region(region))
+        plan = plan_picture(world, view if region is None else view.of_region(region), hidden=hidden)
         self._upload(plan)
         if self._data is None:
             self._data = DataPass(self.resources)
@@ -228,19 +239,23 @@ class Renderer:
         elif picture is not targets.light:
             targets.light.resolve_into(picture)
 
-    def _plan(self, world: RenderWorld, view: View, selection: tuple[int, ...], grid: bool) -> PicturePlan:
+    def _plan(
+        self, world: RenderWorld, view: View, selection: tuple[int, ...], hidden: tuple[int, ...], grid: bool
+    ) -> PicturePlan:
         is_same = self._shadow_world is world
         self._shadow_world = world
         return plan_picture(
             world,
             view,
             selection=selection,
+            hidden=hidden,
             grid=grid,
             drawn_shadow=self._shadow.drawn if is_same else None,
             shadow_size=self._quality.shadow_size,
             long_views=not self._quality.single_shadow_tap,
             lamp_shadow_size=self._quality.lamp_shadow_size,
             drawn_lamp_shadows=self._lamp_shadows.drawn if is_same else None,
+            for_light=True,
         )
 
     def _upload(self, plan: PicturePlan) -> None:

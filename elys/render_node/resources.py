@@ -16,6 +16,7 @@ from elys.render_node.gpu import TEXTURE_UNITS, Buffer, Context, Format, Program
 from elys.render_node.images import decode_image
 from elys.render_node.look import TEXTURE_FIELDS, Look, texture_of, variant_of
 from elys.render_node.render_world import Batch, RenderWorld
+from elys.render_node.welding import welded
 
 _log = logging.getLogger(__name__)
 TANGENTS: Final = "VERTEX_TANGENTS"  # compiled in where a mesh has them and a normal map is laid along them
@@ -29,6 +30,8 @@ _SELDOM_READ: Final = {
     "joints": "joints",
     "joint_weights": "weights",
 }  # by the name that shaders have for them
+# What differs, or may differ, between vertices at the same place; `pose` is read by programs that know vertices by their number.
+_PER_CORNER: Final = ("normal", "uv", "second_uv", "tangent", "color", "joints", "pose")
 
 
 class Geometry:
@@ -49,6 +52,8 @@ class Geometry:
         }
         self._indices = Buffer(context, np.ascontiguousarray(mesh.indices, np.uint32)) if len(mesh.indices) else None
         self._count = len(mesh.indices)
+        self._corners: tuple[NDArray[np.float32], NDArray[np.uint32]] | None = (mesh.positions, mesh.indices)
+        self._welded: tuple[Buffer, ...] = ()  # places and triangles for programs that read nothing else, once one came
         self._arrays: dict[Program, VertexArray] = {}
         self.defines = (
             *((TANGENTS,) if "tangent" in self._waiting else ()),
@@ -81,12 +86,21 @@ class Geometry:
         """How `program` reads it."""
         array = self._arrays.get(program)
         if array is None:
-            for attribute in [waiting for waiting in self._waiting if program.reads(waiting)]:
-                name, values = self._waiting.pop(attribute)
-                self._attributes[name] = Buffer(self._context, np.ascontiguousarray(values, np.float32))
-            array = VertexArray(self._context, program, self._attributes, self._indices, self._count)
-            self._arrays[program] = array
+            array = self._arrays[program] = self._array_for(program)
         return array
+
+    def _array_for(self, program: Program) -> VertexArray:
+        if not any(map(program.reads, _PER_CORNER)):
+            if self._corners is not None:
+                found, self._corners = welded(*self._corners), None
+                self._welded = tuple(Buffer(self._context, array) for array in found) if found else ()
+            if self._welded:
+                positions, indices = self._welded
+                return VertexArray(self._context, program, {"positions": positions}, indices, self._count)
+        for attribute in [waiting for waiting in self._waiting if program.reads(waiting)]:
+            name, values = self._waiting.pop(attribute)
+            self._attributes[name] = Buffer(self._context, np.ascontiguousarray(values, np.float32))
+        return VertexArray(self._context, program, self._attributes, self._indices, self._count)
 
 
 class Resources:

@@ -17,26 +17,45 @@ _FAST_TURN: Final = 2.0  # [rad] between two frames from which on a body may hav
 def rotations_between(
     start: NDArray[np.float32],
     end: NDArray[np.float32],
-    share: NDArray[np.float64],
+    share: NDArray[np.float64] | float,
     *,
     turn: NDArray[np.float32] | None = None,
 ) -> NDArray[np.float32]:
-    """Rotations (N, 4) at `share` (N,) of the way from `start` to `end`, beyond 1 as the way goes on, at an even speed.
+    """Rotations (N, 4) at `share` (N,), or one for all, of the way from `start` to `end`, beyond 1 as the way goes on, at an even
+    speed.
 
     The way is the short one, but for bodies that spin fast: `turn` (N, 3) [rad] along the axis of the turn, which the angular
     velocities promise, says how many times they went round.
     """
-    found: NDArray[np.float32] = quaternion.nlerp(start, end, share.astype(np.float32)).astype(np.float32)
-    large = np.flatnonzero(np.abs(np.einsum("ij,ij->i", start, end)) < _SMALL_TURN)
+    # (4, N): numpy is quick along rows
+    columns, ends = start.T.copy(), end.T.copy()
+    alike = _along(columns, ends)
+    part = np.asarray(share, np.float32)
+    columns *= 1 - part
+    ends *= np.where(alike < 0, -part, part)
+    columns += ends
+    squared = _along(columns, columns)
+    columns /= np.sqrt(np.where(squared > 0, squared, 1))
+    found = columns.T
+    large = np.flatnonzero(np.abs(alike) < _SMALL_TURN)
     if len(large):
-        found[large] = quaternion.slerp(start[large], end[large], share[large].astype(np.float32))
+        found[large] = quaternion.slerp(start[large], end[large], np.broadcast_to(part, alike.shape)[large])
     if turn is not None:
         fast = np.flatnonzero(np.einsum("ij,ij->i", turn, turn) > _FAST_TURN**2)
         if len(fast):
+            shares = np.broadcast_to(np.asarray(share, np.float64), alike.shape)[fast]
             found[fast] = _spun(
-                start[fast].astype(np.float64), end[fast].astype(np.float64), share[fast], turn[fast].astype(np.float64)
+                start[fast].astype(np.float64), end[fast].astype(np.float64), shares, turn[fast].astype(np.float64)
             )
     return found
+
+
+def _along(a: NDArray[np.float32], b: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Dot products (N,) of columns (4, N)."""
+    product = a * b
+    product[0] += product[1]
+    product[2] += product[3]
+    return np.asarray(product[0] + product[2])
 
 
 def _spun(

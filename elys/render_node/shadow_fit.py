@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -58,7 +59,7 @@ def fit_shadow(
     casters = _some(world.casts)
     if not world.casts.any():
         return None
-    light_from_world = quaternion.to_matrix(look_rotation(direction)).T
+    light_from_world = _light_from_world(tuple(direction.tolist()))
     reach = world.radius[casters].astype(np.float64)
     in_light = light_from_world @ world.centre[casters].T  # (3, N): numpy is quick along rows
     kept = _some(~_floors(world, casters))
@@ -91,6 +92,12 @@ def fit_shadow(
     light_from_relative[:3, 3] = light_from_world @ view.eye
     key = (*direction.tolist(), *middle.tolist(), size, nearest, farthest)
     return ShadowFit(map_from_relative=map_from_light @ light_from_relative, texel=texel, map_size=map_size, key=key)
+
+
+@lru_cache(maxsize=8)
+def _light_from_world(direction: tuple[float, ...]) -> NDArray[np.float64]:
+    """The rotation (3, 3) after which light that goes along `direction` goes along -z."""
+    return quaternion.to_matrix(look_rotation(direction)).T.astype(np.float64)
 
 
 def _some(chosen: NDArray[np.bool_]) -> Rows | slice:

@@ -37,6 +37,8 @@ class Timeline:
         self._reached = 0.0  # [s] when things are where the newest frame says
         self._interval = 1.0 / 60.0  # [s] in which the newest frame came after the one before
         self.is_still = False  # the newest frame shows every body where the one before did
+        self._found: tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.intp] | slice, NDArray[np.bool_]] | None
+        self._found = None  # who was looked for in which table, and where they stand
 
     @property
     def interval(self) -> float:
@@ -123,21 +125,37 @@ class Timeline:
     ) -> tuple[NDArray[np.float64], NDArray[np.float32], NDArray[np.bool_]]:
         """World positions (K, 3) f64 [m] and rotations (K, 4) f32 of bodies, and whether each is known (K,)."""
         assert self.newest is not None
-        rows, known = rows_in(self.newest.entity, entities)
+        rows, known = self._rows_of(self.newest.entity, entities)
         if not len(self.newest.entity):
             return np.zeros((len(entities), 3)), np.zeros((len(entities), 4), np.float32), known
         position, rotation = self.newest.position[rows], self.newest.rotation[rows]
         previous = self._previous
         if previous is None or fraction == 1.0 or not len(previous.entity):
             return position, rotation, known
-        rows_before, known_before = rows_in(previous.entity, entities)
-        # Who came with the newest frame stands where it says.
-        share = np.where(known_before, fraction, 1.0)
+        rows_before, known_before = self._rows_of(previous.entity, entities)
         position_before, rotation_before = previous.position[rows_before], previous.rotation[rows_before]
-        between = position_before + (position - position_before) * share[:, None]
-        gap = np.float32(self.newest.simulation_time - previous.simulation_time)
-        turn = (previous.angular_velocity[rows_before] + self.newest.angular_velocity[rows]) * (gap / 2)
+        share: NDArray[np.float64] | float = fraction
+        between = position - position_before
+        if known_before.all():
+            between *= fraction
+        else:  # who came with the newest frame stands where it says
+            share = np.where(known_before, fraction, 1.0)
+            between *= share[:, None]
+        between += position_before
+        turn = previous.angular_velocity[rows_before] + self.newest.angular_velocity[rows]
+        turn *= np.float32((self.newest.simulation_time - previous.simulation_time) / 2)
         return between, rotations_between(rotation_before, rotation, share, turn=turn), known
+
+    def _rows_of(
+        self, table: NDArray[np.uint32], wanted: NDArray[np.uint32]
+    ) -> tuple[NDArray[np.intp] | slice, NDArray[np.bool_]]:
+        """As `rows_in`, without looking again while the same are wanted of frames that list the same; not to be written to."""
+        found = self._found
+        if found is None or found[1] is not wanted or not np.array_equal(found[0], table):
+            rows, known = rows_in(table, wanted)
+            is_identity = len(table) == len(wanted) and bool(known.all()) and bool((np.diff(rows) == 1).all())
+            found = self._found = (table, wanted, slice(None) if is_identity else rows, known)
+        return found[2], found[3]
 
     def locals(
         self, entities: NDArray[np.uint32], fraction: float

@@ -93,7 +93,9 @@ class View:
 
     def _wanted(self) -> tuple[object, ...]:
         request = self.request
-        return (request.camera, self.width, self.height, request.selection, request.grid, request.shows, request.ring)
+        size = (self.width, self.height)
+        shown = (request.selection, request.hidden, request.grid, request.shows)
+        return (request.camera, size, shown, request.ring)
 
     def _open_ring(self, address: SharedRing | None) -> None:
         self.close()

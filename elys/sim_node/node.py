@@ -5,31 +5,49 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import math
+import socket
 from collections import deque
 from dataclasses import dataclass
 from typing import Final, Protocol
 
+import msgspec
+
 from elys.bus import topics
-from elys.bus.asset_service import serve_assets
+from elys.bus.asset_service import lacking_assets, serve_assets
+from elys.bus.edit_parts import edits_of
+from elys.bus.marker_log import MarkerLog, markers_of_command, markers_of_contacts, markers_of_events
 from elys.bus.messages.commands import (
     Command,
     CommandRecord,
     CommandReply,
     CommandRequest,
+    LoadScene,
+    NoteSaved,
+    Redo,
+    Resume,
+    Rewind,
+    Seek,
     SetPlaying,
     SetRate,
     StepTicks,
+    Undo,
 )
+from elys.bus.messages.history import HistoryReply, HistoryRequest
 from elys.bus.messages.plan import PhysicsPlan, PlanRequest
-from elys.bus.messages.scene import Snapshot, SnapshotRequest
+from elys.bus.messages.scene import SceneDelta, Snapshot, SnapshotRequest
 from elys.bus.messages.session import Event, EventBatch, SessionStatus
+from elys.bus.messages.timeline import Markers, MarkersRequest
 from elys.bus.session import Session
 from elys.common.clock import FixedStepClock
-from elys.common.errors import ElysError, RequestError
+from elys.common.errors import EditConflict, ElysError, RequestError
+from elys.sim_node.edit_history import Done, EditHistory
+from elys.sim_node.flight_recorder import SECONDS, FlightRecorder
 from elys.sim_node.guard import Guard
+from elys.sim_node.paused_physics import PausedPhysics
 from elys.sim_node.scene.snapshot import take_snapshot
 from elys.sim_node.simulation import Simulation
-from elys.sim_node.systems.apply_commands import apply_command
+from elys.sim_node.systems.apply_edits import EditableSimulation, load_scene
 from elys.sim_node.systems.publish_state import (
     contact_batch,
     is_heard,
@@ -48,6 +66,7 @@ TICK_TIMES_KEPT: Final = 36_000
 COMMAND_LIMIT: Final = 20_000  # waiting; beyond it commands are refused
 STEP_LIMIT: Final = 1_000_000  # ticks asked for at once
 REASON_LENGTH: Final = 500  # characters of a refusal, which may quote what was sent
+PERSON_LENGTH: Final = 100  # characters of what a person is called
 
 _log = logging.getLogger(__name__)
 
@@ -76,9 +95,12 @@ class SimulationNode:
         realtime: bool = True,
         playing: bool = True,
         step_limit: int = 0,
+        keep: float = SECONDS,
     ) -> None:
+        """`keep` seconds of simulation can be gone back to; with 0 none."""
         self.simulation = simulation
         self.session = session
+        self.history = EditHistory(EditableSimulation(simulation))
         self.steps_done = 0
         self.recorder: BackPressure | None = None
         self.guard: Guard | None = None
@@ -90,7 +112,18 @@ class SimulationNode:
         self._sequence = 0
         self._events: list[Event] = []
         self._settings_told = simulation.settings
+        self._revision_told = 0
+        self._paused_physics = PausedPhysics(simulation)
+        self._is_another_scene = False
         self._wake = asyncio.Event()
+        self.flight = FlightRecorder(simulation, seconds=keep) if keep > 0.0 else None
+        self._markers = MarkerLog()
+        self._done: list[Command] = []  # what changed the world since the last instant
+        self._is_broken = False  # a command failed in the middle: what led here cannot be done again
+        self._repeated = False  # what the tick did was kept already
+        self._is_whole = True  # its commands and its step are all that happened in it
+        self._forked_until = -1.0  # [s] how far the future went that a fork made void
+        self._is_elsewhere = False  # the scene is that of another time than its readers know
 
     @property
     def playing(self) -> bool:
@@ -107,6 +140,8 @@ class SimulationNode:
         session = self.session
         session.serve(topics.COMMAND, self._take_command)
         session.serve(topics.SNAPSHOT, self._give_snapshot)
+        session.serve(topics.HISTORY, self._give_history)
+        session.serve(topics.MARKERS, self._give_markers)
         session.serve(topics.PLAN, self._give_plan)
         serve_assets(session, self.simulation.assets)
         self._publish_status()
@@ -143,15 +178,19 @@ class SimulationNode:
         """One tick: commands, then if time goes on the world's step, then all that others shall know of it."""
         stages = StageTimes()
         late = self._clock.lateness() * 1000.0
+        if not self.playing and any(edits_of(waiting.request.command) for waiting in self._waiting):
+            self._paused_physics.keep(self.history.content)
         replies = self._apply_commands()
         stages.done("apply_commands")
+        self._repeated, self._is_whole = False, True
         stepping = self.playing or self._steps_asked > 0
         if stepping:
             self._step(stages)
         else:
             self.simulation.settle()
+            self._is_whole = not self._paused_physics.follow(self.history.content)
             stages.done("follow_changes")
-        self._publish_changes()
+        is_told = self._publish_changes()
         if replies or (stepping and is_heard(self.session, topics.STATE)):
             self._publish_frame()
         if stepping and (found := publish_diagnostics(self.session, self.simulation)) and self.guard is not None:
@@ -161,9 +200,10 @@ class SimulationNode:
             self._publish_contacts()
         publish_debug_lines(self.session, self.simulation)
         stages.done("publish_state")
+        self._keep_instant(stages, stepping=stepping, is_told=is_told)
         for waiting, reply in replies:
             if not waiting.reply.done():
-                waiting.reply.set_result(reply)
+                waiting.reply.set_result(msgspec.structs.replace(reply, sequence=self._sequence))
         if self.steps_done == 1 and stepping:
             _log.info("first tick published %.2f s after the process started", process_age())
         if stepping:
@@ -173,7 +213,12 @@ class SimulationNode:
             self.guard.end_tick(events)
 
     def _step(self, stages: StageTimes) -> None:
-        self.simulation.step()
+        self._paused_physics.forget()
+        self._repeated = self._is_rewound
+        if self.flight is not None and self._repeated:
+            self._is_elsewhere |= self.flight.repeat()
+        else:
+            self.simulation.step()
         stages.include(self.simulation.stage_times)
         self._clock.advance()
         self.steps_done += 1
@@ -183,6 +228,57 @@ class SimulationNode:
             self._steps_asked = 0
             self._events.append(Event(kind="paused"))
             self._publish_status()
+
+    # --- other times -----------------------------------------------------------------------------------------------
+
+    @property
+    def _is_rewound(self) -> bool:
+        return self.flight is not None and self.flight.is_rewound
+
+    def _keep_instant(self, stages: StageTimes, *, stepping: bool, is_told: bool) -> None:
+        """What happened at the newest instant becomes part of what can be gone back to."""
+        done, self._done = self._done, []
+        if self.flight is None:
+            return
+        if self._is_broken:
+            self._is_broken = False
+            self.flight.start_anew()
+        elif not self._repeated and self.flight.note(
+            done, steps=stepping, is_told=is_told, seconds=stages.total * 1e-3, is_whole=self._is_whole
+        ):
+            self._markers.forget_before(self.flight.ticks[0])
+        stages.done("keep_instant")
+
+    def _go_to(self, instant: int) -> None:
+        """Shows another instant, and waits there."""
+        self._clock.pause()
+        self._steps_asked = 0
+        self._is_elsewhere |= self._require_flight().go_to(instant)
+        self._paused_physics.forget()
+        self._clock.seek(self.simulation.tick)
+
+    def _fork(self) -> None:
+        """From here on it is another run: what came after is forgotten."""
+        if self.flight is not None and self.flight.is_rewound:
+            tick = self.simulation.tick
+            self._forked_until = max(self._forked_until, self.flight.end_time)
+            dropped = self.flight.fork()
+            self.history.forget_older()
+            self._markers.forget_after(tick)
+            self._events.append(Event(kind="forked", values={"from_tick": tick, "dropped_ticks": dropped}))
+            self._publish_status()
+
+    def _require_flight(self) -> FlightRecorder:
+        """The flight recorder, with all in it that was done so far."""
+        if self.flight is None:
+            raise RequestError("nothing is kept to go back to: start the simulation with --keep SECONDS above 0")
+        if self._done:  # just before, in the same tick
+            self.simulation.settle()
+            done, self._done = self._done, []
+            self.flight.note(done, steps=False, is_told=True, seconds=0.0)
+            self._events += self.simulation.take_events()
+            self._is_elsewhere = True  # nobody was told of it yet
+        return self.flight
 
     # --- commands --------------------------------------------------------------------------------------------------
 
@@ -198,36 +294,83 @@ class SimulationNode:
         replies = []
         for _ in range(min(len(self._waiting), COMMANDS_PER_TICK)):
             waiting = self._waiting.popleft()
-            reply = self._apply(waiting.request)
+            command, reply = self._apply(waiting.request)
             replies.append((waiting, reply))
-            self.session.publish(
-                topics.COMMANDS,
-                CommandRecord(
-                    tick=reply.tick,
-                    origin=waiting.request.origin,
-                    command=waiting.request.command,
-                    accepted=reply.accepted,
-                    reason=reply.reason,
-                ),
+            record = CommandRecord(
+                tick=reply.tick,
+                origin=waiting.request.origin,
+                command=command,
+                accepted=reply.accepted,
+                reason=reply.reason,
             )
+            self.session.publish(topics.COMMANDS, record)
+            self._markers.add(markers_of_command(record, self.simulation.time))
         if self._waiting:
             self._wake.set()
         return replies
 
-    def _apply(self, request: CommandRequest) -> CommandReply:
+    def _apply(self, request: CommandRequest) -> tuple[Command, CommandReply]:
+        """What became of a command, and the command as it can be repeated: of an undo, what it did."""
         tick = self.simulation.tick
         try:
-            entities = self._apply_to_time(request.command)
-            if entities is None:
-                entities = apply_command(self.simulation, request.command)
+            done = self._apply_to_time(request.command)
+            if done is None:
+                done = self._apply_to_scene(request)
+                if not isinstance(done.command, NoteSaved):
+                    self._fork()
+                    self._done.append(done.command)
         except ElysError as error:
-            return CommandReply(accepted=False, tick=tick, reason=str(error)[:REASON_LENGTH])
+            is_conflict = isinstance(error, EditConflict)
+            reason = str(error)[:REASON_LENGTH]
+            return request.command, CommandReply(accepted=False, tick=tick, reason=reason, is_conflict=is_conflict)
         except Exception as error:  # a fault of ELYS's own: it is told in full, and does not end everybody's session
             _log.exception("command %s failed", type(request.command).__name__)
-            return CommandReply(accepted=False, tick=tick, reason=f"ELYS failed: {error!r}"[:REASON_LENGTH])
-        return CommandReply(accepted=True, tick=tick, entities=entities)
+            self._is_broken = True
+            reason = f"ELYS failed: {error!r}"[:REASON_LENGTH]
+            return request.command, CommandReply(accepted=False, tick=tick, reason=reason)
+        reply = CommandReply(
+            accepted=True, tick=tick, entities=done.entities, content=self.history.content, new_ids=done.new_ids
+        )
+        return done.command, reply
 
-    def _apply_to_time(self, command: Command) -> tuple[int, ...] | None:
+    def _apply_to_scene(self, request: CommandRequest) -> Done:
+        command, history = request.command, self.history
+        match command:
+            case Undo() | Redo() if self._is_rewound:
+                raise RequestError("this is the past: go on from here, or return to now, before undoing or redoing")
+            case Undo(force=force):
+                return history.undo(request.author, force=force)
+            case Redo(force=force):
+                return history.redo(request.author, force=force)
+            case NoteSaved(path=path, content=content):
+                self.simulation.path, history.saved = path, content
+                return Done((), command, {})
+            case LoadScene():
+                return self._load(command)
+        if not edits_of(command):
+            raise RequestError(f"a running simulation cannot {type(command).__name__}: that is for replays")
+        return history.perform(
+            command,
+            author=request.author,
+            writer=request.author or request.origin,
+            label=request.label,
+            stroke=request.stroke,
+            made_from=request.made_from,
+        )
+
+    def _load(self, command: LoadScene) -> Done:
+        lacking = lacking_assets(self.simulation.assets, command.records)
+        if lacking:
+            raise RequestError(f"the scene names {len(lacking)} assets that the host has not got: offer them first")
+        entities = load_scene(self.simulation, command)
+        self.history.forget()
+        self._paused_physics.forget()
+        self._is_another_scene = True
+        self._events.append(Event(kind="scene_loaded", values={"scene": command.name}))
+        self._publish_status()
+        return Done(entities, command, {})
+
+    def _apply_to_time(self, command: Command) -> Done | None:
         """Commands to the clock rather than the world; None for all others."""
         match command:
             case SetPlaying(playing=playing):
@@ -235,13 +378,26 @@ class SimulationNode:
                 self._steps_asked = 0
                 self._events.append(Event(kind="playing" if playing else "paused"))
             case StepTicks(count=count):
-                if count < 1:
-                    raise RequestError("a simulation cannot step backwards: record it, and step in the replay")
                 if self.playing:
                     raise RequestError("pause before stepping")
-                if self._steps_asked + count > STEP_LIMIT:
+                if count == 0:
+                    raise RequestError("step by at least one tick, on or back, not 0")
+                if count < 0:
+                    self._go_to(self._require_flight().instant_back(-count))
+                elif self._steps_asked + count > STEP_LIMIT:
                     raise RequestError(f"at most {STEP_LIMIT} ticks can be asked for at once: play instead")
-                self._steps_asked += count
+                else:
+                    self._steps_asked += count
+            case Seek(time=seconds):
+                if not math.isfinite(seconds):
+                    raise RequestError(f"{seconds} is no time to go to")
+                self._go_to(self._require_flight().instant_at(seconds))
+            case Rewind(tick=tick):
+                self._go_to(self._require_flight().instant_of_tick(tick))
+            case Resume():
+                self._fork()
+                self._clock.play()
+                self._steps_asked = 0
             case SetRate(rate=rate):
                 if not 0.0 <= rate <= 100.0:
                     raise RequestError(f"the rate must lie between 0 (as fast as it can) and 100, not {rate:g}")
@@ -249,18 +405,28 @@ class SimulationNode:
             case _:
                 return None
         self._publish_status()
-        return ()
+        return Done((), command, {})
+
+    async def _give_history(self, request: HistoryRequest, key: str) -> HistoryReply:
+        if len(request.person) > PERSON_LENGTH or not request.person.strip():
+            raise RequestError(f"a person is called by 1 to {PERSON_LENGTH} characters")
+        author = self.history.attach(request.person.strip(), request.node, alive=self.session.nodes)
+        told = self.history.told_to(author)
+        return msgspec.structs.replace(told, path=self.simulation.path, machine=socket.gethostname())
 
     # --- publishing ------------------------------------------------------------------------------------------------
 
-    async def _give_snapshot(self, request: SnapshotRequest, key: str) -> Snapshot:
-        return self.snapshot()
+    async def _give_markers(self, request: MarkersRequest, key: str) -> Markers:
+        return self._markers.reply(request)
 
     async def _give_plan(self, request: PlanRequest, key: str) -> PhysicsPlan:
         return physics_plan(self.simulation)
 
-    def snapshot(self) -> Snapshot:
-        """The whole scene as it is between two ticks."""
+    async def _give_snapshot(self, request: SnapshotRequest, key: str) -> Snapshot:
+        return self.snapshot(as_edited=request.as_edited)
+
+    def snapshot(self, *, as_edited: bool = False) -> Snapshot:
+        """The whole scene as it is between two ticks, or as it would be if time had never moved anything."""
         simulation = self.simulation
         return take_snapshot(
             simulation.world,
@@ -270,13 +436,22 @@ class SimulationNode:
             sequence=self._sequence,
             scene=simulation.name,
             settings=simulation.settings,
+            revision=self.history.revision,
+            content=self.history.content,
+            **({"columns_of": simulation.edited.columns} if as_edited else {}),
         )
 
-    def _publish_changes(self) -> None:
+    def _publish_changes(self) -> bool:
+        """Returns whether there were any."""
         changes = self.simulation.take_changes()
+        if self._is_elsewhere:
+            self._publish_elsewhere()
+            return True
         settings_changed = self.simulation.settings is not self._settings_told
-        if not changes and not settings_changed:
-            return
+        revision_changed = self.history.revision != self._revision_told
+        if not changes and not settings_changed and not revision_changed:
+            return False
+        self._revision_told = self.history.revision
         if settings_changed:
             self._settings_told = self.simulation.settings
             self._clock.set_tick_rate(self.simulation.settings.tick_rate, tick=self.simulation.tick)
@@ -287,8 +462,24 @@ class SimulationNode:
             epoch=self.session.epoch,
             sequence=self._sequence,
             settings_changed=settings_changed,
+            revision=self.history.revision,
+            content=self.history.content,
+            resync=self._is_another_scene,
         )
+        self._is_another_scene = False
         self.session.publish(topics.DELTA, delta)
+        return True
+
+    def _publish_elsewhere(self) -> None:
+        """All of the scene may be other than before: its readers are told to look at it anew."""
+        self._is_elsewhere = False
+        self._settings_told = self.simulation.settings
+        self._clock.set_tick_rate(self.simulation.settings.tick_rate, tick=self.simulation.tick)
+        self._sequence += 1
+        tick = self.simulation.tick
+        self.session.publish(
+            topics.DELTA, SceneDelta(epoch=self.session.epoch, sequence=self._sequence, tick=tick, resync=True)
+        )
 
     def _publish_frame(self) -> None:
         frame = state_frame(
@@ -296,6 +487,8 @@ class SimulationNode:
             epoch=self.session.epoch,
             delta_sequence=self._sequence,
             playing=self.playing,
+            is_told_again=self._is_rewound,
+            is_forked=self.simulation.time <= self._forked_until,
         )
         self.session.publish(topics.STATE, frame)
 
@@ -305,12 +498,14 @@ class SimulationNode:
         if events:
             batch = EventBatch(epoch=self.session.epoch, tick=self.simulation.tick, events=events)
             self.session.publish(topics.EVENTS, batch)
+            self._markers.add(markers_of_events(batch, self.simulation.time))
         return events
 
     def _publish_contacts(self) -> None:
         batch = contact_batch(self.simulation, epoch=self.session.epoch)
         if batch is not None:
             self.session.publish(topics.CONTACTS, batch)
+            self._markers.add(markers_of_contacts(batch, self.simulation.time))
 
     def _publish_status(self) -> None:
         simulation = self.simulation
@@ -326,6 +521,9 @@ class SimulationNode:
             realtime_factor=self._clock.realtime_factor,
             entity_count=simulation.world.entity_count,
             body_count=len(simulation.moving_bodies().entity),
+            start_time=self.flight.start_time if self.flight is not None else simulation.time,
+            end_time=self.flight.end_time if self.flight is not None else simulation.time,
+            is_rewound=self._is_rewound,
         )
         self.session.publish(topics.STATUS, status)
 

@@ -18,14 +18,17 @@ from __future__ import annotations
 
 import hashlib
 import logging
+from typing import Any
 
 import msgspec
+from numpy.typing import NDArray
 
 from elys.bus.messages.session import Event
 from elys.common.assets.store import AssetStore
 from elys.common.components import Joint, RigidBody, Transform
 from elys.common.ids import Entity
 from elys.common.scene import OpenedScene, SceneSettings
+from elys.sim_node.capture import captured, restored
 from elys.sim_node.ecs.changes import WorldChanges
 from elys.sim_node.ecs.schedule import System, run
 from elys.sim_node.ecs.world import World
@@ -33,7 +36,9 @@ from elys.sim_node.physics.checks import named
 from elys.sim_node.physics.settings import Attractor, PhysicsSettings
 from elys.sim_node.physics.states import WorldEvents
 from elys.sim_node.physics.world import PhysicsWorld
+from elys.sim_node.scene.edited_values import EditedValues
 from elys.sim_node.scene.loading import load_records
+from elys.sim_node.state import State
 from elys.sim_node.systems.play_animations import Animated, Animations
 from elys.sim_node.systems.simulate_physics import MovingBodies, RigidBodies
 
@@ -47,6 +52,8 @@ class Simulation:
         world: entities and components; change it between ticks.
         physics: its rigid bodies, kept equal to the components by the step.
         tick: steps done since the beginning.
+        path: the file its scene came from; empty if from none.
+        edited: what steps have moved, as it was edited.
         systems: what a step does, in this order.
         stage_times: what each of them took in the last step [ms], the stages of physics as `physics.STAGE` among them.
     """
@@ -67,6 +74,8 @@ class Simulation:
         self.physics = PhysicsWorld(physics_settings(self.settings, threads))
         self.physics.named = self.named
         self.tick = 0
+        self.path = ""
+        self.edited = EditedValues(self.world)
         self.systems: tuple[System, ...] = (
             self.follow_changes,
             self.play_animations,
@@ -84,6 +93,7 @@ class Simulation:
     def load(cls, opened: OpenedScene, assets: AssetStore, *, threads: int = 1) -> Simulation:
         """The simulation of a scene, before its first tick; `threads` work on large steps of physics."""
         simulation = cls(name=opened.name, settings=opened.settings, assets=assets, threads=threads)
+        simulation.path = str(opened.path or "")
         load_records(simulation.world, opened.records)
         simulation.settle()
         simulation.take_changes()  # who joins gets a snapshot; nothing has changed since
@@ -97,6 +107,7 @@ class Simulation:
     def step(self) -> None:
         """One tick: every system in its turn."""
         self.stage_times = {}
+        self.edited.capture()
         run(self.world, self.systems, self.stage_times)
         self.tick += 1
 
@@ -181,6 +192,11 @@ class Simulation:
         self.settings = settings
         self.physics.settings = physics_settings(settings, self._threads)
 
+    def take_physics_back(self, snapshot: dict[str, NDArray[Any]]) -> None:
+        """Physics as `physics.snapshot` gave it, when components are what they were then."""
+        self.physics.restore(snapshot)
+        self._bodies.outdate()
+
     def moving_bodies(self) -> MovingBodies:
         """Where all bodies that can move are."""
         return self._bodies.moving()
@@ -198,6 +214,29 @@ class Simulation:
         for column in animated:
             digest.update(column.tobytes())
         return int.from_bytes(digest.digest(), "little")
+
+    # Other times
+
+    def capture(self, previous: State | None = None) -> State:
+        """All that decides what comes next, as it is between two ticks; what equals that of `previous` is shared with it.
+
+        A system of your own that keeps anything beside components is asked for nothing: keep it in components.
+        """
+        values = captured(self, previous.values if previous is not None else {})
+        return State(tick=self.tick, time=self.time, values=values, is_ours=True)
+
+    def restore(self, state: State) -> None:
+        """Goes back to where `capture` was called: the ticks from here give the same bits as they did, on any number of threads.
+
+        Who follows the changes of the scene has to look at all of it anew.
+
+        Raises:
+            StateError, PhysicsError: it is no state of this version's simulations. Nothing has changed then.
+        """
+        restored(self, state.values, is_ours=state.is_ours)
+        self.world.outdate()
+        self._bodies.outdate()
+        self._animations.bind_anew()
 
     @property
     def events(self) -> WorldEvents:

@@ -33,6 +33,7 @@ def demo(directory: Path, *, headless: bool) -> None:
             name="",
             threads=1,
             guarded=True,
+            keep=60.0,
             json=False,
         )
         return
@@ -73,6 +74,7 @@ def _demo_files(directory: Path) -> None:
         name="demo",
         threads=1,
         guarded=True,
+        keep=0.0,
         json=False,
     )
     render(str(recording), picture, size="1280x720", time=PICTURE_TIME, duration=0.0, fps=30.0)

@@ -97,6 +97,7 @@ def simulation(
     name: str,
     threads: int,
     guarded: bool,
+    keep: float,
 ) -> None:
     """The simulation's process."""
     from elys.verbs.simulate import prepare, simulate
@@ -112,6 +113,7 @@ def simulation(
             paused=paused,
             name=name,
             guarded=guarded,
+            keep=keep,
         )
     )
 

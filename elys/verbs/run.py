@@ -27,6 +27,7 @@ def run(
     name: str,
     threads: int,
     guarded: bool,
+    keep: float,
     json: bool,
 ) -> None:
     """Simulates a scene: with an editor, or headless; headless with a step limit runs as fast as it can."""
@@ -44,6 +45,7 @@ def run(
             name=name,
             threads=threads,
             guarded=guarded,
+            keep=keep,
             json=json,
         )
         return
@@ -64,6 +66,7 @@ def run(
     options += ["--paused"] if paused else []
     options += ["--name", name] if name else []
     options += [] if guarded else ["--no-guard"]
+    options += ["--keep", str(keep)]
     options += ["--threads", str(threads)] if threads > 1 else []
     sys.exit(start("editor", {"scene": scene}, endpoint=endpoint, extra={"simulation": options}))
 
@@ -138,6 +141,7 @@ def _run_headless(
     name: str,
     threads: int,
     guarded: bool,
+    keep: float,
     json: bool,
 ) -> None:
     from elys.bus.log import start_logging
@@ -159,6 +163,7 @@ def _run_headless(
             paused=paused,
             name=name,
             guarded=guarded,
+            keep=keep,
             on_end=reports.append,
         )
 

@@ -83,9 +83,10 @@ async def simulate(
     paused: bool,
     name: str,
     guarded: bool = True,
+    keep: float = 60.0,
     on_end: Callable[[RunReport], None] | None = None,
 ) -> None:
-    """Runs a simulation in a session of its own.
+    """Runs a simulation in a session of its own, of which the last `keep` seconds can be gone back to.
 
     Raises:
         BusError: the endpoint cannot be listened at. RecordingError: the recording cannot be written.
@@ -96,7 +97,9 @@ async def simulate(
     scene, epoch = simulation.name, time.time_ns()
     async with hosted(listen, name=name or scene, kind="simulation", scene=scene, epoch=epoch) as (session, endpoint):
         _log.info("simulating %s at %s", scene, endpoint)
-        node = SimulationNode(simulation, session, realtime=realtime, playing=not paused, step_limit=step_limit)
+        node = SimulationNode(
+            simulation, session, realtime=realtime, playing=not paused, step_limit=step_limit, keep=keep
+        )
         recorder = RecordingChild(record) if record else None
         if recorder is not None:
             recorder.attach(session, node, simulation.assets, lossless=not realtime)

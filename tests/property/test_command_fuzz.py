@@ -21,6 +21,8 @@ from elys.bus.messages.commands import (
     RemoveComponent,
     Rename,
     Reparent,
+    Resume,
+    Rewind,
     Seek,
     SetComponent,
     SetEnabled,
@@ -113,7 +115,9 @@ class CommandMaker:
                 SetPlaying(playing=choose((True, False))),
                 StepTicks(count=choose((1, 2, 3, 0, -5, 10**30))),
                 SetRate(rate=choose((0.0, 1.0, 100.0, -1.0, 1e9, math.nan))),
-                Seek(time=choose((1.0, 1e308))),
+                Seek(time=choose((0.0, 0.05, 1.0, 1e308))),
+                Rewind(tick=choose((0, 1, 5, 10**30, -1))),
+                Resume(),
                 SetLoop(loop=True),
             )
         )

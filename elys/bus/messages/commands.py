@@ -35,12 +35,14 @@ class RemoveComponent(msgspec.Struct, frozen=True, kw_only=True, tag="remove_com
 class Spawn(msgspec.Struct, frozen=True, kw_only=True, tag="spawn"):
     """Makes entities from records (parents first); those without a parent among them go under `parent`, at `index` if it is >= 0.
 
-    The reply carries the new ids in the records' order.
+    The reply carries the new ids in the records' order: those of `entities`, one for each record, if all of them lived before and
+    nobody has used their places since (so that what was ended comes back as what it was), and new ones otherwise.
     """
 
     records: tuple[EntityRecord, ...]
     parent: int = 0
     index: int = -1
+    entities: tuple[int, ...] = ()
 
 
 class Despawn(msgspec.Struct, frozen=True, kw_only=True, tag="despawn"):
@@ -85,13 +87,13 @@ class SetPlaying(msgspec.Struct, frozen=True, kw_only=True, tag="set_playing"):
 
 
 class StepTicks(msgspec.Struct, frozen=True, kw_only=True, tag="step_ticks"):
-    """While paused: go on by `count` ticks (a replay also takes negative counts)."""
+    """While paused: go on by `count` ticks; with a negative count back, as far as a replay or a flight recorder goes."""
 
     count: int = 1
 
 
 class Seek(msgspec.Struct, frozen=True, kw_only=True, tag="seek"):
-    """Replay only: go to a simulation time [s]."""
+    """Go to a simulation time [s] of a replay, or of what a simulation's flight recorder keeps; that pauses a simulation."""
 
     time: float
 
@@ -108,29 +110,79 @@ class SetLoop(msgspec.Struct, frozen=True, kw_only=True, tag="set_loop"):
     loop: bool
 
 
-Command = (
-    SetComponent
-    | AddComponent
-    | RemoveComponent
-    | Spawn
-    | Despawn
-    | Rename
-    | Reparent
-    | SetEnabled
-    | SetSettings
-    | SetPlaying
-    | StepTicks
-    | Seek
-    | SetRate
-    | SetLoop
-)
+Edit = (
+    SetComponent | AddComponent | RemoveComponent | Spawn | Despawn | Rename | Reparent | SetEnabled | SetSettings
+)  # what changes a scene
+
+
+class Batch(msgspec.Struct, frozen=True, kw_only=True, tag="batch"):
+    """Several edits at one tick's start, in this order: all of them, or none if one is refused.
+
+    The reply carries the new ids of all that is spawned.
+    """
+
+    edits: tuple[Edit, ...]
+
+
+class Undo(msgspec.Struct, frozen=True, kw_only=True, tag="undo"):
+    """Takes the author's last edit back; `force` does so though somebody else has changed since what it changed."""
+
+    force: bool = False
+
+
+class Redo(msgspec.Struct, frozen=True, kw_only=True, tag="redo"):
+    """Makes again what the author took back last; `force` as in Undo."""
+
+    force: bool = False
+
+
+class LoadScene(msgspec.Struct, frozen=True, kw_only=True, tag="load_scene"):
+    """Puts another scene in the place of what is there; time goes on, and all that could be undone is forgotten.
+
+    Assets that the records name must be with the host (see `topics.ASSET_OFFER`). `path` is the file it came from, if from one.
+    """
+
+    name: str
+    records: tuple[EntityRecord, ...]
+    settings: SceneSettings = SceneSettings()
+    path: str = ""
+
+
+class NoteSaved(msgspec.Struct, frozen=True, kw_only=True, tag="note_saved"):
+    """Says that a file holds the scene as it was edited up to `content` (see `Snapshot.content`)."""
+
+    path: str
+    content: int
+
+
+class Rewind(msgspec.Struct, frozen=True, kw_only=True, tag="rewind"):
+    """Simulation only: pause, and go to a tick that the flight recorder keeps."""
+
+    tick: int
+
+
+class Resume(msgspec.Struct, frozen=True, kw_only=True, tag="resume"):
+    """Simulation only: go on from here as a fork. What the flight recorder keeps of later is forgotten."""
+
+
+Time = SetPlaying | StepTicks | Seek | SetRate | SetLoop | Rewind | Resume  # what is asked of the clock
+Command = Edit | Batch | Undo | Redo | LoadScene | NoteSaved | Time
 
 
 class CommandRequest(msgspec.Struct, frozen=True, kw_only=True):
-    """A command and who asks for it (a node's id)."""
+    """A command and who asks for it (a node's id).
+
+    Edits of an `author` (see HistoryReply) can be undone by him: they are listed as `label`, and those of one `stroke` (a drag)
+    as one. An edit that says which revision of the scene it was made from is refused where somebody else has changed since
+    what it changes; -1 says nothing.
+    """
 
     origin: str
     command: Command
+    author: str = ""
+    label: str = ""
+    stroke: str = ""
+    made_from: int = -1
 
 
 class CommandReply(msgspec.Struct, frozen=True, kw_only=True):
@@ -140,6 +192,10 @@ class CommandReply(msgspec.Struct, frozen=True, kw_only=True):
     tick: int
     reason: str = ""
     entities: tuple[int, ...] = ()
+    sequence: int = -1  # of the delta that contains it
+    content: int = 0  # what names the scene's content after it
+    is_conflict: bool = False  # refused because somebody else has changed it since
+    new_ids: dict[int, int] = {}  # of entities that an undo or redo could not bring back under the ids they had
 
 
 class CommandRecord(msgspec.Struct, frozen=True, kw_only=True):

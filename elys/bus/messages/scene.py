@@ -31,7 +31,8 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
 
     `entities` and `parents` are u32 (parent 0: none), `enabled` u8, all of one length with `names` and `prefabs`. Fields of
     kind TEXT and ASSET hold rows of `strings`. `sequence` is the last delta that is contained. `free_entities` are the u32 ids
-    that will be given out next, so that who restores the scene spawns the same ids.
+    that will be given out next, so that who restores the scene spawns the same ids. `revision` counts the edits that it contains;
+    `content` names what the edits have made of the scene: undoing one brings a former number back.
     """
 
     epoch: int
@@ -48,10 +49,14 @@ class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
     strings: tuple[str, ...]
     components: tuple[ComponentColumns, ...]
     free_entities: bytes = b""
+    revision: int = 0
+    content: int = 0
 
 
 class SnapshotRequest(msgspec.Struct, frozen=True, kw_only=True):
-    """Asks the host for the scene as it is."""
+    """Asks the host for the scene as it is; `as_edited`: with bodies, animations and joints as they were edited, not moved."""
+
+    as_edited: bool = False
 
 
 class Spawned(msgspec.Struct, frozen=True, kw_only=True, tag="spawned"):
@@ -128,3 +133,5 @@ class SceneDelta(msgspec.Struct, frozen=True, kw_only=True):
     tick: int
     changes: tuple[SceneChange, ...] = ()
     resync: bool = False
+    revision: int = 0  # as in Snapshot
+    content: int = 0

@@ -41,8 +41,9 @@ class SessionStatus(msgspec.Struct, frozen=True, kw_only=True):
     rate: float = 1.0  # simulated seconds per second asked for; 0: as fast as it can
     realtime_factor: float = 1.0  # simulated seconds per second measured
     loop: bool = False
-    start_time: float = 0.0  # [s] of a replay
-    end_time: float = 0.0  # [s] of a replay
+    start_time: float = 0.0  # [s] of a replay, or of the oldest that a simulation's flight recorder keeps
+    end_time: float = 0.0  # [s] of a replay, or of the newest
+    is_rewound: bool = False  # whether a simulation is before the newest: going on tells again what is kept
     entity_count: int = 0
     body_count: int = 0
 

@@ -11,7 +11,9 @@ It is sent each tick to whoever looks, newest wins, so it is laid out to be copi
     40      8      delta sequence    u64  the scene deltas that must have been applied before it
     48      8      state hash        u64
     56      4      body count        u32  N
-    60      4      flags             u32  bit 0: playing, bit 1: a tail follows the bodies
+    60      4      flags             u32  bit 0: playing, bit 1: a tail follows the bodies,
+                                              bit 2: told again, from a simulation's flight recorder,
+                                              bit 3: of a fork, before it is as old as what it was forked from
     64      24 N   position          f64 x 3  [m]      world
             16 N   rotation          f32 x 4  x y z w  world
             12 N   linear velocity   f32 x 3  [m/s]
@@ -68,6 +70,8 @@ _WEIGHT_SIZE: Final = sum(np.dtype(dtype).itemsize * width for _, dtype, width i
 MAX_BODIES: Final = 1 << 22
 PLAYING: Final = 1
 HAS_TAIL: Final = 2
+TOLD_AGAIN: Final = 4
+FORKED: Final = 8
 
 
 def _no_rows(dtype: str, *width: int) -> NDArray[Any]:
@@ -115,6 +119,8 @@ class StateFrame:
     weight: NDArray[np.float32] = field(default_factory=lambda: _NO_NUMBERS)
     weight_entity: NDArray[np.uint32] = field(default_factory=lambda: _NO_IDS)
     weight_target: NDArray[np.uint32] = field(default_factory=lambda: _NO_IDS)
+    is_told_again: bool = False  # what a flight recorder shows of the past: it is not new
+    is_forked: bool = False  # of a fork: later ticks that were told before it are void
 
     @property
     def body_count(self) -> int:
@@ -134,7 +140,10 @@ def pack_frame(frame: StateFrame) -> bytes:
         frame.delta_sequence,
         frame.state_hash,
         frame.body_count,
-        (PLAYING if frame.playing else 0) | (HAS_TAIL if has_tail else 0),
+        (PLAYING if frame.playing else 0)
+        | (HAS_TAIL if has_tail else 0)
+        | (TOLD_AGAIN if frame.is_told_again else 0)
+        | (FORKED if frame.is_forked else 0),
     )
     parts = [header, *_packed(frame, COLUMNS)]
     if has_tail:
@@ -198,6 +207,8 @@ def unpack_frame(payload: bytes, *, offset: int = 0) -> StateFrame:
         delta_sequence=sequence,
         state_hash=state_hash,
         playing=bool(flags & PLAYING),
+        is_told_again=bool(flags & TOLD_AGAIN),
+        is_forked=bool(flags & FORKED),
         **arrays,
     )
 

@@ -45,6 +45,7 @@ class ViewRequest(msgspec.Struct, frozen=True, kw_only=True):
     width: int
     height: int
     selection: tuple[int, ...] = ()
+    hidden: tuple[int, ...] = ()  # these and all below them are not drawn
     grid: bool = True
     shows: Shows = "shaded"  # anything else is drawn without grid and outlines
     ring: SharedRing | None = None
@@ -74,6 +75,7 @@ class PickRequest(msgspec.Struct, frozen=True, kw_only=True):
     height: int
     x: int
     y: int
+    passed_over: tuple[int, ...] = ()  # what is seen behind these, and all below them, counts
 
 
 class PickReply(msgspec.Struct, frozen=True, kw_only=True):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elys.bus import topics
-from elys.bus.messages.state_frame import HEADER, is_whole
+from elys.bus.messages.state_frame import FORKED, HEADER, TOLD_AGAIN, is_whole
 
 SNAPSHOT_CHANNEL: Final = topics.SNAPSHOT.name
 STATE_CHANNEL: Final = topics.STATE.name
@@ -45,10 +45,14 @@ _heads: Final = msgspec.json.Decoder(_Head)
 
 
 class IndexBuilder:
-    """Collects an entry for each state frame, snapshot and delta; what is none of them, or is damaged, gets none."""
+    """Collects an entry for each state frame, snapshot and delta; what is none of them, or is damaged, gets none.
+
+    Frames that a rewound simulation told again have none, unless there are no others, nor have those that a fork made void.
+    """
 
     def __init__(self) -> None:
         self._frames: list[tuple[int, int, float, int, int, int, int]] = []
+        self._told_again: list[tuple[int, int, float, int, int, int, int]] = []
         self._scene: list[tuple[int, int, bool, int, int]] = []
 
     def add(self, channel: str, body: bytes | memoryview, chunk: int, message: int) -> None:
@@ -66,13 +70,17 @@ class IndexBuilder:
     def _add_frame(self, body: bytes | memoryview, chunk: int, message: int) -> None:
         if len(body) < HEADER.size:
             return
-        epoch, tick, time, _, sequence, _, count, _ = HEADER.unpack_from(body)
-        if is_whole(body) and math.isfinite(time):
-            self._frames.append((epoch, tick, time, sequence, count, chunk, message))
+        epoch, tick, time, _, sequence, _, count, flags = HEADER.unpack_from(body)
+        if not (is_whole(body) and math.isfinite(time)):
+            return
+        frames = self._told_again if flags & TOLD_AGAIN else self._frames
+        while flags & FORKED and frames and frames[-1][0] == epoch and frames[-1][1] > tick:
+            frames.pop()
+        frames.append((epoch, tick, time, sequence, count, chunk, message))
 
     def frames(self) -> NDArray[np.void]:
         """[F] STATE_INDEX, in the order of the file."""
-        return np.array(self._frames, STATE_INDEX)
+        return np.array(self._frames or self._told_again, STATE_INDEX)
 
     def scene(self) -> NDArray[np.void]:
         """[S] SCENE_INDEX, in the order of the file."""

@@ -44,7 +44,7 @@ class Gizmo:
     def __init__(self) -> None:
         self._drag: _Drag | None = None
         self.is_over = False  # the pointer is on a handle
-        self._targets_key: tuple[int, int] = (-1, -1)
+        self._targets_key: tuple[int, int, int, int] = (-1, -1, -1, -1)
         self._found: list[int] = []
 
     @property
@@ -54,7 +54,7 @@ class Gizmo:
 
     def draw(self, ui: Ui, camera: ViewCamera, rectangle: tuple[float, float, float, float]) -> None:
         """Draws it over the picture at `rectangle` (x, y, width, height) that was taken with `camera`."""
-        targets = [e for e in self._targets(ui) if ui.model.scene.echo_of(e, "Transform") is not None]
+        targets = self._targets(ui)
         if not targets or ui.tools.tool == "select" or ui.model.is_replay:
             self._drag, self.is_over = None, False
             return
@@ -75,18 +75,20 @@ class Gizmo:
             self._send(ui, tool, drag)
 
     def _targets(self, ui: Ui) -> list[int]:
-        """Topmost selected entities with a Transform, the primary one (or what is above it) last."""
-        key = (ui.model.selection.version, ui.model.scene.structure_version)
+        """Topmost selected entities with a Transform that are not locked, the primary one (or what is above it) last."""
+        scene = ui.model.scene
+        key = (ui.model.selection.version, scene.structure_version, scene.transforms_version, scene.marks.version)
         if key != self._targets_key:
             self._targets_key, self._found = key, self._find_targets(ui)
         return self._found
 
     def _find_targets(self, ui: Ui) -> list[int]:
         model = ui.model
-        tops = model.edit.tops(model.selection)
+        tops = [e for e in model.edit.tops(model.selection) if not model.scene.marks.is_marked("locked", e)]
         primary = model.selection.primary
         while primary and primary not in tops and model.scene.exists(primary):
             primary = model.scene.parent_of(primary)
+        tops = [entity for entity in tops if model.scene.echo_of(entity, "Transform") is not None]
         return sorted(tops, key=lambda entity: entity == primary)
 
     def _begin(self, ui: Ui, targets: list[int], pivot: WorldPose) -> _Drag:

@@ -64,7 +64,8 @@ class ViewportPanel:
         scale = imgui.get_io().display_framebuffer_scale
         width, height = int(self.rectangle[2] * scale.x), int(self.rectangle[3] * scale.y)
         selection = ui.model.selection.entities
-        self.stream.want(View(self.camera.view, width, height, selection, ui.tools.shows_grid, ui.tools.shows))
+        hidden = ui.model.scene.marks.own("hidden")
+        self.stream.want(View(self.camera.view, width, height, selection, hidden, ui.tools.shows_grid, ui.tools.shows))
         draw_list = imgui.get_window_draw_list()
         high = (low.x + self.rectangle[2], low.y + self.rectangle[3])
         if self.stream.shown is None or not self._picture.name:

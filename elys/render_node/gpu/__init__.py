@@ -3,7 +3,7 @@
 Context ── makes and counts ──> Buffer, Texture, Framebuffer, Program, VertexArray
 """
 
-from elys.render_node.gpu.buffer import INSTANCE_DTYPE, VERTEX_ATTRIBUTES, Buffer, VertexArray
+from elys.render_node.gpu.buffer import INSTANCE_DTYPE, PLAIN_INSTANCE_DTYPE, VERTEX_ATTRIBUTES, Buffer, VertexArray
 from elys.render_node.gpu.context import Context, offscreen_context, window_context
 from elys.render_node.gpu.framebuffer import Framebuffer
 from elys.render_node.gpu.program import BLOCK_BINDINGS, TEXTURE_UNITS, Program
@@ -13,6 +13,7 @@ from elys.render_node.gpu.texture import Format, Texture
 __all__ = [
     "BLOCK_BINDINGS",
     "INSTANCE_DTYPE",
+    "PLAIN_INSTANCE_DTYPE",
     "TEXTURE_UNITS",
     "VERTEX_ATTRIBUTES",
     "Buffer",

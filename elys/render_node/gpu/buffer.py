@@ -22,15 +22,31 @@ VERTEX_ATTRIBUTES: Final[Mapping[str, tuple[int, int]]] = {
     "joints": (13, 4),
     "weights": (14, 4),
 }
-# One row an instance: three rows of relative_from_local, three of its material's numbers (see `instance.glsl`), the entity, whose
-# bits travel as they are, and where what bends and morphs it stands among `RenderWorld.pose_texels`.
+# One row an instance: three rows of relative_from_local, its material's numbers (see `instance.glsl`), the entity, whose bits
+# travel as they are, and where what bends and morphs it stands among `RenderWorld.pose_texels`.
 INSTANCE_DTYPE: Final = np.dtype(
-    [("affine", "<f4", (3, 4)), ("surface", "<f4", (3, 4)), ("entity", "<u4"), ("pose", "<i4", (2,))]
+    [
+        ("affine", "<f4", (3, 4)),
+        ("base_color", "<f4", (4,)),
+        ("reflection", "<f4", (2,)),
+        ("emissive", "<f4", (4,)),
+        ("entity", "<u4"),
+        ("pose", "<i4", (2,)),
+    ]
+)
+# How rows begin, which is all of them where nothing glows, has holes or bends and nobody is asked for.
+PLAIN_INSTANCE_DTYPE: Final = np.dtype(
+    [(name, INSTANCE_DTYPE[name]) for name in ("affine", "base_color", "reflection")]
 )
 _AFFINE_LOCATION: Final = 5
-_SURFACE_LOCATION: Final = 8
-_ENTITY_LOCATION: Final = 11
-_POSE_LOCATION: Final = 15
+# Other fields: location, whether they are integers, and as what they are read.
+_FIELDS: Final[Mapping[str, tuple[int, str, str]]] = {
+    "base_color": (8, "f", "4f4"),
+    "emissive": (9, "f", "4f4"),
+    "reflection": (10, "f", "2f4"),
+    "entity": (11, "i", "1u4"),
+    "pose": (15, "i", "2i4"),
+}
 
 
 class Buffer:
@@ -82,8 +98,7 @@ class VertexArray:
         """`attributes` by their names in VERTEX_ATTRIBUTES; `count` indices, or vertices when there are none."""
         self._kept = (program, dict(attributes), indices)  # what the card reads while this lives
         self._count = count
-        self._shades, self._identifies = program.reads("base_color"), program.reads("entity")
-        self._deforms = program.reads("pose")
+        self._fields = tuple(name for name in _FIELDS if program.reads(name))
         mode = context.gl.TRIANGLE_STRIP if strip else context.gl.TRIANGLES
         self.raw = context.gl.vertex_array(program.raw, [], None if indices is None else indices.raw, mode=mode)
         self._finalizer = context.adopt(self, "vertex array", self.raw)
@@ -91,19 +106,15 @@ class VertexArray:
             location, width = VERTEX_ATTRIBUTES[name]
             self.raw.bind(location, "f", buffer.raw, f"{width}f4", 0, 4 * width, 0)
 
-    def use_instances(self, buffer: Buffer, first: int) -> None:
-        """Takes instances from row `first` of a buffer of INSTANCE_DTYPE on."""
-        stride = INSTANCE_DTYPE.itemsize
+    def use_instances(self, buffer: Buffer, first: int, layout: np.dtype[np.void]) -> None:
+        """Takes instances from row `first` of a buffer of INSTANCE_DTYPE, or of PLAIN_INSTANCE_DTYPE, on."""
+        stride = layout.itemsize
         offset = first * stride
         for row in range(3):
             self.raw.bind(_AFFINE_LOCATION + row, "f", buffer.raw, "4f4", offset + 16 * row, stride, 1)
-        if self._shades:
-            for row in range(3):
-                self.raw.bind(_SURFACE_LOCATION + row, "f", buffer.raw, "4f4", offset + 48 + 16 * row, stride, 1)
-        if self._identifies:
-            self.raw.bind(_ENTITY_LOCATION, "i", buffer.raw, "1u4", offset + 96, stride, 1)
-        if self._deforms:
-            self.raw.bind(_POSE_LOCATION, "i", buffer.raw, "2i4", offset + 100, stride, 1)
+        for name in self._fields:
+            location, kind, form = _FIELDS[name]
+            self.raw.bind(location, kind, buffer.raw, form, offset + _offset_in(layout, name), stride, 1)
 
     def draw(self, instance_count: int = 1) -> None:
         """Draws the mesh so many times."""
@@ -112,3 +123,10 @@ class VertexArray:
     def release(self) -> None:
         """Frees it now rather than with this object."""
         self._finalizer()
+
+
+def _offset_in(layout: np.dtype[np.void], name: str) -> int:
+    """[bytes]"""
+    fields = layout.fields
+    assert fields is not None
+    return fields[name][1]

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from elys.common.scene import PictureSettings
 from elys.render_node.gpu import Format, Framebuffer, Program
-from elys.render_node.look import Look
 from elys.render_node.passes.drawing import ChooseProgram, depth_program, draw_calls
 from elys.render_node.passes.shading import OpaquePass
 from elys.render_node.picture_plan import PicturePlan
 from elys.render_node.quality import Quality
+from elys.render_node.render_world import Batch
 from elys.render_node.resources import Geometry, Resources
 
 DataKind = Literal["normals", "albedo", "roughness", "depth", "entity", "wireframe", "overdraw"]
@@ -137,8 +137,8 @@ class DataPass:
         shading.draw(plan, target)
 
     def _placed(self, plan: PicturePlan, define: str) -> ChooseProgram:
-        def choose(_: Geometry, look: Look) -> Program:
-            program = depth_program(self._resources, plan, look, define)
+        def choose(_: Geometry, batch: Batch) -> Program:
+            program = depth_program(self._resources, plan, batch.look, define)
             program.set("target_from_relative", plan.view.clip_from_relative)
             return program
 

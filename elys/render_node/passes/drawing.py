@@ -7,23 +7,24 @@ from collections.abc import Callable, Sequence
 from elys.render_node.gpu import Program
 from elys.render_node.look import SECOND_UVS, Look
 from elys.render_node.picture_plan import DrawCall, PicturePlan
+from elys.render_node.render_world import Batch
 from elys.render_node.resources import Geometry, Resources
 
-ChooseProgram = Callable[[Geometry, Look], Program]
+ChooseProgram = Callable[[Geometry, Batch], Program]
 
 
 def draw_calls(
     resources: Resources, plan: PicturePlan, calls: Sequence[DrawCall], choose: ChooseProgram, *, cull: bool = True
 ) -> None:
-    """Draws each call with the program that `choose` picks for its mesh and look. State but culling is the pass' own."""
+    """Draws each call with the program that `choose` picks for its mesh and batch. State but culling is the pass' own."""
     for batch, first, count in calls:
         geometry = resources.geometry(plan.world, batch)
         if geometry is None:
             continue
-        program = choose(geometry, batch.look)
+        program = choose(geometry, batch)
         resources.context.set_culling(cull and not batch.look.is_double_sided, mirrored=batch.look.is_mirrored)
         array = geometry.vertex_array(program)
-        array.use_instances(resources.instances, first)
+        array.use_instances(resources.instances, first, plan.instances.dtype)
         if batch.look.is_morphed:
             geometry.use_targets(program)
         array.draw(count)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
@@ -91,6 +92,7 @@ class EnvironmentPass:
             triangle.draw()
 
 
+@lru_cache(maxsize=1)
 def mirror_tiles() -> NDArray[np.float32]:
     """(6, 4) for `frame.glsl`: lower left corner and edges of the squares, as shares of the texture."""
     width, height = ATLAS_SIZE

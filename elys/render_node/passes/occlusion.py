@@ -8,7 +8,7 @@ from elys.render_node.gpu import TEXTURE_UNITS, Framebuffer, Program
 from elys.render_node.passes.backdrop import ScreenShader
 from elys.render_node.passes.drawing import depth_program, draw_calls
 from elys.render_node.picture_plan import PicturePlan
-from elys.render_node.render_world import Look
+from elys.render_node.render_world import Batch
 from elys.render_node.resources import Geometry, Resources
 
 
@@ -40,8 +40,8 @@ class OcclusionPass:
         self._depths.clear()
         context.set_state(depth_test="less", cull="back")
 
-        def choose(_: Geometry, look: Look) -> Program:
-            program = depth_program(self._resources, plan, look)
+        def choose(_: Geometry, batch: Batch) -> Program:
+            program = depth_program(self._resources, plan, batch.look)
             program.set("target_from_relative", view.clip_from_relative)
             return program
 

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elys.render_node.gpu import Framebuffer, Program
-from elys.render_node.look import Look
 from elys.render_node.passes.drawing import depth_program, draw_calls
 from elys.render_node.picture_plan import PicturePlan
+from elys.render_node.render_world import Batch
 from elys.render_node.resources import Geometry, Resources
 
 
@@ -25,8 +25,8 @@ class PickingPass:
         self._target.clear()
         self._resources.context.set_state(depth_test="less", cull="back")
 
-        def choose(_: Geometry, look: Look) -> Program:
-            program = depth_program(self._resources, plan, look, "PICKED")
+        def choose(_: Geometry, batch: Batch) -> Program:
+            program = depth_program(self._resources, plan, batch.look, "PICKED")
             program.set("target_from_relative", plan.view.clip_from_relative)
             return program
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from elys.render_node.gpu import Framebuffer, Program
-from elys.render_node.look import Look
 from elys.render_node.passes.drawing import ChooseProgram, draw_calls
 from elys.render_node.passes.occlusion import OcclusionPass
 from elys.render_node.picture_plan import PicturePlan
 from elys.render_node.quality import Quality
+from elys.render_node.render_world import Batch
 from elys.render_node.resources import TANGENTS, Geometry, Resources
 
 NORMAL_MAPS = frozenset({"NORMAL_TEXTURE", "CLEARCOAT_NORMAL_TEXTURE"})
@@ -58,16 +58,20 @@ class TransparentPass:
 
 def _shaded(resources: Resources, plan: PicturePlan, quality: Quality, *, occluded: bool = False) -> ChooseProgram:
     shared = quality.surface_defines(plan.picture) + (quality.shadow_defines if plan.shadow is not None else ())
+    shared += ("SUN",) if plan.sun is not None else ()
+    shared += ("LAMPS",) if plan.lamps else ()
     shared += ("NEAR_SHADOW",) if plan.near_shadow is not None else ()
     shared += ("LAMP_SHADOWS",) if plan.lamp_shadows is not None else ()
     shared += ("SURROUNDINGS",) if plan.surroundings.gives_light else ()
     shared += ("AMBIENT_OCCLUSION",) if occluded else ()
 
-    def choose(geometry: Geometry, look: Look) -> Program:
+    def choose(geometry: Geometry, batch: Batch) -> Program:
+        look = batch.look
         textures = resources.bind_textures(plan.world, look)
         along_vertices = not NORMAL_MAPS.isdisjoint(textures) and look.tangents != "pixels"
         vertices = tuple(define for define in geometry.defines if define != TANGENTS or along_vertices)
-        program = resources.program("shaded.vert", "shaded.frag", (*vertices, *textures, *shared))
+        numbers = (*look.surface, *batch.terms)
+        program = resources.program("shaded.vert", "shaded.frag", (*vertices, *textures, *numbers, *shared))
         resources.set_look(program, look, textures)
         return program
 

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elys.render_node.gpu import TEXTURE_UNITS, Framebuffer, Program
-from elys.render_node.look import Look
 from elys.render_node.passes.drawing import depth_program, draw_calls
 from elys.render_node.picture_plan import PicturePlan, ShadowState, shadow_state
+from elys.render_node.render_world import Batch
 from elys.render_node.resources import Geometry, Resources
 
 SLOPE_OFFSET = (1.5, 3.0)  # pushes casters away from the sun by their slope and by a few steps of the depth's precision
@@ -41,14 +41,14 @@ class ShadowPass:
         for column, fit in enumerate(fits):
             self._map.use(region=(column * edge, 0, edge, edge))
 
-            def choose(_: Geometry, look: Look, target: NDArray[np.float64] = fit.map_from_relative) -> Program:
-                program = depth_program(self._resources, plan, look)
+            def choose(_: Geometry, batch: Batch, target: NDArray[np.float64] = fit.map_from_relative) -> Program:
+                program = depth_program(self._resources, plan, batch.look)
                 program.set("target_from_relative", target)
                 return program
 
             # What turns its back to the sun is hidden by its own front, or is a sheet that is not there from behind either.
             draw_calls(self._resources, plan, plan.casters, choose)
-        self.drawn = shadow_state(plan.world, plan.shadow, plan.near_shadow)
+        self.drawn = shadow_state(plan.world, plan.shadow, plan.near_shadow, plan.hidden)
 
     def use(self) -> None:
         """Shows the map to the passes that shade."""
@@ -82,13 +82,13 @@ class LampShadowPass:
             self._atlas.use(region=shadows.region(square))
             target_from_relative = shadows.clip_from_relative(square, plan.view.eye)
 
-            def choose(_: Geometry, look: Look, target: NDArray[np.float64] = target_from_relative) -> Program:
-                program = depth_program(self._resources, plan, look)
+            def choose(_: Geometry, batch: Batch, target: NDArray[np.float64] = target_from_relative) -> Program:
+                program = depth_program(self._resources, plan, batch.look)
                 program.set("target_from_relative", target)
                 return program
 
             draw_calls(self._resources, plan, calls, choose)
-        self.drawn = ShadowState(plan.world.scene_version, plan.world.pose_version, shadows.key)
+        self.drawn = ShadowState(plan.world.scene_version, plan.world.pose_version, shadows.key, plan.hidden)
 
     def use(self) -> None:
         """Shows the atlas to the passes that shade."""

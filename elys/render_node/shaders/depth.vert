@@ -12,7 +12,7 @@ out vec2 vertex_second_uv;
 #endif
 flat out vec4 surface_base;
 flat out vec4 surface_emissive;
-flat out vec4 surface_reflection;
+flat out vec2 surface_reflection;
 #endif
 #ifdef PICKED
 flat out uint picked;

@@ -11,8 +11,8 @@ layout(std140) uniform Frame {
     mat4 clip_from_relative;
     mat4 relative_from_clip;
     mat4 shadow_from_relative;  // to 0..1 in the shadow map
-    vec4 sun_direction;         // towards the sun; w: 1 where it shines
-    vec4 sun_illuminance;       // [lx]; w: 1 where it throws shadows
+    vec4 sun_direction;         // towards the sun
+    vec4 sun_illuminance;       // [lx]
     vec4 shadow_scale;          // x: normal offset [m], y: texel of the map in its 0..1; z, w: the same of the near one, w 0 for none
     mat4 near_shadow_from_relative;
     vec4 irradiance[9];         // per pi, see irradiance_from

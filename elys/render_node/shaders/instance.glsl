@@ -4,7 +4,7 @@ layout(location = 6) in vec4 affine_y;
 layout(location = 7) in vec4 affine_z;
 layout(location = 8) in vec4 base_color;   // linear; w: opacity
 layout(location = 9) in vec4 emissive;     // radiance; w: alpha cutoff
-layout(location = 10) in vec4 reflection;  // x: metallic, y: roughness, z: 1 where only opacity above the cutoff is drawn, w: 1 where two-sided
+layout(location = 10) in vec2 reflection;  // x: metallic, y: roughness
 layout(location = 11) in uint entity;
 
 vec3 relative_from_local(vec3 point) {
@@ -18,9 +18,13 @@ vec3 turned(vec3 direction) {
 
 // Normals go by the cofactors, which are the inverse transpose times the determinant and exist for flat scales too.
 vec3 turned_normal(vec3 normal) {
+#ifdef EVEN_SCALE
+    return turned(normal);
+#else
     vec3 x = cross(affine_y.xyz, affine_z.xyz);
     vec3 y = cross(affine_z.xyz, affine_x.xyz);
     vec3 z = cross(affine_x.xyz, affine_y.xyz);
     float side = dot(affine_x.xyz, x) < 0.0 ? -1.0 : 1.0;
     return side * vec3(dot(x, normal), dot(y, normal), dot(z, normal));
+#endif
 }

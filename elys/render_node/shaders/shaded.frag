@@ -65,7 +65,11 @@ mat3 relative_from_tangent(vec3 normal, vec2 uv, float side) {
 #endif
 
 float seen_side() {
-    return surface_reflection.w > 0.0 && !gl_FrontFacing ? -1.0 : 1.0;
+#ifdef DOUBLE_SIDED
+    return gl_FrontFacing ? 1.0 : -1.0;
+#else
+    return 1.0;
+#endif
 }
 
 vec3 smooth_normal() {
@@ -112,6 +116,7 @@ vec3 lit(vec3 normal, vec3 to_view, vec3 to_light, vec3 color, float metallic, f
 #endif
 }
 
+#ifdef LAMPS
 vec3 lamplight(vec3 normal, vec3 to_view, vec3 color, float metallic, float roughness) {
     vec3 sum = vec3(0.0);
     int count = int(viewport.z);
@@ -131,6 +136,7 @@ vec3 lamplight(vec3 normal, vec3 to_view, vec3 color, float metallic, float roug
     }
     return sum;
 }
+#endif
 
 #ifdef SURROUNDINGS
 vec3 surrounding_light(vec3 normal, vec3 to_view, vec3 color, float metallic, float roughness) {
@@ -173,7 +179,9 @@ void main() {
 #ifdef VERTEX_COLORS
     color *= vertex_color;
 #endif
-    if (surface_reflection.z > 0.0 && color.a < surface_emissive.w) discard;
+#ifdef MASKED
+    if (color.a < surface_emissive.w) discard;
+#endif
 #ifdef SHOWN
     radiance = vec4(SHOWN, 1.0);  // a picture of data, see passes/data.py
     return;
@@ -212,14 +220,16 @@ void main() {
 #ifdef SURROUNDINGS
     light += surrounding_light(normal, to_view, color.rgb, metallic, roughness) * occlusion;
 #endif
-    if (sun_direction.w > 0.0) {
-        vec3 sun = lit(normal, to_view, sun_direction.xyz, color.rgb, metallic, roughness) * sun_illuminance.rgb;
+#ifdef SUN
+    vec3 sun = lit(normal, to_view, sun_direction.xyz, color.rgb, metallic, roughness) * sun_illuminance.rgb;
 #ifdef SHADOWS
-        if (sun != vec3(0.0)) sun *= sunlight(relative, smooth_normal());
+    if (sun != vec3(0.0)) sun *= sunlight(relative, smooth_normal());
 #endif
-        light += sun;
-    }
+    light += sun;
+#endif
+#ifdef LAMPS
     light += lamplight(normal, to_view, color.rgb, metallic, roughness);
+#endif
 #endif
 #ifdef FOG
     light = seen_through_fog(light, relative);
@@ -228,5 +238,8 @@ void main() {
     light = display_from_light(light);
 #endif
     // Half floats end at 65504; what is brighter would become infinite and spread when samples are averaged.
-    radiance = vec4(min(light, vec3(60000.0)), surface_reflection.z > 0.0 ? 1.0 : color.a);
+#ifdef MASKED
+    color.a = 1.0;
+#endif
+    radiance = vec4(min(light, vec3(60000.0)), color.a);
 }

@@ -21,7 +21,7 @@ out vec4 vertex_color;
 
 flat out vec4 surface_base;
 flat out vec4 surface_emissive;
-flat out vec4 surface_reflection;
+flat out vec2 surface_reflection;
 out vec3 relative;
 out vec3 vertex_normal;
 out vec2 vertex_uv;

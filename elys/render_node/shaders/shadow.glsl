@@ -6,7 +6,6 @@ bool is_inside(vec3 place, float border) {
 
 // Share of the sun that reaches a point: a 3x3 tent out of four bilinear comparisons, or one of them where speed counts.
 float sunlight(vec3 relative, vec3 normal) {
-    if (sun_illuminance.w == 0.0) return 1.0;
     float cosine = dot(normal, sun_direction.xyz);
     float lift = 0.4 + sqrt(max(1.0 - cosine * cosine, 0.0));
     vec3 place = (shadow_from_relative * vec4(relative + normal * (shadow_scale.x * lift), 1.0)).xyz;

@@ -1,7 +1,7 @@
 // An instance's material: its numbers, and its textures where the program is compiled for them.
 flat in vec4 surface_base;
 flat in vec4 surface_emissive;
-flat in vec4 surface_reflection;
+flat in vec2 surface_reflection;
 in vec2 vertex_uv;
 #ifdef SECOND_UVS
 in vec2 vertex_second_uv;
@@ -95,11 +95,15 @@ vec4 surface_color() {
 
 // Metallic and roughness.
 vec2 surface_metal() {
-#ifdef METALLIC_ROUGHNESS_TEXTURE
-    return surface_reflection.xy * texture(metallic_roughness_texture, METALLIC_ROUGHNESS_UV).bg;
+#ifdef METALLIC
+    vec2 metal = surface_reflection;
 #else
-    return surface_reflection.xy;
+    vec2 metal = vec2(0.0, surface_reflection.y);  // known when the shader is compiled: all of it that is for metal goes
 #endif
+#ifdef METALLIC_ROUGHNESS_TEXTURE
+    metal *= texture(metallic_roughness_texture, METALLIC_ROUGHNESS_UV).bg;
+#endif
+    return metal;
 }
 
 #ifdef OCCLUSION_STRENGTH
@@ -119,7 +123,9 @@ float surface_occlusion() {
 }
 
 vec3 surface_glow() {
-#ifdef EMISSIVE_TEXTURE
+#ifndef GLOWING
+    return vec3(0.0);
+#elif defined(EMISSIVE_TEXTURE)
     return surface_emissive.rgb * texture(emissive_texture, EMISSIVE_UV).rgb;
 #else
     return surface_emissive.rgb;

@@ -34,6 +34,12 @@ def grown(array: NDArray[Any], capacity: int, *, fill: int = 0) -> NDArray[Any]:
     return larger
 
 
+def _next_users(entities: Entities) -> Entities:
+    """What those are called that use the places of [N] entities after them."""
+    generations = ((entities >> np.uint32(INDEX_BITS)) + np.uint32(1)) % np.uint32(GENERATION_COUNT)
+    return np.asarray((generations << np.uint32(INDEX_BITS)) | (entities & np.uint32(MAX_ENTITIES)), np.uint32)
+
+
 class EntityAllocator:
     """Who exists. Places count from 1; place 0 is nobody's.
 
@@ -77,6 +83,31 @@ class EntityAllocator:
         self.count += count
         return entities
 
+    def can_revive(self, entities: Entities) -> bool:
+        """Whether each of [N] entities was the last to use its place, and the place rests."""
+        indices = indices_of(entities)
+        if len(np.unique(indices)) != len(indices) or np.any((indices == 0) | (indices >= self._untouched)):
+            return False
+        return bool(np.all(self.ids[indices] == NO_ENTITY) and np.all(self._next_ids[indices] == _next_users(entities)))
+
+    def revive(self, entities: Entities) -> None:
+        """Makes [N] ended entities live again; only where `can_revive`."""
+        indices = indices_of(entities)
+        revived = set(indices.tolist())
+        self._free = deque(index for index in self._free if index not in revived)
+        self.ids[indices] = entities
+        self.count += len(entities)
+
+    def resting(self) -> tuple[deque[int], int]:
+        """Which places rest, and from where on none was used, for `take_back`."""
+        return self._free.copy(), self._untouched
+
+    def take_back(self, resting: tuple[deque[int], int], spawned: Entities) -> None:
+        """Gives out next what it would have when `resting` was asked; all that was `spawned` since has ended."""
+        free, self._untouched = resting
+        self._free = free.copy()
+        self._next_ids[indices_of(spawned)] = spawned
+
     def free(self, entity: int) -> None:
         """Ends an entity; EntityError if it does not live."""
         self.free_many(np.array([entity], np.uint32))
@@ -90,8 +121,7 @@ class EntityAllocator:
             )
         indices = indices_of(entities)
         self.ids[indices] = NO_ENTITY
-        generations = ((entities >> np.uint32(INDEX_BITS)) + np.uint32(1)) % np.uint32(GENERATION_COUNT)
-        self._next_ids[indices] = (generations << np.uint32(INDEX_BITS)) | indices.astype(np.uint32)
+        self._next_ids[indices] = _next_users(entities)
         self._free.extend(indices.tolist())
         self.count -= len(entities)
 

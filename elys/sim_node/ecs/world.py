@@ -138,10 +138,19 @@ class World:
         )
         return self.spawn_batch(batch, parent=parent)
 
-    def spawn_batch(self, batch: SpawnBatch, *, parent: Entity = NO_ENTITY) -> Entities:
-        """Makes the entities of a batch, those without a parent in it last among the children of `parent`."""
+    def spawn_batch(
+        self, batch: SpawnBatch, *, parent: Entity = NO_ENTITY, revived: Entities | None = None
+    ) -> Entities:
+        """Makes the entities of a batch, those without a parent in it last among the children of `parent`.
+
+        They are the `revived` ones, that lived before, if all of them still can live again.
+        """
         above = self.hierarchy.require_parent(parent)
-        entities = self.allocator.allocate_many(len(batch.names))
+        if revived is not None and self.allocator.can_revive(revived):
+            entities = revived
+            self.allocator.revive(entities)
+        else:
+            entities = self.allocator.allocate_many(len(batch.names))
         parents = self._fill(entities, batch, above)
         self._changes.log_spawned(entities.tolist(), parents.tolist())
         return entities
@@ -180,6 +189,12 @@ class World:
             table.clear()
         self._fill(entities, batch, GROUND)
         self._changes.discard(overflowed=True)
+
+    def outdate(self) -> None:
+        """All of it was put back to another time: whatever was derived from it is stale."""
+        self.hierarchy.outdate()
+        for table in self._tables.values():
+            table.structure_version += 1
 
     # Components of one entity
 

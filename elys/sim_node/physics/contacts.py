@@ -11,6 +11,7 @@ from elys.sim_node.physics.kernels.pair_list import compare_pairs, enter_pairs, 
 from elys.sim_node.physics.kernels.simd import LANES
 from elys.sim_node.physics.kernels.tables import FOUND, MANIFOLD, PAIR, POINTS, TREE_LEAF, Geometry, grown
 from elys.sim_node.physics.kernels.wide_tree import BLOCK, MOST_LEVELS, build_wide_tree, refit_wide_tree
+from elys.sim_node.physics.rows import picked_rows
 from elys.sim_node.physics.states import ContactPoints
 
 Array = np.ndarray[Any, Any]
@@ -237,8 +238,8 @@ class ContactStore:
         place = np.zeros(len(self.pairs), np.int32)
         place[live["slot"]] = np.arange(1, len(live) + 1)
         return {
-            "pairs": self.pairs[live["slot"]],
-            "manifolds": self.manifolds[live["slot"]],
+            "pairs": picked_rows(self.pairs, live["slot"]),
+            "manifolds": picked_rows(self.manifolds, live["slot"]),
             "touching": place[self.touching[: self.touching_count]],
         }
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from elys.common.errors import PhysicsError
+from elys.sim_node.physics import checks
 from elys.sim_node.physics.hull import FlatPointsError, convex_hull
 from elys.sim_node.physics.kernels.parts import MOST
 from elys.sim_node.physics.kernels.tables import (
@@ -134,9 +135,9 @@ class GeometryStore:
     def load(self, saved: dict[str, Array]) -> None:
         """Takes back what `saved` gave."""
         try:
-            headers, faces, points, nodes = (
-                saved[f"geometry_{name}"].copy() for name in ("headers", "faces", "points", "nodes")
-            )
+            headers = checks.saved_table(saved, "geometry_headers", GEOMETRY)
+            faces = checks.saved_table(saved, "geometry_faces", FACE)
+            points, nodes = (saved[f"geometry_{name}"].copy() for name in ("points", "nodes"))
             solids, digests = saved["geometry_solids"], saved["geometry_digests"]
         except KeyError as error:
             raise PhysicsError(f"This is not a snapshot of this version: its table {error} is missing") from error

@@ -22,6 +22,11 @@ def picked_rows(table: Array, rows: Array) -> Array:
     return np.asarray(np.take(_as_bytes(table), rows, axis=0).view(table.dtype))
 
 
+def copied_rows(table: Array) -> Array:
+    """A copy of a table (N,)."""
+    return np.frombuffer(bytearray(table.tobytes()), table.dtype).reshape(table.shape)
+
+
 def _as_bytes(table: Array) -> Array:
     """A view with one opaque number for each row."""
     return table.view(f"V{table.dtype.itemsize}")

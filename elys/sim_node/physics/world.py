@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -27,6 +28,7 @@ from elys.sim_node.physics.mass_properties import mass_properties
 from elys.sim_node.physics.measures import energy_of, momentum_of, thickness_of
 from elys.sim_node.physics.measuring import Measuring
 from elys.sim_node.physics.plan import PlannedStage, Switches, without_exact
+from elys.sim_node.physics.rows import copied_rows
 from elys.sim_node.physics.settings import PhysicsSettings, SceneTraits, step_constants, step_strengths
 from elys.sim_node.physics.solving import SolverRoom
 from elys.sim_node.physics.states import (
@@ -43,6 +45,10 @@ from elys.sim_node.physics.stepping import Step
 from elys.sim_node.physics.team import Team
 
 Array = np.ndarray[Any, Any]
+
+_COPIED = frozenset(
+    {"bodies", "poses", "mass", "inertia", "given_inertia", "forces", "colliders", "shapes", "proxies", "joints"}
+)
 
 
 class PhysicsWorld(WorldJoints):
@@ -547,17 +553,22 @@ class PhysicsWorld(WorldJoints):
 
     def snapshot(self) -> dict[str, Array]:
         """Everything that the next steps depend on, as arrays that nothing else holds; the settings are not among them."""
+        live = self._live()
+        return {name: copied_rows(live[name]) if name in _COPIED else live[name] for name in live}
+
+    def _live(self) -> dict[str, Array]:
+        """What a snapshot holds: `_COPIED` as they are worked on, the rest made anew."""
         return {
-            "bodies": self._bodies.rows.copy(),
-            "poses": self._bodies.poses.copy(),
-            "mass": self._bodies.mass.copy(),
-            "inertia": self._bodies.inertia.copy(),
-            "given_inertia": self._bodies.given_inertia.copy(),
-            "forces": self._bodies.forces.copy(),
-            "colliders": self._colliders.rows.copy(),
-            "shapes": self._colliders.shapes.copy(),
-            "proxies": self._colliders.proxies.copy(),
-            "joints": self._joints.rows.copy(),
+            "bodies": self._bodies.rows,
+            "poses": self._bodies.poses,
+            "mass": self._bodies.mass,
+            "inertia": self._bodies.inertia,
+            "given_inertia": self._bodies.given_inertia,
+            "forces": self._bodies.forces,
+            "colliders": self._colliders.rows,
+            "shapes": self._colliders.shapes,
+            "proxies": self._colliders.proxies,
+            "joints": self._joints.rows,
             **self._colliders.geometry.saved(),
             **self._contacts.saved(),
             **self._events.saved(),
@@ -576,6 +587,34 @@ class PhysicsWorld(WorldJoints):
         self._events.load(snapshot)
         self._activity.outdate()
         self._query_tree.outdate()
+
+    def saved(self) -> dict[str, Any]:
+        """`snapshot`, and with it what no step reads but the next change of settings, or who asks what has gone wrong.
+
+        Tables are those that are worked on: whoever keeps them copies them.
+        """
+        return {
+            **self._live(),
+            "settings": self.settings,
+            "step_plan": self._step_plan,
+            "problems": tuple(self._problems),
+            "broken_joints": tuple(self._broken_joints),
+        }
+
+    def load(self, saved: dict[str, Any]) -> None:
+        """Takes back what `saved` gave; as many threads work on a step as before.
+
+        Raises:
+            PhysicsError: it is not what this version saves.
+        """
+        threads = self.settings.threads
+        self.restore(saved)
+        self.settings = msgspec.structs.replace(saved["settings"], threads=threads)
+        self._step, self._step_plan = None, saved["step_plan"]
+        if self._step_plan is not None:  # other threads than those of the last step are no reason to wake anybody
+            dt, settings, traits = self._step_plan
+            self._step_plan = (dt, msgspec.structs.replace(settings, threads=threads), traits)
+        self._problems, self._broken_joints = list(saved["problems"]), list(saved["broken_joints"])
 
     # ---------------------------------------------------------------- within
 

@@ -218,6 +218,10 @@ class Hierarchy:
         self.enabled[self.require(entity)] = enabled
         self.enabled_version += 1
 
+    def outdate(self) -> None:
+        """The whole tree is another than before."""
+        self._note_structure()
+
     # Links
 
     def _append(self, indices: Indices, parents: Indices) -> None:

@@ -23,20 +23,31 @@ from elys.sim_node.ecs.entities import Indices, indices_of
 from elys.sim_node.ecs.world import SpawnBatch, World
 
 Members = list[int]
+_MAX_ID = (1 << 32) - 1
 
 
 def load_records(
-    world: World, records: Sequence[EntityRecord], *, parent: Entity = NO_ENTITY, index: int = -1
+    world: World,
+    records: Sequence[EntityRecord],
+    *,
+    parent: Entity = NO_ENTITY,
+    index: int = -1,
+    revived: Sequence[int] = (),
 ) -> list[Entity]:
     """Makes the entities of records (parents first) and returns them in the same order.
 
-    Those without a parent among the records go under `parent`, one after the other from `index` on (-1: last).
+    Those without a parent among the records go under `parent`, one after the other from `index` on (-1: last). `revived`, one
+    for each record, are the ids that they had when they lived before: they have them again if all still can.
 
     Raises:
-        SceneError: a record's parent does not stand before it, or it refers to nobody.
+        SceneError: a record's parent does not stand before it, it refers to nobody, or ids are not one for each.
         ComponentError: a component or field does not exist or has a wrong value; the sentence names the record.
         EntityError: `parent` does not live.
     """
+    if revived and len(revived) != len(records):
+        raise SceneError(f"{len(records)} records were given {len(revived)} ids to live again; give one each")
+    if not all(0 < entity <= _MAX_ID for entity in revived):
+        raise SceneError("an id that shall live again is none: ids are from 1 to 2^32 - 1")
     references = _references_of(records)
     batch = SpawnBatch(
         names=[record.name for record in records],
@@ -45,7 +56,7 @@ def load_records(
         components=_columns_of(world, records),
         prefabs={place: record.prefab for place, record in enumerate(records) if record.prefab},
     )
-    spawned = world.spawn_batch(batch, parent=parent)
+    spawned = world.spawn_batch(batch, parent=parent, revived=np.array(revived, np.uint32) if len(revived) else None)
     for (component, field), (places, targets) in references.items():
         table = world.table(component)
         table.column(field)[table.rows(spawned[places])] = spawned[targets]

@@ -6,6 +6,7 @@ next entities will get the ids that they would have got in the first one.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from elys.common.components import declarations
 from elys.common.components.columns import Column, StringTable
 from elys.common.errors import ComponentError, EntityError, MessageError
 from elys.common.scene_document import SceneSettings
+from elys.sim_node.ecs.columns import ComponentTable
 from elys.sim_node.ecs.entities import Entities, Indices
 from elys.sim_node.ecs.world import SpawnBatch, World
 
@@ -30,8 +32,11 @@ def take_snapshot(
     sequence: int,
     scene: str,
     settings: SceneSettings,
+    revision: int = 0,
+    content: int = 0,
+    columns_of: Callable[[ComponentTable], dict[str, Column]] = ComponentTable.columns,
 ) -> Snapshot:
-    """The world as it is, entities parents first and siblings in order."""
+    """The world as it is, entities parents first and siblings in order; `columns_of` gives the columns of a component."""
     hierarchy, allocator = world.hierarchy, world.allocator
     indices = hierarchy.order.astype(np.intp)
     tables = (world.table(name) for name in declarations())
@@ -49,8 +54,10 @@ def take_snapshot(
         names=tuple(hierarchy.names(indices)),
         prefabs=tuple(hierarchy.prefabs(indices)),
         strings=world.strings.texts,
+        revision=revision,
+        content=content,
         components=tuple(
-            component_columns(table.declaration, table.entities, table.columns()) for table in tables if table.count
+            component_columns(table.declaration, table.entities, columns_of(table)) for table in tables if table.count
         ),
     )
 

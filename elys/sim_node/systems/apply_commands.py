@@ -76,7 +76,15 @@ def _spawn(simulation: Simulation, command: Spawn) -> tuple[int, ...]:
             _check_numbers(name, values)
     if command.index >= 0 and sum(record.parent < 0 for record in command.records) > MAX_PLACED:
         raise EntityError(f"at most {MAX_PLACED} entities can be put at an index: spawn them last, or below one parent")
-    return tuple(load_records(simulation.world, command.records, parent=Entity(command.parent), index=command.index))
+    return tuple(
+        load_records(
+            simulation.world,
+            command.records,
+            parent=Entity(command.parent),
+            index=command.index,
+            revived=command.entities,
+        )
+    )
 
 
 def _check_numbers(component: str, values: Mapping[str, Any]) -> None:

@@ -114,6 +114,14 @@ class Animations:
         if len(self._moved):
             self._world.transforms.mark_dirty(self._moved)
 
+    def bind_anew(self) -> None:
+        """The world was put back to another time: who plays what is found anew; nothing is moved but weights."""
+        self._bind()
+        animation = self._world.table(Animation)
+        for players in self._players:
+            times = self._clip_times(players, animation.rows(players.entities))
+            players.weights[:] = players.sampler.sample(times).weights
+
     def animated(self) -> Animated:
         """What clips move, as it is now."""
         table = self._world.table(Transform)

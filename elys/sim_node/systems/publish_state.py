@@ -27,7 +27,15 @@ def is_heard(session: Session, topic: Topic[Any]) -> bool:
     return bool(session.taps) or session.has_listener(topic)
 
 
-def state_frame(simulation: Simulation, *, epoch: int, delta_sequence: int, playing: bool) -> StateFrame:
+def state_frame(
+    simulation: Simulation,
+    *,
+    epoch: int,
+    delta_sequence: int,
+    playing: bool,
+    is_told_again: bool = False,
+    is_forked: bool = False,
+) -> StateFrame:
     """Where the moving bodies are now, and what animations make of others."""
     bodies, animated = simulation.moving_bodies(), simulation.animated()
     return StateFrame(
@@ -38,6 +46,8 @@ def state_frame(simulation: Simulation, *, epoch: int, delta_sequence: int, play
         delta_sequence=delta_sequence,
         state_hash=simulation.state_hash(),
         playing=playing,
+        is_told_again=is_told_again,
+        is_forked=is_forked,
         position=bodies.position,
         rotation=bodies.rotation,
         linear_velocity=bodies.linear_velocity,
@@ -54,15 +64,22 @@ def scene_delta(
     epoch: int,
     sequence: int,
     settings_changed: bool,
+    revision: int = 0,
+    content: int = 0,
+    resync: bool = False,
 ) -> SceneDelta:
     """What changed in the scene; too much to be listed becomes a resync."""
     count = sum(len(c.structure) + len(c.added) + len(c.set) for c in changes)
-    if count > RESYNC_THRESHOLD or any(c.overflowed for c in changes):
-        return SceneDelta(epoch=epoch, sequence=sequence, tick=simulation.tick, resync=True)
+    if resync or count > RESYNC_THRESHOLD or any(c.overflowed for c in changes):
+        return SceneDelta(
+            epoch=epoch, sequence=sequence, tick=simulation.tick, resync=True, revision=revision, content=content
+        )
     told = scene_changes(simulation.world, changes)
     if settings_changed:
         told = (*told, SettingsSet(settings=simulation.settings))
-    return SceneDelta(epoch=epoch, sequence=sequence, tick=simulation.tick, changes=told)
+    return SceneDelta(
+        epoch=epoch, sequence=sequence, tick=simulation.tick, changes=told, revision=revision, content=content
+    )
 
 
 def contact_batch(simulation: Simulation, *, epoch: int) -> ContactBatch | None:

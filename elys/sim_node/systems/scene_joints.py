@@ -33,7 +33,7 @@ _DRIVE: Final = (
 )
 
 
-class _Held(NamedTuple):
+class HeldJoint(NamedTuple):
     """A joint as physics has it."""
 
     kind: str
@@ -53,7 +53,7 @@ class SceneJoints:
         self._physics = physics
         self._body_of = body_of
         self._joints = world.query(Joint, enabled_only=True)
-        self._held: dict[int, _Held] = {}
+        self._held: dict[int, HeldJoint] = {}
         self._waiting: dict[int, str] = {}  # what is not joined, and why
         self._released: dict[int, float] = {}  # what went with its bodies, and how far it had turned
         self._problems: list[Problem] = []
@@ -97,7 +97,7 @@ class SceneJoints:
 
     def _join(self, entities: Sequence[int]) -> None:
         """Joins, changes or parts what the Joints of entities say."""
-        wanted: list[tuple[int, _Held]] = []
+        wanted: list[tuple[int, HeldJoint]] = []
         for entity in entities:
             joint = self._world.get(Entity(entity), Joint)
             if joint.broken:
@@ -127,7 +127,7 @@ class SceneJoints:
             if chosen:
                 self._add(chosen)
 
-    def _described(self, entity: Entity, joint: Joint) -> _Held | str:
+    def _described(self, entity: Entity, joint: Joint) -> HeldJoint | str:
         """What physics shall have, or why it cannot."""
         if joint.kind == "gear":
             for name, geared in (("joint_a", joint.joint_a), ("joint_b", joint.joint_b)):
@@ -135,7 +135,7 @@ class SceneJoints:
                     return (
                         f"its {name} is no entity with a Joint; choose one with a hinge, slider, distance or cone_twist"
                     )
-            return _Held(joint.kind, 0, 0, (joint.joint_a, joint.joint_b), _build(joint), _drive(joint))
+            return HeldJoint(joint.kind, 0, 0, (joint.joint_a, joint.joint_b), _build(joint), _drive(joint))
         own = self._body_of(entity)
         if not own:
             return "it is part of no body; give it a RigidBody or a Collider, or put it below one that has"
@@ -149,7 +149,7 @@ class SceneJoints:
                 return f"{whom} has no body; give it a RigidBody or a Collider, or enable it"
         if own == other:
             return f"both ends are the same body, that of {self._world.describe(other)}; choose another"
-        return _Held(joint.kind, own, other, (0, 0), _build(joint), _drive(joint))
+        return HeldJoint(joint.kind, own, other, (0, 0), _build(joint), _drive(joint))
 
     def _fit(self, entity: Entity, joint: Joint) -> bool:
         """Writes into a joint that asks for it what it takes from how the two stand."""
@@ -165,7 +165,7 @@ class SceneJoints:
 
     # --- making them -------------------------------------------------------------------------------------------------
 
-    def _add(self, wanted: Sequence[tuple[int, _Held]]) -> None:
+    def _add(self, wanted: Sequence[tuple[int, HeldJoint]]) -> None:
         entities = np.array([entity for entity, _ in wanted], np.uint32)
         description = self._description(entities, [held for _, held in wanted])
         try:
@@ -181,14 +181,14 @@ class SceneJoints:
             self._held[entity] = held
             self._waiting.pop(entity, None)
 
-    def _change(self, entity: int, held: _Held) -> None:
+    def _change(self, entity: int, held: HeldJoint) -> None:
         self._held[entity] = held
         try:
             self._physics.set_joints([entity], **self._drives(np.array([entity], np.uint32)))
         except PhysicsError as error:
             self._tell(entity, f"is joined as before: {error}")
 
-    def _description(self, entities: Entities, held: Sequence[_Held]) -> dict[str, Any]:
+    def _description(self, entities: Entities, held: Sequence[HeldJoint]) -> dict[str, Any]:
         table = self._world.table(Joint)
         rows = table.rows(entities)
         kinds = [JOINT_KINDS[kind] for kind in table.column("kind")[rows].tolist()]

@@ -95,6 +95,11 @@ class RigidBodies:
         stopped = np.setdiff1d(before, self._moving, assume_unique=True).tolist()
         return [Entity(entity) for entity in stopped if self._world.is_alive(entity)]
 
+    def outdate(self) -> None:
+        """The world was put back to another time: what follows from it is found anew."""
+        self._seen = ()
+        self._moving_rows = None
+
     def moving(self) -> MovingBodies:
         """Where the bodies are that are not immovable."""
         bodies, rows = self._physics.bodies, self._rows_of_moving()

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from elys.bus import topics
-from elys.bus.asset_service import AssetClient, cache_directory, open_asset_cache, serve_assets
+from elys.bus.asset_service import AssetClient, AssetOffer, cache_directory, open_asset_cache, serve_assets
 from elys.bus.session import Session
 from elys.bus.transports.loopback import LoopbackBroker
 from elys.common.assets.store import PREFIX, AssetStore, reference_of
@@ -84,3 +84,25 @@ def test_the_cache_stays_below_its_size(tmp_path: Path, monkeypatch: pytest.Monk
         os.utime(cache_directory() / reference.removeprefix(PREFIX), (age, age))
     kept = open_asset_cache(max_size=250)
     assert [kept.has(reference) for reference in references] == [False, False, True, True]
+
+
+async def test_the_host_is_given_what_it_lacks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ELYS_CACHE_DIR", str(tmp_path))
+    host, joined = await pair()
+    store, mine = AssetStore(), AssetStore()
+    stop = serve_assets(host, store)
+    offer = AssetOffer(joined)
+    known = store.put(b"known to the host", kind="mesh")
+    assert await offer.bring(known, mine)
+    reference = mine.put(b"in my hands", kind="mesh")
+    assert await offer.bring(reference, mine)
+    assert store.get(reference) == b"in my hands"
+    cached = AssetStore(cache_directory()).put(b"in this machine's cache", kind="image")
+    assert await offer.bring(cached, mine)
+    assert store.has(cached)
+    assert not await offer.bring(reference_of(b"nowhere"), mine)
+    with pytest.raises(RequestError, match="is other content"):
+        await joined.request(topics.ASSET_OFFER, b"a lie", key=reference_of(b"the truth").removeprefix(PREFIX))
+    assert not store.has(reference_of(b"the truth")) and not store.has(reference_of(b"a lie"))
+    stop()
+    await close(joined, host)

@@ -388,6 +388,16 @@ def test_a_recording_without_scene_or_frames_says_which(tmp_path: Path) -> None:
         Recording(path)
 
 
+def test_a_recording_of_the_version_before_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "before.mcap"
+    monkeypatch.setattr("elys.bus.transports.mcap.PROTOCOL_VERSION", 2)
+    writer = McapWriter(path, session="s")
+    write_run(writer, epoch=1, ticks=2)
+    writer.close()
+    with Recording(path) as recording:
+        assert len(recording) >= 2 and recording.mirror_at(0).revision == 0
+
+
 def test_a_recording_of_another_version_names_both(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "f.mcap"
     monkeypatch.setattr("elys.bus.transports.mcap.PROTOCOL_VERSION", 99)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
+import socket
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from pathlib import Path
@@ -16,7 +17,9 @@ import pytest
 import simplejpeg
 
 from elys.bus import topics
+from elys.bus.edit_parts import edits_of
 from elys.bus.messages import commands as c
+from elys.bus.messages import history as h
 from elys.bus.messages import scene as s
 from elys.bus.messages.session import SessionStatus
 from elys.bus.messages.state_frame import StateFrame
@@ -25,11 +28,14 @@ from elys.bus.mirror import SceneMirror
 from elys.bus.session import Session
 from elys.bus.transports.loopback import LoopbackBroker
 from elys.common.components import component_from, values_of
-from elys.common.errors import ElysError, EntityError, RequestError
+from elys.common.errors import EditConflict, ElysError, EntityError, RequestError
 from elys.common.ids import entity_of, generation_of, index_of
 from elys.common.math import poses
 from elys.common.scene import EntityRecord
 from elys.editor_node.model import EditorModel
+from elys.editor_node.scene_mirror import EditorScene
+from elys.sim_node.edit_history import EditHistory
+from tests.unit.editor_node.inverses import inverse_of
 from tests.unit.editor_node.person import at_the_editor as at_the_editor  # a fixture: to be found here
 
 
@@ -45,10 +51,13 @@ class SceneHost:
         self.rate = 1.0
         self.kind: Literal["simulation", "replay"] = "simulation"
         self.received: list[c.Command] = []
+        self.path = ""
+        self.history = EditHistory(self)
         self._free: list[int] = []
         self._used = 0
         session.serve(topics.COMMAND, self._take)
         session.serve(topics.SNAPSHOT, self._give_snapshot)
+        session.serve(topics.HISTORY, self._give_history)
         self.publish_status()
 
     def load(self, records: list[EntityRecord]) -> tuple[int, ...]:
@@ -92,21 +101,105 @@ class SceneHost:
             angular_velocity=np.zeros((count, 3), np.float32),
             entity=np.array(list(positions), np.uint32),
         )
+        self.mirror.keep_frame(frame)
         self.session.publish(topics.STATE, frame)
 
     async def _give_snapshot(self, _: s.SnapshotRequest, __: str) -> s.Snapshot:
         return self.mirror.to_snapshot()
 
+    async def _give_history(self, request: h.HistoryRequest, _: str) -> h.HistoryReply:
+        author = self.history.attach(request.person, request.node, alive=self.session.nodes)
+        told = self.history.told_to(author)
+        return msgspec.structs.replace(told, path=self.path, machine=socket.gethostname())
+
     async def _take(self, request: c.CommandRequest, _: str) -> c.CommandReply:
-        self.received.append(request.command)
+        self.received.extend(edits_of(request.command) or (request.command,))
         try:
-            changes, entities = self._changes(request.command)
+            entities, new_ids = self._apply(request)
         except ElysError as error:
-            self._tell(request, reason=str(error))
-            return c.CommandReply(accepted=False, tick=self.tick, reason=str(error))
-        self._tell(request)
-        self._publish(changes)
-        return c.CommandReply(accepted=True, tick=self.tick, entities=entities)
+            is_conflict = isinstance(error, EditConflict)
+            return c.CommandReply(accepted=False, tick=self.tick, reason=str(error), is_conflict=is_conflict)
+        self._publish([])
+        record = c.CommandRecord(tick=self.tick, origin=request.origin, command=request.command, accepted=True)
+        self.session.publish(topics.COMMANDS, record)
+        return c.CommandReply(
+            accepted=True,
+            tick=self.tick,
+            entities=entities,
+            sequence=self.mirror.sequence,
+            content=self.history.content,
+            new_ids=new_ids,
+        )
+
+    def _apply(self, request: c.CommandRequest) -> tuple[tuple[int, ...], dict[int, int]]:
+        command = request.command
+        match command:
+            case c.Undo(force=force):
+                done = self.history.undo(request.author, force=force)
+            case c.Redo(force=force):
+                done = self.history.redo(request.author, force=force)
+            case c.NoteSaved(path=path, content=content):
+                self.path, self.history.saved = path, content
+                return (), {}
+            case c.LoadScene():
+                self._publish([s.Despawned(entity=root) for root in self.mirror.roots])
+                self._publish([s.SettingsSet(settings=command.settings)])
+                self.path = command.path
+                self.history.forget()
+                return self.load(list(command.records)), {}
+            case _ if edits_of(command):
+                done = self.history.perform(
+                    command,
+                    author=request.author,
+                    writer=request.author or request.origin,
+                    label=request.label,
+                    stroke=request.stroke,
+                    made_from=request.made_from,
+                )
+            case _:
+                self._publish(self._changes(command)[0])
+                return (), {}
+        return done.entities, done.new_ids
+
+    @property
+    def _scene(self) -> EditorScene:
+        """The mirror as it is this moment: nothing tells this one of changes."""
+        scene = EditorScene(self.session)
+        scene.mirror = self.mirror
+        return scene
+
+    # As EditHistory edits it
+
+    def apply(self, edits: tuple[c.Edit, ...]) -> tuple[tuple[int, ...], tuple[c.Edit, ...]]:
+        made: list[int] = []
+        inverses: list[c.Edit] = []
+        try:
+            for edit in edits:
+                back = inverse_of(edit, self._scene)
+                changes, entities = self._changes(edit)
+                self._publish(changes)
+                if isinstance(edit, c.Spawn):
+                    tops = [e for e, record in zip(entities, edit.records, strict=True) if record.parent < 0]
+                    back = tuple(c.Despawn(entity=entity) for entity in reversed(tops))
+                made += entities
+                inverses[:0] = back
+        except ElysError:
+            for edit in inverses:
+                self._publish(self._changes(edit)[0])
+            raise
+        return tuple(made), tuple(inverses)
+
+    def named(self, entity: int) -> str:
+        return self._scene.name_of(entity)
+
+    def below(self, entity: int) -> list[int]:
+        return self.mirror.descendants(entity) if entity in self.mirror.entities else []
+
+    def edited(self, part: tuple[int, str]) -> None:
+        return None
+
+    def recall(self, part: tuple[int, str], memory: None) -> None:
+        pass
 
     def _tell(self, request: c.CommandRequest, *, reason: str = "") -> None:
         record = c.CommandRecord(
@@ -115,10 +208,16 @@ class SceneHost:
         self.session.publish(topics.COMMANDS, record)
 
     def _publish(self, changes: list[s.SceneChange]) -> None:
-        if not changes:
+        is_told = self.mirror.revision == self.history.revision and self.mirror.content == self.history.content
+        if not changes and is_told:
             return
         delta = s.SceneDelta(
-            epoch=self.mirror.epoch, sequence=self.mirror.sequence + 1, tick=self.tick, changes=tuple(changes)
+            epoch=self.mirror.epoch,
+            sequence=self.mirror.sequence + 1,
+            tick=self.tick,
+            changes=tuple(changes),
+            revision=self.history.revision,
+            content=self.history.content,
         )
         self.mirror.apply_delta(delta)
         self.session.publish(topics.DELTA, delta)
@@ -169,7 +268,10 @@ class SceneHost:
     def _spawn(self, command: c.Spawn) -> tuple[list[s.SceneChange], tuple[int, ...]]:
         if command.parent and command.parent not in self.mirror.entities:
             raise EntityError(f"there is no entity {command.parent}")
-        entities = tuple(self._new_id() for _ in command.records)
+        entities = command.entities  # which come back, if nobody has taken their places
+        if not entities or any(index_of(e) in {index_of(other) for other in self.mirror.entities} for e in entities):
+            entities = tuple(self._new_id() for _ in command.records)
+        self._free = [entity for entity in self._free if index_of(entity) not in set(map(index_of, entities))]
         changes: list[s.SceneChange] = []
         tops = []
         for entity, record in zip(entities, command.records, strict=True):

@@ -73,6 +73,10 @@ class Person:
         if held:
             await self.do(KeyReleased(_KEY_OF[held]))
 
+    async def right_click(self, name: str) -> None:
+        await self.point(name)
+        await self.do(MousePressed(MouseButton.RIGHT), MouseReleased(MouseButton.RIGHT))
+
     async def press(self, key: int, held: Modifiers = Modifiers.NONE) -> None:
         keys = [_KEY_OF[modifier] for modifier in held]
         await self.do(*(KeyPressed(k) for k in keys), KeyPressed(key, held), KeyReleased(key, held))
@@ -88,6 +92,12 @@ class Person:
         for step in range(1, steps + 1):
             await self.do(MouseMoved(start_x + x * step / steps, start_y + y * step / steps))
         await self.do(MouseReleased(MouseButton.LEFT, held))
+
+    async def drag_onto(self, name: str, target: str) -> None:
+        """Drags a widget to the middle of another one."""
+        await self.point(name)
+        start, end = (self.editor.ui.landmarks.center(which) for which in (name, target))
+        await self.drag(name, end[0] - start[0], end[1] - start[1])
 
 
 @pytest.fixture

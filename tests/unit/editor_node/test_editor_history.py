@@ -3,65 +3,8 @@
 from __future__ import annotations
 
 from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
-from elys.common.scene import SceneSettings
-
-# Each action is a kind and some numbers, read as indices into whatever is there when it is made.
-ACTIONS = st.lists(
-    st.tuples(
-        st.sampled_from(
-            (
-                *("rename", "reparent", "place", "enable", "move", "turn", "mass", "add", "remove", "spawn"),
-                *("duplicate", "delete", "settings", "undo", "redo"),
-            )
-        ),
-        st.integers(0, 1000),
-        st.integers(0, 1000),
-        st.integers(0, 3),
-    ),
-    max_size=14,
-)
-
-
-def perform(stage, action):
-    kind, first, second, count = action
-    model, edit, scene = stage.model, stage.model.edit, stage.model.scene
-    everyone = list(scene.mirror.entities)
-    if not everyone and kind not in ("spawn", "undo", "redo", "settings"):
-        return None
-    chosen = [everyone[(first + 7 * step) % len(everyone)] for step in range(count + 1)] if everyone else []
-    other = ([0, *everyone])[second % (len(everyone) + 1)]
-    match kind:
-        case "rename":
-            return edit.rename(chosen[0], f"Name {second}")
-        case "reparent":
-            return edit.reparent(chosen, other)
-        case "place":
-            return edit.reparent(chosen, other, second % 4)
-        case "enable":
-            return edit.set_enabled(chosen, second % 2 == 0)
-        case "move":
-            return edit.set_fields(chosen, "Transform", {"position": (first / 7.0, second / 3.0, -1.5)})
-        case "turn":
-            return edit.set_fields(chosen, "Transform", {"rotation": (first + 1.0, 2.0, second / 9.0, 0.5)})
-        case "mass":
-            return edit.set_fields(chosen, "RigidBody", {"mass": 1.0 + second})
-        case "add":
-            return edit.add_component(chosen, ("Camera", "Light", "Script")[second % 3])
-        case "remove":
-            return edit.remove_component(chosen, ("Transform", "Material", "RigidBody")[second % 3])
-        case "spawn":
-            return edit.spawn(("Box", "Empty", "Light")[second % 3], parent=other if count else 0)
-        case "duplicate" | "delete":
-            model.selection.replace(chosen)
-            return edit.duplicate() if kind == "duplicate" else edit.delete()
-        case "settings":
-            return edit.set_settings(SceneSettings(substeps=1 + second % 8))
-        case "undo":
-            return model.history.undo() if model.history.undo_label else None
-        case "redo":
-            return model.history.redo() if model.history.redo_label else None
+from tests.unit.editor_node.random_edits import ACTIONS, perform
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

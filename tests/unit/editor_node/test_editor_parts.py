@@ -123,7 +123,7 @@ def test_deep_trees_are_no_deep_recursion(on_stage):
         assert scene.rows()[-1].depth == 2999
         stage.model.selection.replace([stage.named("Node 0")])
         await stage.model.edit.delete()
-        assert scene.rows() == []
+        assert not scene.rows()
         await stage.model.history.undo()
         assert len(scene.mirror.entities) == 3000
 

@@ -99,7 +99,7 @@ def test_the_hierarchy_renames_searches_switches_moves_and_deletes(at_the_editor
         await person.press(Key.ENTER)
         await person.until(lambda: entities[crate].name == "Treasure")
 
-        await person.click("hierarchy/Sun/eye")
+        await person.click("hierarchy/Sun/switch")
         await person.until(lambda: not entities[sun].enabled)
 
         await person.point("hierarchy/Treasure")

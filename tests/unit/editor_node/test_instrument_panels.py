@@ -22,7 +22,7 @@ pytestmark = pytest.mark.gl
 
 async def show(person, name: str) -> None:
     await person.frames(8)  # docked windows have taken their places
-    person.editor.workspace.show_panel(name)
+    person.editor.workspace.show(f"###{name}")
     await person.frames(4)
 
 
@@ -167,7 +167,7 @@ def test_the_worst_tick_is_held_and_let_go_and_any_tick_can_be_clicked(at_the_ed
         assert abs(track.held.number - 50) < 12  # the middle of what is drawn
         editor.ui.actions.run("profiler.release")
         assert track.held is None
-        editor.workspace.show_panel("Console")
+        editor.workspace.show("###Console")
         await person.frames(4)
         await person.until(lambda: not host.session.has_listener(topics.PROFILE))
 
@@ -337,7 +337,7 @@ def test_topics_are_heard_while_they_are_shown_and_their_messages_opened(at_the_
         assert "topics/message/stages/apply_commands" in rectangles
         await person.click("topics/diagnostics")
         await person.until(lambda: host.session.has_listener(topics.DIAGNOSTICS))
-        editor.workspace.show_panel("Console")
+        editor.workspace.show("###Console")
         await person.frames(4)
         await person.until(lambda: not host.session.has_listener(topics.CONTACTS))
         assert not host.session.has_listener(topics.DIAGNOSTICS)

@@ -58,7 +58,7 @@ def test_a_bare_model_that_was_edited_is_saved_as_an_instance_of_its_file(on_sta
         await model.edit.spawn("Box", parent=stage.named("FlightHelmet"))
         model.selection.replace([stage.named("Lenses_low")])
         await model.edit.duplicate()  # beside the original, and so below the instance's root: an entity of its own
-        model.save(str(target))
+        await model.save(str(target))
         assert meaning(open_scene(target, AssetStore()).records) == meaning(scene_records(model.scene))
 
     on_stage(scenario, opened.records)
@@ -122,7 +122,7 @@ def test_a_saved_scene_keeps_its_name_and_the_person_is_told(on_stage, tmp_path)
     async def scenario(stage):
         model = stage.model
         model.say("error", "something else went wrong")
-        model.save(str(tmp_path / "first-try"))
+        await model.save(str(tmp_path / "first-try"))
         path = tmp_path / "first-try.scene.json"
         assert open_scene(path, AssetStore()).name == "yard"  # as the session calls it
         assert model.notice == f"Saved {path}" and not model.error
@@ -147,7 +147,7 @@ def test_a_copy_is_joined_within_itself_and_saved_by_name(on_stage, tmp_path):
         await model.edit.delete()
         model.undo()
         await model.history.settle()
-        model.save(str(target))
+        await model.save(str(target))
 
     on_stage(scenario, open_scene(path, AssetStore()).records)
     records = open_scene(target, AssetStore()).records

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from elys.bus.messages.views import ViewCamera
 from elys.common.components import Light, Material, MeshRenderer, Transform
 from elys.common.math.matrix import look_rotation
 from elys.render_node.camera import View, framing_camera
@@ -149,3 +150,39 @@ def test_materials_of_a_batch_stay_apart(stage, renderer) -> None:
     picture = renderer.read_pixels(renderer.draw(world, camera, 90, 30))
     for i in range(3):
         assert picture[15, 17 + 28 * i, :3].argmax() == i
+
+
+def test_what_is_passed_over_lets_see_what_is_behind(stage, renderer) -> None:
+    near = stage.add(Transform(position=(0.0, 1.0, 2.0), scale=(2.0, 2.0, 0.1)), MeshRenderer())
+    knob = stage.add(Transform(position=(0.0, 0.0, 5.0)), MeshRenderer(), parent=near)
+    far = stage.add(Transform(position=(0.0, 1.0, -1.0)), MeshRenderer())
+    world = stage.world()
+    camera = ViewCamera(position=(0.0, 1.0, 6.0), rotation=(0.0, 0.0, 0.0, 1.0))
+
+    def seen(*passed_over: int) -> int:
+        return renderer.pick(world, camera, 64, 48, 32, 24, passed_over=passed_over)[0]
+
+    assert seen() == knob
+    assert seen(knob) == near
+    assert seen(near) == far  # and with it what is below it
+    assert seen(near, far) == 0
+    assert seen(99) == knob
+
+
+def test_what_is_hidden_leaves_a_picture_as_if_it_were_not_there(stage, renderer) -> None:
+    stage.add(Transform(rotation=look_rotation((0.3, -1.0, -0.2))), Light())
+    stage.add(Transform(position=(0.0, -0.05, 0.0), scale=(8.0, 0.1, 8.0)), MeshRenderer())
+    pole = Transform(position=(0.5, 1.0, 0.0), scale=(0.4, 2.0, 0.4))
+    with_pole = stage.add(pole, MeshRenderer())
+    world = stage.world()
+
+    def drawn(*hidden: int) -> np.ndarray:
+        return renderer.read_pixels(renderer.draw(world, CAMERA, WIDTH, HEIGHT, hidden=hidden)).astype(int)
+
+    whole, without = drawn(), drawn(with_pole)
+    again = drawn()
+    assert np.array_equal(whole, again)  # its shadow is back as well, though nothing moved
+    stage.enabled[with_pole - 1] = False
+    world = stage.world()
+    assert np.array_equal(drawn(), without)
+    assert np.abs(whole - without).max() > 40

@@ -159,6 +159,49 @@ def test_see_through_things_come_farthest_first(stage) -> None:
     assert drawn == [order[3], order[1], order[2], order[0]]
 
 
+def test_solid_things_of_a_batch_come_nearest_first(stage) -> None:
+    deep = np.random.default_rng(8).permutation(np.linspace(-3.0, -30.0, 40))
+    boxes = [stage.add(Transform(position=(0.0, 0.0, z)), MeshRenderer(mesh="box")) for z in deep]
+    balls = [stage.add(Transform(position=(0.0, 0.0, z)), MeshRenderer(mesh="sphere")) for z in deep]
+    stage.add(Transform(), Light())
+    camera = framing_camera((-1, -1, -31), (1, 1, -2), direction=(0, 0, -1))
+    plan = plan_picture(stage.world(), View.of(camera, 64, 64), shadow_size=64)
+    drawn = [plan.instances["entity"][call.first : call.first + call.instance_count].tolist() for call in plan.opaque]
+    nearest_first = np.argsort(-deep)
+    assert drawn == [np.array(boxes)[nearest_first].tolist(), np.array(balls)[nearest_first].tolist()]
+    assert plan.casters == plan.opaque  # who throws shadows stands there already
+    assert len(plan.instances) == 80
+
+
+def test_what_has_no_depth_keeps_its_order(stage) -> None:
+    level = [stage.add(Transform(position=(x, 0.0, -5.0)), MeshRenderer()) for x in (1.0, -1.0, 0.0)]
+    camera = framing_camera((-2, -1, -6), (2, 1, -4), direction=(0, 0, -1))
+    plan = plan_picture(stage.world(), View.of(camera, 64, 64))
+    assert plan.instances["entity"].tolist() == level
+
+
+@pytest.mark.parametrize(
+    "more", [{}, {"emissive": (1.0, 0.5, 0.0)}, {"alpha_mode": "mask", "opacity": 0.7}], ids=["plain", "glows", "holes"]
+)
+def test_rows_for_light_say_the_same_in_less(stage, make_frame, more) -> None:
+    entity = stage.add(
+        Transform(position=(0.5, 0.0, -5.0), rotation=TURN), MeshRenderer(), Material(roughness=0.3, **more)
+    )
+    stage.add(Transform(position=(-0.5, 0.0, -6.0)), MeshRenderer(), Material(metallic=0.7))
+    world, view = stage.world(), View.of(framing_camera((-1, -1, -6), (1, 1, -4)), 64, 64)
+    whole = plan_picture(world, view).instances.copy()
+    light = plan_picture(world, view, for_light=True).instances
+    assert light.dtype.itemsize == (72 if not more else 100)
+    assert entity in whole["entity"]
+    for name in light.dtype.names:
+        np.testing.assert_array_equal(light[name], whole[name])
+    world.take_state(make_frame({entity: (0.4, 0.3, -5.0)}, tick=1, published_at=1))
+    world.place()
+    for name in light.dtype.names:  # both follow
+        moved = plan_picture(world, view, for_light=True).instances[name].copy()
+        np.testing.assert_array_equal(moved, plan_picture(world, view).instances[name])
+
+
 def test_the_highest_enabled_camera_counts(stage) -> None:
     stage.add(Transform(position=(1.0, 0.0, 0.0)), Camera(priority=1))
     stage.add(Transform(position=(2.0, 0.0, 0.0)), Camera(priority=3), enabled=False)
