@@ -16,6 +16,7 @@ from typing import Final
 from elys.bus import topics
 from elys.bus.asset_service import AssetClient, open_asset_cache
 from elys.bus.following import follow_scene, follow_state
+from elys.bus.messages.plan import RenderProfile, StagePlan
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.messages.views import FRAMED, Debug, PickReply, PickRequest, ViewCamera, ViewFrame, ViewRequest
 from elys.bus.mirror import MirrorUpdate, SceneMirror
@@ -29,6 +30,7 @@ from elys.render_node.debug_drawing import DebugDrawing
 from elys.render_node.debug_listening import DebugListener
 from elys.render_node.drawable_assets import DrawableAssets
 from elys.render_node.gpu import Context, offscreen_context
+from elys.render_node.pass_plan import told_passes
 from elys.render_node.quality import Quality, interactive_quality
 from elys.render_node.render_world import RenderWorld
 from elys.render_node.renderer import Renderer
@@ -261,8 +263,25 @@ class _ViewServer:
         )
         self._session.publish(topics.VIEW_FRAME, frame, key=request.view)
         view.answered(revision, time.monotonic())
+        if self._session.has_listener(topics.RENDER_PROFILE, key=request.view):
+            self._publish_profile(frame, renderer, is_light=request.shows == "shaded")
         if self._measure is not None:
             self._measure(frame)
+
+    def _publish_profile(self, frame: ViewFrame, renderer: Renderer, *, is_light: bool) -> None:
+        plan = renderer.planned if is_light else None  # data is drawn in one pass, which needs no plan
+        profile = RenderProfile(
+            node=self._session.node.id,
+            view=frame.view,
+            sequence=frame.sequence,
+            tick=frame.tick,
+            width=frame.width,
+            height=frame.height,
+            total=frame.render_time,
+            stages=dict(renderer.timings) if plan is not None else {},
+            passes=tuple(StagePlan(**told._asdict()) for told in told_passes(plan)) if plan is not None else (),
+        )
+        self._session.publish(topics.RENDER_PROFILE, profile, key=frame.view)
 
     def _draw_into(self, view: View, renderer: Renderer, camera: ViewCamera) -> PutPicture:
         """Draws what a view shows, and puts it where it is wanted."""
