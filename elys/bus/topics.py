@@ -198,6 +198,15 @@ PICK: Final = Query(
     text="asks the render node named by the key what is seen at a pixel",
     keyed=True,
 )
+THUMBNAIL: Final = Query(
+    name="thumbnail",
+    request=views.ThumbnailRequest,
+    reply=views.Thumbnail,
+    text="asks the render node named by the key for a small picture of entities that are in no scene",
+    request_encoding=Encoding.MSGPACK,
+    reply_encoding=Encoding.MSGPACK,
+    keyed=True,
+)
 ASSET: Final = Query(
     name="asset",
     request=bytes,
@@ -240,6 +249,7 @@ QUERIES: Final[tuple[Query[Any, Any], ...]] = (
     MARKERS,
     PLAN,
     PICK,
+    THUMBNAIL,
     ASSET,
     ASSET_OFFER,
 )

@@ -10,6 +10,7 @@ from elys.editor_node.actions import Action, Actions
 from elys.editor_node.language import LANGUAGES
 from elys.editor_node.model import EditorModel
 from elys.editor_node.panels import changes, history_list
+from elys.editor_node.panels.assets import AssetsPanel
 from elys.editor_node.panels.inspector import InspectorPanel
 from elys.editor_node.panels.preferences_window import change_font_scale, change_language
 from elys.editor_node.preferences import Theme
@@ -25,6 +26,7 @@ def add_actions(actions: Actions, ui: Ui, workspace: Workspace, viewport: Viewpo
         *_file_actions(ui, workspace),
         *_edit_actions(ui, workspace),
         *_inspector_actions(ui, workspace.inspector),
+        *_asset_actions(workspace.assets),
         *tree_actions(ui, workspace.hierarchy),
         *_time_actions(ui.model),
         *_tool_actions(ui.tools),
@@ -147,6 +149,27 @@ def _inspector_actions(ui: Ui, panel: InspectorPanel) -> tuple[Action, ...]:
             label="Revert to the prefab",
             run=lambda: panel.revert_all(ui),
             is_possible=is_editable,
+        ),
+    )
+
+
+def _asset_actions(panel: AssetsPanel) -> tuple[Action, ...]:
+    library = panel.library
+    return (
+        Action(name="assets.search", label="Find an asset", keys=("Ctrl+Shift+A",), run=panel.search),
+        Action(name="assets.import", label="Import files...", keys=("Ctrl+I",), run=panel.dialogs.ask_import),
+        Action(name="assets.folder", label="Choose the folder of assets...", run=panel.dialogs.ask_folder),
+        Action(
+            name="assets.missing",
+            label="Missing assets",
+            run=panel.toggle_missing,
+            is_on=lambda: panel.shows_missing,
+        ),
+        Action(
+            name="assets.follow",
+            label="Follow assets that change on disk",
+            run=lambda: setattr(library, "reloads", not library.reloads),
+            is_on=lambda: library.reloads,
         ),
     )
 

@@ -12,14 +12,17 @@ from elys.bus.session import Session
 from elys.editor_node.action_list import add_actions
 from elys.editor_node.actions import Actions
 from elys.editor_node.application import Application
+from elys.editor_node.asset_library import AssetLibrary
 from elys.editor_node.attachments import Attachments, Join, Openers
 from elys.editor_node.camera import OrbitCamera
-from elys.editor_node.gpu import WindowContext, save_picture
+from elys.editor_node.file_drops import FileDropLayer
+from elys.editor_node.gpu import TextureShelf, WindowContext, save_picture
 from elys.editor_node.imgui_layer import ImGuiLayer
 from elys.editor_node.key_bindings import KeyBindings
 from elys.editor_node.language import tr, use_language
 from elys.editor_node.link_meter import LinkMeter
 from elys.editor_node.model import EditorModel
+from elys.editor_node.panels.assets import AssetsPanel
 from elys.editor_node.panels.viewport import ViewportPanel
 from elys.editor_node.preferences import (
     Preferences,
@@ -121,6 +124,8 @@ class Editor:
             LinkMeter(self.seat, on_change=redraw),
         )
         capture = ChordCapture()
+        self.assets = AssetLibrary(self.model)
+        self._shelf: TextureShelf[object] = TextureShelf(self.context.texture_of)
         self.workspace = Workspace(
             self.ui,
             self.panel,
@@ -128,6 +133,7 @@ class Editor:
             close=self.application.close,
             load_docking=self.widgets.load_docking,
             capture=capture,
+            assets=AssetsPanel(self.assets, self._shelf, self.panel),
         )
         self.ui.take_picture = self._take_picture
         self.application.on_close = lambda: self.workspace.save_dialog.may_close(self.ui)
@@ -136,6 +142,9 @@ class Editor:
         self.application.push_layer(ShortcutLayer(actions, self.ui.keys))
         self.application.push_layer(TypeAheadLayer(self.model.walk, self.workspace.hierarchy, self.ui.keys))
         self.application.push_layer(self.navigation)
+        self.application.push_layer(
+            FileDropLayer(lambda paths: self.workspace.assets.dialogs.take_files(self.ui, paths))
+        )
         self.application.push_layer(self.widgets)
         self.application.push_layer(capture)
         self.seat.on_link(self._link_changed)
@@ -158,6 +167,8 @@ class Editor:
         if kind is None:
             self.model.documents.close()
         self.stream.close()
+        self.assets.close()
+        self._shelf.release()
         self._picture.release()
         self.widgets.close()
         self.context.release()
@@ -204,6 +215,7 @@ class Editor:
     def _draw(self, elapsed: float) -> None:
         self._note_frame()
         self.workspace.frame_time = self.application.frame_time
+        self.workspace.assets.begin_frame()
         self.workspace.draw(elapsed)
         scene = f"{self.model.status.scene} - " if self.model.status is not None else ""
         title = f"{'* ' if self.model.file.is_dirty else ''}{scene}ELYS"

@@ -12,6 +12,7 @@ from elys.bus.messages.views import Shows
 from elys.editor_node.instruments import Instruments
 from elys.editor_node.language import tr, tr_label
 from elys.editor_node.palette import PaletteEntry
+from elys.editor_node.panels import assets as assets_panel
 from elys.editor_node.panels import (
     changes,
     console,
@@ -28,6 +29,7 @@ from elys.editor_node.panels import (
     tour,
     viewport,
 )
+from elys.editor_node.panels.assets import AssetsPanel
 from elys.editor_node.panels.command_palette import CommandPalette
 from elys.editor_node.panels.hierarchy import HierarchyPanel
 from elys.editor_node.panels.hierarchy_menus import draw_add_menu, draw_select_menu
@@ -69,12 +71,14 @@ class Workspace:
         close: Callable[[], None],
         load_docking: Callable[[str], None],
         capture: ChordCapture,
+        assets: AssetsPanel,
     ) -> None:
         """`ask_to_close` asks to close the window, `close` closes it; `load_docking` places the panels before the next frame."""
         self.ui = ui
         self.hierarchy = HierarchyPanel()
         self.inspector = inspector.InspectorPanel()
         self.viewport = viewport_panel
+        self.assets = assets
         self.save_dialog = SaveDialog(close)
         self.ask_to_close = ask_to_close
         self.changes = changes.ChangesPanel()
@@ -90,6 +94,7 @@ class Workspace:
             "Hierarchy": self.hierarchy.draw,
             "Inspector": self.inspector.draw,
             "Console": self.console.draw,
+            "Assets": self.assets.draw,
             "Timeline": timeline.TimelinePanel().draw,
             "Profiler": self.profiler.draw,
             "Plots": self.plots.draw,
@@ -285,6 +290,9 @@ class Workspace:
             action_item(self.ui, "file.revert")
             action_item(self.ui, "file.changes")
             imgui.separator()
+            action_item(self.ui, "assets.import")
+            action_item(self.ui, "assets.folder")
+            imgui.separator()
             action_item(self.ui, "file.connect")
             action_item(self.ui, "file.detach")
             imgui.separator()
@@ -380,6 +388,7 @@ def _build_layout(dock: int) -> None:
     builder.dock_builder_dock_window(inspector.TITLE, right.id_at_dir)
     for title in (
         console.TITLE,
+        assets_panel.TITLE,
         timeline.TITLE,
         profiler.TITLE,
         plots.TITLE,
