@@ -21,6 +21,7 @@ from elys.bus.messages.commands import CommandRequest, StepTicks
 from elys.verbs.nodes import joined
 from tests.benchmarks.processes import environment, running
 from tests.editor_pictures import draw_editor_pictures
+from tests.instrument_pictures import main as draw_instrument_pictures
 
 if TYPE_CHECKING:
     from elys.editor_node.node import Editor
@@ -54,6 +55,8 @@ def main() -> None:
                 asyncio.run(draw(PICTURES / f"{name}.png"))
         if "windows" in (sys.argv[1:] or ["windows"]):
             asyncio.run(draw_editor_pictures(PICTURES / "editor", ENDPOINT))
+    if "instruments" in (sys.argv[1:] or ["instruments"]):
+        draw_instrument_pictures()
     if "editor-inspector" not in (sys.argv[1:] or ["editor-inspector"]):
         return
     table = (*elys, "run", "docs/examples/table.scene.json", "--headless", "--paused", "--listen", ENDPOINT)

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from elys.bus import topics
 from elys.bus.messages.physics import ContactBatch, DebugLines, Diagnostics, Meetings, Touches, Visits
+from elys.bus.messages.plan import PhysicsPlan, StagePlan
 from elys.bus.messages.scene import SceneDelta, SettingsSet
 from elys.bus.messages.session import TickProfile
 from elys.bus.messages.state_frame import StateFrame
@@ -100,19 +101,35 @@ def _columns(rows: NamedTuple) -> dict[str, tuple[Any, ...]]:
     return {name: tuple(column.tolist()) for name, column in rows._asdict().items()}
 
 
+def physics_plan(simulation: Simulation) -> PhysicsPlan:
+    """Which stages the last step had, and why the others were off."""
+    physics = simulation.physics
+    return PhysicsPlan(
+        tick=simulation.tick,
+        bodies=physics.body_count,
+        contacts=physics.touching_count,
+        stages=tuple(StagePlan(**stage._asdict()) for stage in physics.plan()),
+    )
+
+
 def publish_debug_lines(session: Session, simulation: Simulation) -> None:
     """Every kind of debug lines that somebody listens to."""
     for kind in LINES:
         if not session.has_listener(topics.DEBUG_LINES, key=kind):
             continue
-        lines = simulation.physics.debug_lines(kind)
-        message = DebugLines(
-            epoch=session.epoch,
-            tick=simulation.tick,
-            positions=lines.positions.astype("<f4").tobytes(),
-            colors=lines.colors.tobytes(),
-        )
-        session.publish(topics.DEBUG_LINES, message, key=kind)
+        session.publish(topics.DEBUG_LINES, debug_lines(simulation, kind, epoch=session.epoch), key=kind)
+
+
+def debug_lines(simulation: Simulation, kind: str, *, epoch: int) -> DebugLines:
+    """One kind of debug lines as the last tick left them."""
+    lines = simulation.physics.debug_lines(kind)
+    return DebugLines(
+        epoch=epoch,
+        tick=simulation.tick,
+        positions=lines.positions.astype("<f4").tobytes(),
+        colors=lines.colors.tobytes(),
+        values=lines.values.astype("<f4").tobytes(),
+    )
 
 
 def publish_diagnostics(session: Session, simulation: Simulation) -> Diagnostics | None:
