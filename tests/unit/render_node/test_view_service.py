@@ -203,6 +203,8 @@ def test_a_view_that_waits_costs_nothing_until_something_changes(context, make_f
         assert len(made.pictures_sent) == drawn
         made.ask(newer_than_tick=3, selection=(BOX,))
         assert (await made.next()).sequence == made._sequence
+        made.ask(newer_than_tick=3, selection=(BOX,), hidden=(BOX,))
+        assert (await made.next()).sequence == made._sequence
 
     run(context, act)
 
