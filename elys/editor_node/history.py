@@ -166,7 +166,12 @@ class History:
         """Drops all entries, and asks the host anew which there are: another scene, or another host."""
         self.undoable.clear()
         self.redoable.clear()
-        self.conflict, self.is_attached = None, False
+        self.conflict = None
+        self.ask_again()
+
+    def ask_again(self) -> None:
+        """What the host has told, or is about to tell, is out of date: it is asked anew."""
+        self.is_attached = False
         self._forgotten += 1
         self._wake.set()
 

@@ -325,6 +325,7 @@ class EditorModel:
             self.history.forget()
         if record.accepted and isinstance(record.command, NoteSaved):
             self.file.saved_content = record.command.content
+            self.history.ask_again()
         if record.origin == self.session.node.id:
             return
         verdict = "" if record.accepted else f" refused: {record.reason}"
