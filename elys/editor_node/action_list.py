@@ -7,6 +7,7 @@ from typing import get_args
 
 from elys.bus.messages.views import Shows
 from elys.editor_node.actions import Action, Actions
+from elys.editor_node.camera_views import CameraViews
 from elys.editor_node.language import LANGUAGES
 from elys.editor_node.model import EditorModel
 from elys.editor_node.panels import changes, history_list
@@ -15,11 +16,14 @@ from elys.editor_node.panels.preferences_window import change_font_scale, change
 from elys.editor_node.preferences import Theme
 from elys.editor_node.tree_actions import tree_actions
 from elys.editor_node.ui import Tool, Tools, Ui
+from elys.editor_node.viewport_actions import camera_actions
 from elys.editor_node.viewport_layer import ViewportLayer
 from elys.editor_node.workspace import Workspace
 
 
-def add_actions(actions: Actions, ui: Ui, workspace: Workspace, viewport: ViewportLayer) -> None:
+def add_actions(
+    actions: Actions, ui: Ui, workspace: Workspace, viewport: ViewportLayer, camera_views: CameraViews
+) -> None:
     """Fills `actions` with all there is."""
     actions.add(
         *_file_actions(ui, workspace),
@@ -29,6 +33,7 @@ def add_actions(actions: Actions, ui: Ui, workspace: Workspace, viewport: Viewpo
         *_time_actions(ui.model),
         *_tool_actions(ui.tools),
         *_view_actions(ui, workspace, viewport),
+        *camera_actions(camera_views),
     )
 
 

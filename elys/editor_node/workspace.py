@@ -35,6 +35,7 @@ from elys.editor_node.panels.save_dialog import SaveDialog
 from elys.editor_node.panels.start_page import StartPage
 from elys.editor_node.panels.toolbar import StatusBar, Toolbar
 from elys.editor_node.panels.viewport import ViewportPanel
+from elys.editor_node.panels.viewport_menus import draw_camera_menu
 from elys.editor_node.preferences import Layout
 from elys.editor_node.shortcuts import ChordCapture
 from elys.editor_node.theme import icons
@@ -315,6 +316,7 @@ class Workspace:
                 self._hidden ^= {name}
         imgui.separator()
         action_item(self.ui, "view.grid")
+        draw_camera_menu(self.ui)
         is_open = imgui.begin_menu(tr_label("Show"))
         if not is_open:
             self.ui.landmarks.note("menu/show")

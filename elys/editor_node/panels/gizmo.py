@@ -111,7 +111,7 @@ class Gizmo:
     ) -> tuple[NDArray[np.float64], bool]:
         guizmo = imguizmo.im_guizmo
         _, _, width, height = rectangle
-        guizmo.set_orthographic(False)
+        guizmo.set_orthographic(camera.ortho_height > 0.0)
         guizmo.set_drawlist(imgui.get_window_draw_list())
         guizmo.set_rect(*rectangle)
         guizmo.set_gizmo_size_clip_space(0.13)
