@@ -58,6 +58,14 @@ Threads = Annotated[
 Keep = Annotated[float, typer.Option(min=0.0, max=3600.0, help="simulated seconds that can be gone back to (0: none)")]
 NoGuard = Annotated[bool, typer.Option("--no-guard", help="do not keep the last 5 s for when something goes wrong")]
 Json = Annotated[bool, typer.Option("--json", help="print facts as JSON")]
+DebugKinds = Annotated[
+    str,
+    typer.Option(
+        "--debug",
+        help="draw over it: aabb, obb, contacts, joints, trajectories, velocity, axes, grid, labels, islands, sleeping; "
+        "several with commas",
+    ),
+]
 Frames = Annotated[int, typer.Option(help="end after so many frames (0: never)", min=0, hidden=True)]
 
 Seconds = Annotated[float, typer.Option(min=0.1, max=36000.0, help="simulated seconds of each run")]
@@ -214,11 +222,27 @@ def sweep(
 
 
 @app.command()
-def view(connect: Connect = None, frames: Frames = 0) -> None:
+def view(
+    connect: Connect = None,
+    debug: DebugKinds = "",
+    age: Annotated[
+        bool, typer.Option("--age", help="show tick, time, age and frame rate of what is seen (key A)")
+    ] = False,
+    thin: Annotated[
+        bool, typer.Option("--thin", help="draw nothing here: show what a render node of the session draws")
+    ] = False,
+    encoding: Annotated[
+        str, typer.Option(help="of such pictures: jpeg, h264, or auto: by what the way between carries")
+    ] = "auto",
+    bit_rate: Annotated[
+        float, typer.Option(help="[Mbit/s] that h264 may take; 0: as much as it needs", min=0.0, max=1000.0)
+    ] = 0.0,
+    frames: Frames = 0,
+) -> None:
     """Watch a running session or a replay in a window."""
     from elys.verbs import attach
 
-    attach.view(connect, frame_limit=frames)
+    attach.view(connect, frame_limit=frames, debug=debug, age=age, thin=thin, encoding=encoding, bit_rate=bit_rate)
 
 
 @app.command()
@@ -251,11 +275,16 @@ def record(
     seconds: Annotated[
         float, typer.Option(help="stop after so many seconds (0: at Ctrl-C or the session's end)", min=0.0)
     ] = 0.0,
+    view: Annotated[
+        list[str], typer.Option(help="name of a camera whose pictures are recorded too; may be given several times")
+    ] = [],  # noqa: B006
+    view_size: Annotated[str, typer.Option(help="WIDTHxHEIGHT of such pictures")] = "1280x720",
+    view_fps: Annotated[float, typer.Option(help="how many a second at most", min=0.1, max=60.0)] = 30.0,
 ) -> None:
     """Record a running session from outside."""
     from elys.verbs import replay
 
-    replay.record(output, connect=connect, seconds=seconds)
+    replay.record(output, connect=connect, seconds=seconds, views=view, view_size=view_size, view_fps=view_fps)
 
 
 @app.command()
@@ -289,6 +318,12 @@ def render(
         float, typer.Option(help="circle around the scene, once in so many seconds (0: do not)", min=0.0, max=1e6)
     ] = 0.0,
     connect: Connect = None,
+    debug: DebugKinds = "",
+    debug_of: Annotated[
+        list[str],
+        typer.Option(help="entity that --debug is about, with all below it; may be given several times; default: all"),
+    ] = [],  # noqa: B006
+    stamp: Annotated[bool, typer.Option("--stamp", help="write tick and simulation time onto the pictures")] = False,
     environment: Annotated[
         bool,
         typer.Option(help="light from all around and a sky, as the scene has them; else lamps alone, before black"),
@@ -310,6 +345,9 @@ def render(
         orbit=orbit,
         connect=connect,
         environment=environment,
+        debug=debug,
+        debug_of=debug_of,
+        stamp=stamp,
     )
 
 

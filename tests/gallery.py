@@ -17,7 +17,7 @@ from elys.common.assets.store import AssetStore
 from elys.lab.cases import opened_case
 from elys.render_node.offline import OfflineRenderer
 from elys.samples.hard_cases import HARD_CASES, HardCase
-from elys.verbs.render import simulated
+from elys.verbs.footage import simulated
 
 DOCS = Path(__file__).parents[1] / "docs"
 PICTURES = DOCS / "pictures" / "hard-cases"

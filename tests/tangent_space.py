@@ -28,7 +28,7 @@ from elys.common.scene import OpenedScene, open_scene, write_scene
 from elys.common.scene_document import EntityNode, SceneDocument
 from elys.render_node.gpu import Context, offscreen_context
 from elys.render_node.offline import OfflineRenderer
-from elys.verbs.render import simulated
+from elys.verbs.footage import simulated
 
 Array = np.ndarray[Any, Any]
 

@@ -146,17 +146,19 @@ class AssetOffer:
         """Whether the host has the content, now that it was given what `store`, or else this machine's cache, has of it.
 
         Raises:
-            AssetError: it is too large for one message, or cannot be read.
+            AssetError: it is too large for one message.
             BusError: the host does not answer, or takes no offers.
         """
         if await self._ask(reference, b""):
             return True
         for known in (store, open_asset_cache()):
-            if known.has(reference):
+            try:
                 data = await asyncio.to_thread(known.get, reference)
-                if len(data) > MAX_MESSAGE_SIZE - 4096:
-                    raise AssetError(f"asset {reference} has {len(data) >> 20} MiB, more than one message may carry")
-                return await self._ask(reference, data)
+            except AssetError:
+                continue
+            if len(data) > MAX_MESSAGE_SIZE - 4096:
+                raise AssetError(f"asset {reference} has {len(data) >> 20} MiB, more than one message may carry")
+            return await self._ask(reference, data)
         return False
 
     async def _ask(self, reference: str, data: bytes) -> bool:

@@ -18,6 +18,7 @@ import msgspec
 import numpy as np
 
 from elys.bus import codec, topics
+from elys.bus.compressed_video import VIDEO_PREFIX
 from elys.bus.marker_log import MarkerLog, markers_of_command, markers_of_contacts, markers_of_events
 from elys.bus.messages.commands import (
     Command,
@@ -215,8 +216,8 @@ class Player:
         self.session.publish_payload(topics.STATE, payload)
 
     def _republish(self, message: RecordedMessage) -> None:
-        if message.channel == topics.STATUS.name:
-            return  # the player says itself how it goes
+        if message.channel == topics.STATUS.name or message.channel.startswith(VIDEO_PREFIX):
+            return  # the player says itself how it goes, and pictures are drawn anew
         topic = topics.topic_named(message.channel)
         body = message.body
         if topic is topics.EVENTS or topic is topics.CONTACTS:

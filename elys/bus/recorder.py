@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,6 +16,7 @@ from elys.bus.recording_pipe import FrameKind, PipeFrame, PipeReader
 from elys.bus.session import Session
 from elys.bus.topics import Encoding, Topic
 from elys.bus.transports.mcap import McapWriter, recorded_channels
+from elys.bus.view_recording import RecordedView, ViewRecording
 from elys.common.assets.store import AssetStore, references_in
 from elys.common.errors import BusError, ElysError, MessageError, ProtocolError
 
@@ -35,6 +37,10 @@ class Recorder:
         """Adds a message without its protocol prefix."""
         self._writer.write(channel, body, log_time=time_ns)
         self.message_count += 1
+
+    def add_video(self, channel: str) -> None:
+        """Makes room for pictures of a view; once is enough."""
+        self._writer.add_video(channel)
 
     def asset(self, reference: str, data: bytes) -> None:
         """Adds an asset, once."""
@@ -95,13 +101,13 @@ def _take_frame(recorder: Recorder, frame: PipeFrame) -> None:
 # --- from outside --------------------------------------------------------------------------------------------------
 
 
-async def record_session(session: Session, path: Path, stop: asyncio.Event) -> int:
-    """Records a joined session until `stop` is set, then finishes the file; returns the messages.
+async def record_session(session: Session, path: Path, stop: asyncio.Event, views: Sequence[RecordedView] = ()) -> int:
+    """Records a joined session, with pictures of these views, until `stop` is set, then finishes the file; returns the messages.
 
     Raises:
         RecordingError: the file cannot be written.
     """
-    recording = _OutsideRecording(session, path)
+    recording = _OutsideRecording(session, path, views)
     try:
         await recording.run(stop)
     finally:
@@ -112,8 +118,9 @@ async def record_session(session: Session, path: Path, stop: asyncio.Event) -> i
 class _OutsideRecording:
     """Subscribes to everything, and asks for the scene at the start, at a gap, at a resync and after a new start of the host."""
 
-    def __init__(self, session: Session, path: Path) -> None:
+    def __init__(self, session: Session, path: Path, views: Sequence[RecordedView]) -> None:
         self.recorder = Recorder(path, session=session.name, scene="")
+        self._views = [ViewRecording(session, view, self._keep_picture) for view in views]
         self._session = session
         self._assets = AssetClient(session, AssetStore())
         self._epoch = session.epoch
@@ -130,7 +137,8 @@ class _OutsideRecording:
         session.on_link(lambda connected: self._lost.set() if connected else None)
 
     async def run(self, stop: asyncio.Event) -> None:
-        tasks = [asyncio.create_task(work) for work in (self._take_snapshots(), self._take_assets(), self._keep_time())]
+        works = (self._take_snapshots(), self._take_assets(), self._keep_time(), *(view.run() for view in self._views))
+        tasks = [asyncio.create_task(work) for work in works]
         stopping = asyncio.create_task(stop.wait())
         try:
             done, _ = await asyncio.wait([*tasks, stopping], return_when=asyncio.FIRST_COMPLETED)
@@ -161,11 +169,13 @@ class _OutsideRecording:
     def _heard(self, topic: Topic[Any], body: bytes) -> None:
         if topic is topics.DELTA:
             self._heard_delta(body)
-        now = time.time_ns()
+        self._write_or_wait(topic.name, body, time.time_ns())
+
+    def _write_or_wait(self, channel: str, body: bytes, now: int) -> None:
         if self._early is not None:
-            self._early.append((topic.name, body, now))
+            self._early.append((channel, body, now))
         else:
-            self.recorder.message(topic.name, body, time_ns=now)
+            self.recorder.message(channel, body, time_ns=now)
 
     def _heard_delta(self, body: bytes) -> None:
         try:
@@ -178,6 +188,10 @@ class _OutsideRecording:
         if delta.resync or delta.epoch != self._epoch or delta.sequence > self._sequence + 1:
             self._lost.set()
         self._epoch, self._sequence = delta.epoch, delta.sequence
+
+    def _keep_picture(self, channel: str, body: bytes, now: int) -> None:
+        self.recorder.add_video(channel)
+        self._write_or_wait(channel, body, now)
 
     def _want(self, body: bytes) -> None:
         for reference in self.recorder.lacking(body):

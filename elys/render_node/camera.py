@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elys.bus.messages.views import ViewCamera
+from elys.common.components import Camera, Quat, Vec3
 from elys.common.math import quaternion
 from elys.common.math.matrix import look_rotation, orthographic, perspective
 
@@ -63,6 +64,18 @@ class View:
         part_from_clip[0, 3] = (self.width - 2.0 * x - width) / width
         part_from_clip[1, 3] = (2.0 * y + height - self.height) / height
         return replace(self, width=width, height=height, clip_from_relative=part_from_clip @ self.clip_from_relative)
+
+
+def camera_of(camera: Camera, position: Vec3, rotation: Quat) -> ViewCamera:
+    """The view of a camera of the scene that stands at `position` [m], turned by `rotation`."""
+    return ViewCamera(
+        position=position,
+        rotation=rotation,
+        field_of_view=camera.field_of_view,
+        ortho_height=camera.ortho_height if camera.projection == "orthographic" else 0.0,
+        near=camera.near,
+        far=camera.far,
+    )
 
 
 @lru_cache(maxsize=16)

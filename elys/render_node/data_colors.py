@@ -37,7 +37,7 @@ def data_pixels(values: NDArray[Any], kind: DataKind, *, depth_unit: float = 1.0
         case "depth":
             return _grey(depth_unit / (depth_unit + np.maximum(values, 0.0)))
         case "entity":
-            return _entity_colors(values[..., 0])
+            return entity_colors(values[..., 0])
         case "overdraw":
             return _heat(values[..., 0])
 
@@ -52,8 +52,8 @@ def _grey(values: NDArray[np.floating]) -> Pixels:
     return np.repeat(np.asarray(np.rint(np.clip(values, 0.0, 1.0) * 255.0), np.uint8), 3, axis=-1)
 
 
-def _entity_colors(entity: NDArray[np.uint32]) -> Pixels:
-    """A colour for each id, the same in all pictures, neighbours far apart; black for none."""
+def entity_colors(entity: NDArray[np.uint32]) -> Pixels:
+    """A colour (..., 3) for each id, the same in all pictures, neighbours far apart; black for none."""
     ids, place = np.unique(entity, return_inverse=True)
     mixed = ids.astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)  # Fibonacci hashing (Knuth 6.4): evenly spread
     parts = [(mixed >> np.uint64(shift)) & np.uint64(0xFFFF) for shift in (48, 32, 16)]

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from elys.render_node.lamp_shadows import SIDE, LampShadows, shadow_squares
 from elys.render_node.picture_plan import MAX_LAMPS, PicturePlan
 from elys.render_node.render_world import PlacedLight
+from elys.render_node.shadow_fit import MOST_CASCADES, atlas_shape
 
 GRID_PERIOD: Final = 10.0  # [m] after which the grid's pattern repeats
 NORMAL_OFFSET: Final = 1.4  # texels by which a shaded point is lifted off its surface before its shadow is looked up
@@ -27,11 +28,11 @@ FRAME_DTYPE: Final = np.dtype(
     [
         ("clip_from_relative", "<f4", (4, 4)),
         ("relative_from_clip", "<f4", (4, 4)),
-        ("shadow_from_relative", "<f4", (4, 4)),
         ("sun_direction", "<f4", 4),
         ("sun_illuminance", "<f4", 4),
-        ("shadow_scale", "<f4", 4),
-        ("near_shadow_from_relative", "<f4", (4, 4)),
+        ("shadow_atlas", "<f4", 4),
+        ("cascade_from_relative", "<f4", (MOST_CASCADES, 4, 4)),
+        ("cascade_scale", "<f4", (MOST_CASCADES, 4)),
         ("irradiance", "<f4", (9, 4)),
         ("mirror_tiles", "<f4", (6, 4)),
         ("grid_origin", "<f4", 4),
@@ -59,12 +60,8 @@ def frame_block(plan: PicturePlan, harmonics: NDArray[np.float64], tiles: NDArra
         light = plan.sun.light
         frame["sun_direction"][:3] = -plan.sun.direction
         frame["sun_illuminance"][:3] = np.multiply(light.color, light.intensity)
-    if plan.shadow is not None:
-        frame["shadow_from_relative"] = (_MAP_FROM_CLIP @ plan.shadow.map_from_relative).T
-        frame["shadow_scale"][:2] = (plan.shadow.texel * NORMAL_OFFSET, 1.0 / plan.shadow.map_size)
-    if plan.near_shadow is not None:
-        frame["near_shadow_from_relative"] = (_MAP_FROM_CLIP @ plan.near_shadow.map_from_relative).T
-        frame["shadow_scale"][2:] = (plan.near_shadow.texel * NORMAL_OFFSET, 1.0 / plan.near_shadow.map_size)
+    if plan.cascades:
+        _fill_cascades(frame, plan)
     picture = plan.picture
     thinned = math.exp(min(max(-picture.fog_falloff * float(view.eye[1]), -60.0), 60.0))
     frame["fog_color"] = (*picture.fog_color, picture.fog_density * thinned)
@@ -80,6 +77,15 @@ def frame_block(plan: PicturePlan, harmonics: NDArray[np.float64], tiles: NDArra
     if plan.lamp_shadows is not None:
         _fill_lamp_shadows(frame, plan, plan.lamp_shadows)
     return block
+
+
+def _fill_cascades(frame: np.void, plan: PicturePlan) -> None:
+    columns, rows = atlas_shape(len(plan.cascades))
+    frame["shadow_atlas"][:2] = 1.0 / columns, 1.0 / rows
+    for place, fit in enumerate(plan.cascades):
+        frame["cascade_from_relative"][place] = (_MAP_FROM_CLIP @ fit.map_from_relative).T
+        corner = (place % columns / columns, place // columns / rows)
+        frame["cascade_scale"][place] = (fit.texel * NORMAL_OFFSET, 1.0 / fit.map_size, *corner)
 
 
 def _fill_lamp_shadows(frame: np.void, plan: PicturePlan, shadows: LampShadows) -> None:

@@ -17,19 +17,23 @@ from elys.bus import topics
 from elys.bus.asset_service import AssetClient, open_asset_cache
 from elys.bus.following import follow_scene, follow_state
 from elys.bus.messages.state_frame import StateFrame
-from elys.bus.messages.views import PickReply, PickRequest, ViewCamera, ViewFrame, ViewRequest
+from elys.bus.messages.views import FRAMED, Debug, PickReply, PickRequest, ViewCamera, ViewFrame, ViewRequest
 from elys.bus.mirror import MirrorUpdate, SceneMirror
 from elys.bus.session import Node, Session
 from elys.common.assets import AssetStore
+from elys.common.components import Camera
 from elys.common.errors import ElysError, RequestError
+from elys.render_node.camera import camera_of, framing_camera
 from elys.render_node.data_colors import data_pixels, depth_unit_of
+from elys.render_node.debug_drawing import DebugDrawing
+from elys.render_node.debug_listening import DebugListener
 from elys.render_node.drawable_assets import DrawableAssets
 from elys.render_node.gpu import Context, offscreen_context
 from elys.render_node.quality import Quality, interactive_quality
 from elys.render_node.render_world import RenderWorld
 from elys.render_node.renderer import Renderer
 from elys.render_node.scene_tables import SceneReader
-from elys.render_node.view_desk import View, ViewDesk, sane_camera, sane_size
+from elys.render_node.view_desk import PutPicture, View, ViewDesk, sane_camera, sane_size
 
 SLOW_STATES: Final = 1.0 / 40.0  # [s] between state frames above which views glide from one to the next
 _log = logging.getLogger(__name__)
@@ -79,6 +83,9 @@ class SceneFollower:
         self._loop = asyncio.get_running_loop()
         self._assets = AssetClient(session, _asset_store())
         self.world = RenderWorld(DrawableAssets(self._fetch, on_ready=self._asset_arrived))
+        self.drawing = DebugDrawing(self.mirror)
+        self._debug = DebugListener(session, self.drawing, self._lines_arrived)
+        self._wanted: frozenset[Debug] = frozenset()
         self.changed = asyncio.Event()
         self.revision = 0  # rises with every change
         self.arrived_count = 0  # of meshes and images
@@ -96,9 +103,27 @@ class SceneFollower:
         self.world.read_scene(self._reader)
         self.world.place(now)
 
+    def camera(self, through: int, aspect: float) -> ViewCamera:
+        """Of the entity `through` as it stands in the newest state, if it has a camera; else as `ViewRequest.through` says."""
+        if through == FRAMED:
+            return framing_camera(*self.world.bounds(), aspect=aspect)
+        found = self.mirror.entities.get(through)
+        camera = found.components.get("Camera") if found is not None else None
+        if not isinstance(camera, Camera):
+            return self.world.camera(aspect)
+        pose = self.mirror.world_pose(through)
+        return camera_of(camera, pose.position, pose.rotation)
+
+    def want_debug(self, kinds: frozenset[Debug]) -> None:
+        """Says of which kinds debug drawing is made from now on."""
+        if kinds != self._wanted:
+            self._wanted = kinds
+            self._debug.want(kinds)
+
     def close(self) -> None:
         """Stops following."""
         self._closed = True
+        self._debug.close()
         self._reader.close()
         self.world.assets.close()
 
@@ -116,12 +141,20 @@ class SceneFollower:
         newest = self.world.timeline.newest
         if update.reset and newest is not None and newest.epoch != self.mirror.epoch:
             self.world.forget_state()
+            self.drawing.forget()
         self.touch()
+
+    def _lines_arrived(self, _: str) -> None:
+        newest = self.mirror.latest_frame
+        if newest is None or not newest.playing:  # else the next state is near, and brings a picture
+            self.touch()
 
     def _state_arrived(self, frame: StateFrame) -> None:
         self.state_arrived_at = time.monotonic()
         # Of another run than the scene that is here: its ids mean other things.
         if frame.epoch == self.mirror.epoch and self.world.take_state(frame, self.state_arrived_at):
+            if "trajectories" in self._wanted:
+                self.drawing.take_state(frame)
             self.touch()
 
     def _link_changed(self, connected: bool) -> None:
@@ -186,6 +219,7 @@ class _ViewServer:
         follower, desk = self._follower, self._desk
         while True:
             now = time.monotonic()
+            follower.want_debug(desk.debug_kinds())
             for view in desk.due(now, follower.revision, gliding=self._is_gliding(now)):
                 self._draw(view, renderer)
                 await asyncio.sleep(0)  # messages and questions between two pictures
@@ -203,8 +237,8 @@ class _ViewServer:
         request, revision = view.request, self._follower.revision
         try:
             self._follower.refresh(self._moment())
-            camera = sane_camera(request.camera)
-            slot, jpeg = self._draw_into(view, renderer, camera)
+            camera = sane_camera(request.camera or self._follower.camera(request.through, view.width / view.height))
+            put = self._draw_into(view, renderer, camera)
         except ElysError as error:
             _log.error("view %s cannot be drawn: %s", request.view, error)
             view.answered(revision, time.monotonic())
@@ -217,19 +251,24 @@ class _ViewServer:
             camera=camera,
             width=view.width,
             height=view.height,
-            slot=slot,
-            jpeg=jpeg,
+            slot=put.slot,
+            jpeg=put.jpeg,
+            h264=put.coded.data,
+            number=put.coded.number,
+            keyframe=put.coded.is_keyframe,
             render_time=(time.perf_counter() - start) * 1e3,
+            answer_time=(time.monotonic() - view.asked_at) * 1e3,
         )
         self._session.publish(topics.VIEW_FRAME, frame, key=request.view)
         view.answered(revision, time.monotonic())
         if self._measure is not None:
             self._measure(frame)
 
-    def _draw_into(self, view: View, renderer: Renderer, camera: ViewCamera) -> tuple[int, bytes]:
-        """Draws what a view shows; where the picture was put, see `View.put`."""
+    def _draw_into(self, view: View, renderer: Renderer, camera: ViewCamera) -> PutPicture:
+        """Draws what a view shows, and puts it where it is wanted."""
         request, world = view.request, self._follower.world
         if request.shows == "shaded":
+            marks = self._follower.drawing.marks(world, request.debug, request.debug_entities)
             picture = renderer.draw(
                 world,
                 camera,
@@ -238,6 +277,7 @@ class _ViewServer:
                 selection=request.selection,
                 hidden=request.hidden,
                 grid=request.grid,
+                marks=marks,
             )
             return view.put(picture)
         values = renderer.draw_data(world, camera, view.width, view.height, request.shows, hidden=request.hidden)

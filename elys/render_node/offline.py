@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self, get_args
@@ -11,14 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elys.bus.messages.state_frame import StateFrame
-from elys.bus.messages.views import Shows, ViewCamera
+from elys.bus.messages.views import Debug, Shows, ViewCamera
 from elys.bus.mirror import SceneMirror
 from elys.common.errors import ElysError
 from elys.render_node.camera import Region
 from elys.render_node.data_colors import data_pixels, depth_unit_of
+from elys.render_node.debug_drawing import DebugDrawing
 from elys.render_node.drawable_assets import DrawableAssets
 from elys.render_node.film import VideoWriter as VideoWriter
 from elys.render_node.gpu import Context, offscreen_context
+from elys.render_node.lettering import write_on
+from elys.render_node.marks import LETTERS, NO_MARKS, Marks, stamp_text
 from elys.render_node.passes.data import DataKind
 from elys.render_node.picture_files import PICTURE_SUFFIXES, holds_numbers, output_kind, save_picture, save_values
 from elys.render_node.picture_files import load_picture as load_picture
@@ -33,6 +37,23 @@ TILE_EDGE: Final = 4096  # [pixels]; what is larger is drawn in parts
 VIEWS: Final[tuple[str, ...]] = get_args(Shows)
 CameraAt = Callable[[float], ViewCamera]  # by simulation time [s]
 Progress = Callable[[int, int], None]  # pictures drawn, pictures in all (0: not known)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Overlay:
+    """What is drawn over pictures: debug drawing of some kinds, of some entities or of all, and a stamp of tick and time."""
+
+    drawing: DebugDrawing | None = None
+    kinds: tuple[Debug, ...] = ()
+    entities: tuple[int, ...] = ()
+    stamp: bool = False
+
+    def marks(self, world: RenderWorld) -> Marks:
+        """The debug drawing of a world as it is placed."""
+        return NO_MARKS if self.drawing is None else self.drawing.marks(world, self.kinds, self.entities)
+
+
+NOTHING_OVER: Final = Overlay()
 
 
 class OfflineRenderer:
@@ -52,6 +73,7 @@ class OfflineRenderer:
         shows: Shows = "shaded",
         quality: Quality = FULL,
         environment: bool = True,
+        overlay: Overlay = NOTHING_OVER,
         context: Context | None = None,
         tile_edge: int = TILE_EDGE,
     ) -> None:
@@ -64,6 +86,7 @@ class OfflineRenderer:
         self.width, self.height = width, height
         self.mirror = mirror
         self.world = RenderWorld(DrawableAssets(fetch), environment=environment)
+        self.overlay = overlay
         self._shows = shows
         self._reader = SceneReader(mirror)
         self._owns_context = context is None
@@ -112,15 +135,14 @@ class OfflineRenderer:
         self.place(time)
         pixels = np.full((self.height, self.width, 4), 255, np.uint8)
         if self._shows == "shaded":
-            renderer = self._renderer(self._quality)
-            for region in self._regions():
-                target = renderer.draw(self.world, camera or self._camera(), self.width, self.height, region=region)
-                _put(pixels, region, renderer.read_pixels(target))
-            return pixels
-        values = self._data(self._shows, camera)
-        if self._shows == "depth":
-            self._depth_unit = self._depth_unit or depth_unit_of(values)
-        pixels[..., :3] = data_pixels(values, self._shows, depth_unit=self._depth_unit)
+            self._draw_shaded(pixels, camera or self._camera())
+        else:
+            values = self._data(self._shows, camera)
+            if self._shows == "depth":
+                self._depth_unit = self._depth_unit or depth_unit_of(values)
+            pixels[..., :3] = data_pixels(values, self._shows, depth_unit=self._depth_unit)
+        if self.overlay.stamp:
+            write_on(pixels, (self._stamp(),), LETTERS)
         return pixels
 
     def values(self, *, camera: ViewCamera | None = None, time: float | None = None) -> NDArray[Any]:
@@ -179,6 +201,18 @@ class OfflineRenderer:
                 if total and drawn >= total:
                     break
         return drawn
+
+    def _draw_shaded(self, pixels: NDArray[np.uint8], camera: ViewCamera) -> None:
+        renderer, marks = self._renderer(self._quality), self.overlay.marks(self.world)
+        for region in self._regions():
+            target = renderer.draw(self.world, camera, self.width, self.height, marks=marks, region=region)
+            _put(pixels, region, renderer.read_pixels(target))
+
+    def _stamp(self) -> str:
+        bodies = self.world.bodies()
+        if bodies.tick < 0:
+            return stamp_text(self.mirror.tick, self.mirror.simulation_time)
+        return stamp_text(bodies.tick, bodies.time)
 
     def _data(self, kind: DataKind, camera: ViewCamera | None) -> NDArray[Any]:
         whole: NDArray[Any] | None = None

@@ -11,6 +11,7 @@ from elys.render_node.drawable_assets import DrawableAssets
 from elys.render_node.passes.backdrop import GridPass, SkyPass
 from elys.render_node.passes.bloom import BloomPass
 from elys.render_node.passes.finishing import FxaaPass, OutlinePass
+from elys.render_node.passes.marks import LetterPass, LinePass
 from elys.render_node.passes.occlusion import OcclusionPass
 from elys.render_node.passes.shading import OpaquePass, TransparentPass
 from elys.render_node.passes.shadow import LampShadowPass, ShadowPass
@@ -84,7 +85,9 @@ def told_passes(plan: PicturePlan) -> tuple[PlannedPass, ...]:
         ),
         PlannedPass("bloom", BloomPass.is_needed(plan), _why_set(picture.bloom, "bloom", "bright light spreads")),
         PlannedPass("fxaa", FxaaPass.is_needed(plan), _why_set(picture.fxaa, "fxaa", "edges are smoothed")),
+        PlannedPass("debug lines", LinePass.is_needed(plan), _why_marked(len(plan.marks.lines), "line")),
         PlannedPass("outline", OutlinePass.is_needed(plan), _why_seen(plan.selected, "selected thing")),
+        PlannedPass("letters", LetterPass.is_needed(plan), _why_marked(len(plan.marks.labels), "label")),
         PlannedPass("tonemap", True, f"always: light becomes what a screen shows, by {picture.tone_mapping}"),
     )
 
@@ -95,6 +98,10 @@ def _why_seen(calls: list[DrawCall], noun: str) -> str:
         return f"no {noun} is seen"
     plural = noun if count == 1 else noun.replace("thing", "things", 1)
     return f"{count} {plural} seen, in {len(calls)} draw call{'s' if len(calls) != 1 else ''}"
+
+
+def _why_marked(count: int, noun: str) -> str:
+    return f"{count} {noun}{'s' if count != 1 else ''} of debug drawing" if count else "nobody asked for debug drawing"
 
 
 def _why_set(value: float, name: str, effect: str) -> str:
@@ -137,9 +144,10 @@ def _why_shadow(plan: PicturePlan) -> str:
         return "no sun"
     if not plan.sun.light.cast_shadows:
         return "the sun casts no shadows"
-    if plan.shadow is None:
+    if not plan.cascades:
         return "nothing that throws a shadow is in view"
-    if plan.shadow_is_fresh:
-        return "the map drawn for the last picture still holds"
-    finer = ", and a finer map around the eye for the long view" if plan.near_shadow is not None else ""
-    return f"{sum(call.instance_count for call in plan.casters)} things throw shadows{finer}"
+    if not plan.stale_cascades:
+        return "what was drawn for the last picture still holds"
+    finer = len(plan.cascades) - 1
+    more = f", and {finer} finer map{'s' if finer > 1 else ''} around the eye for the long view" if finer else ""
+    return f"{sum(call.instance_count for call in plan.casters[-1])} things throw shadows{more}"

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from elys.common.scene import PictureSettings
 from elys.render_node.camera import View, frustum_planes
 from elys.render_node.lamp_shadows import LampShadows, fit_lamp_shadows
+from elys.render_node.marks import NO_MARKS, Marks
 from elys.render_node.render_world import Batch, PlacedLight, RenderWorld
 from elys.render_node.scene_tables import Rows
-from elys.render_node.shadow_fit import ShadowFit, fit_near_shadow, fit_shadow
+from elys.render_node.shadow_fit import MOST_CASCADES, ShadowFit, fit_cascades, reached
 from elys.render_node.surroundings import Surroundings
 
 MAX_LAMPS: Final = 8  # point and spot lights in one picture: those that matter most
@@ -36,18 +37,18 @@ class PicturePlan:
     instances: NDArray[np.void]  # [N] of INSTANCE_DTYPE or PLAIN_INSTANCE_DTYPE, until the next plan of the same world
     opaque: list[DrawCall]
     transparent: list[DrawCall]  # farthest first
-    casters: list[DrawCall]
+    casters: list[list[DrawCall]]  # of each stale cascade
     selected: list[DrawCall]
     sun: PlacedLight | None
     lamps: list[PlacedLight]
-    shadow: ShadowFit | None
-    near_shadow: ShadowFit | None  # a finer one around the eye, where the view is long
-    shadow_is_fresh: bool  # the map drawn for the last picture still holds
+    cascades: tuple[ShadowFit, ...]  # what the sun's maps cover, the finest first; none where the sun throws no shadows
+    stale_cascades: tuple[int, ...]  # those of them whose maps do not hold what they should
     lamp_shadows: LampShadows | None
     lamp_casters: list[list[DrawCall]]  # of each of their squares; none while the atlas drawn last still holds
     hidden: tuple[int, ...]  # entities that are left out, with all below them
     grid: bool
     surroundings: Surroundings
+    marks: Marks
 
     @property
     def picture(self) -> PictureSettings:
@@ -64,10 +65,11 @@ class ShadowState(NamedTuple):
     hidden: tuple[int, ...]
 
 
-def shadow_state(world: RenderWorld, shadow: ShadowFit, near: ShadowFit | None, hidden: tuple[int, ...]) -> ShadowState:
+def shadow_states(
+    world: RenderWorld, cascades: tuple[ShadowFit, ...], hidden: tuple[int, ...]
+) -> tuple[ShadowState, ...]:
     """What maps of these hold once they are drawn."""
-    key = shadow.key + (near.key if near is not None else ())
-    return ShadowState(world.scene_version, world.pose_version, key, hidden)
+    return tuple(ShadowState(world.scene_version, world.pose_version, fit.key, hidden) for fit in cascades)
 
 
 def plan_picture(
@@ -77,16 +79,17 @@ def plan_picture(
     selection: tuple[int, ...] = (),
     hidden: tuple[int, ...] = (),
     grid: bool = False,
-    drawn_shadow: ShadowState | None = None,
+    drawn_cascades: tuple[ShadowState, ...] = (),
     shadow_size: int = 0,
     long_views: bool = False,
     lamp_shadow_size: int = 0,
     drawn_lamp_shadows: ShadowState | None = None,
     for_light: bool = False,
+    marks: Marks = NO_MARKS,
 ) -> PicturePlan:
-    """Decides what a picture of the world in this view consists of; `drawn_shadow` is what the shadow map, of `shadow_size`
-    texels an edge (0 for none), holds already, and `drawn_lamp_shadows` the same of the atlas of lamps. With
-    `long_views` a finer map around the eye is added where one would be coarse. `hidden` entities, and all below them, are
+    """Decides what a picture of the world in this view consists of; `drawn_cascades` is what the sun's maps, of `shadow_size`
+    texels an edge (0 for none), hold already, and `drawn_lamp_shadows` the same of the atlas of lamps. With
+    `long_views` finer maps around the eye are added where one would be coarse. `hidden` entities, and all below them, are
     neither seen nor throw shadows; lamps among them shine. A plan `for_light` cannot tell who is seen.
     """
     left_out = world.instances_of(hidden)
@@ -96,18 +99,16 @@ def plan_picture(
     seen[left_out] = False
     lights = world.lights()
     sun = _brightest_sun(lights)
-    shadow = _shadow(world, view, sun, shadow_size) if shadow_size else None
-    near_shadow = fit_near_shadow(world, view, sun.direction, shadow) if shadow and sun and long_views else None
-    is_fresh = shadow is not None and drawn_shadow == shadow_state(world, shadow, near_shadow, hidden)
+    cascades = _cascades(world, view, sun, shadow_size, MOST_CASCADES if long_views else 1) if shadow_size else ()
+    stale = _stale(shadow_states(world, cascades, hidden), drawn_cascades)
     rows = _RowCollector(world)
     seen_rows = np.flatnonzero(seen)
     first_blended = next((batch.first for batch in world.batches if batch.is_blended), world.instance_count)
     opaque = rows.add_grouped(seen_rows[: np.searchsorted(seen_rows, first_blended)], _depth(view, relative_centre))
     blended = seen_rows[np.searchsorted(seen_rows, first_blended) :]
     transparent = rows.add_sorted(blended, _distance(view, relative_centre)) if len(blended) else []
-    casts = (shadow is not None and not is_fresh) or lamp_shadow_size
-    all_casters = _caster_rows(world, first_blended, left_out) if casts else seen_rows[:0]
-    casters = rows.add_grouped(all_casters) if shadow is not None and not is_fresh else []
+    all_casters = _caster_rows(world, first_blended, left_out) if stale or lamp_shadow_size else seen_rows[:0]
+    casters = [rows.add_grouped(_reached(world, view, cascades, place, all_casters)) for place in stale]
     lamps = _nearest_lamps(lights, view.eye)
     around = fit_lamp_shadows(world, lamps, all_casters, lamp_shadow_size) if lamp_shadow_size and lamps else None
     holds = around is not None and drawn_lamp_shadows == ShadowState(
@@ -128,13 +129,13 @@ def plan_picture(
         selected=selected,
         sun=sun,
         lamps=lamps,
-        shadow=shadow,
-        near_shadow=near_shadow,
-        shadow_is_fresh=is_fresh,
+        cascades=cascades,
+        stale_cascades=stale,
         lamp_shadows=around,
         lamp_casters=lamp_casters,
         hidden=hidden,
-        grid=grid,
+        grid=grid or marks.grid,
+        marks=marks,
         surroundings=world.surroundings(None if sun is None else -sun.direction),
     )
 
@@ -238,10 +239,24 @@ def _caster_rows(world: RenderWorld, first_blended: int, left_out: Rows) -> Rows
     return np.setdiff1d(casters, left_out, assume_unique=True) if len(left_out) else casters
 
 
-def _shadow(world: RenderWorld, view: View, sun: PlacedLight | None, map_size: int) -> ShadowFit | None:
+def _cascades(
+    world: RenderWorld, view: View, sun: PlacedLight | None, map_size: int, most: int
+) -> tuple[ShadowFit, ...]:
     if sun is None or not sun.light.cast_shadows:
-        return None
-    return fit_shadow(world, view, sun.direction, map_size=map_size)
+        return ()
+    return fit_cascades(world, view, sun.direction, map_size=map_size, most=most)
+
+
+def _stale(wanted: tuple[ShadowState, ...], drawn: tuple[ShadowState, ...]) -> tuple[int, ...]:
+    """The places of maps that must be drawn; all, where there are more or fewer than before, as they then lie elsewhere."""
+    if len(wanted) != len(drawn):
+        return tuple(range(len(wanted)))
+    return tuple(place for place, state in enumerate(wanted) if state != drawn[place])
+
+
+def _reached(world: RenderWorld, view: View, cascades: tuple[ShadowFit, ...], place: int, casters: Rows) -> Rows:
+    """Who is drawn into a map; into that of all, all."""
+    return casters if place == len(cascades) - 1 else reached(world, cascades[place], view, casters)
 
 
 def _brightest_sun(lights: list[PlacedLight]) -> PlacedLight | None:

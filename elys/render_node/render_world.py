@@ -23,7 +23,7 @@ from elys.common.math import quaternion
 from elys.common.math.aabb import transform_bounds
 from elys.common.scene import SceneSettings
 from elys.render_node.batch_terms import Terms, evenly_scaled, terms_of_batches
-from elys.render_node.camera import framing_camera
+from elys.render_node.camera import camera_of, framing_camera
 from elys.render_node.deformation import Deformation, bent_rows, morphed_rows
 from elys.render_node.drawable_assets import UNKNOWN_EXTENT, DrawableAssets
 from elys.render_node.instance_rows import InstanceRows
@@ -64,6 +64,16 @@ class PlacedLight:
     light: Light
     position: NDArray[np.float64]  # (3,) world [m]
     direction: NDArray[np.float64]  # (3,) the way it shines
+
+
+class Bodies(NamedTuple):
+    """The B bodies of the newest state frame where they are placed."""
+
+    entity: NDArray[np.uint32]  # (B,)
+    position: NDArray[np.float64]  # (B, 3) world [m]
+    linear_velocity: NDArray[np.float32]  # (B, 3) [m/s]
+    time: float  # [s] of simulation at which they are there
+    tick: int  # the last one that is over by then
 
 
 class RenderWorld:
@@ -194,6 +204,34 @@ class RenderWorld:
         """Rotation and scale [M, 3, 3] of world_from_local."""
         return self._placement.linear[: self.instance_count]
 
+    def bodies(self) -> Bodies:
+        """What moves, where it is seen now; nobody before there is any state."""
+        newest = self.timeline.newest
+        if newest is None:
+            return Bodies(np.zeros(0, np.uint32), np.zeros((0, 3)), np.zeros((0, 3), np.float32), 0.0, -1)
+        fraction = 1.0 if self._placed[1] < 0.0 else self._placed[1]
+        position, _, _ = self.timeline.poses(newest.entity, fraction)
+        return Bodies(
+            newest.entity,
+            position,
+            newest.linear_velocity,
+            self.timeline.time_at(fraction),
+            self.timeline.tick_at(fraction),
+        )
+
+    def entities_below(self, entities: tuple[int, ...]) -> NDArray[np.uint32]:
+        """These entities and all below them, ascending."""
+        return np.sort(self._tables.entity[self._tables.subtree(entities)])
+
+    def local_boxes(self, rows: Rows) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Corners (N, 3) of a box along each of these instances' own axes, in its own space."""
+        return self._lower[rows].astype(np.float64), self._upper[rows].astype(np.float64)
+
+    @property
+    def measured_rows(self) -> Rows:
+        """The instances whose size is known."""
+        return np.flatnonzero(self._is_measured)
+
     def instances_of(self, entities: tuple[int, ...]) -> Rows:
         """The instances of these entities and of all below them, ascending."""
         if not entities:
@@ -220,14 +258,7 @@ class RenderWorld:
             return framing_camera(*self.bounds(), aspect=aspect)
         item = self.instance_count + len(self._lights)
         rotation = quaternion.from_matrix(_axes(self._placement.linear[item].astype(np.float64)))
-        return ViewCamera(
-            position=tuple(self._placement.position[item].tolist()),
-            rotation=tuple(rotation.tolist()),
-            field_of_view=self._camera.field_of_view,
-            ortho_height=self._camera.ortho_height if self._camera.projection == "orthographic" else 0.0,
-            near=self._camera.near,
-            far=self._camera.far,
-        )
+        return camera_of(self._camera, tuple(self._placement.position[item].tolist()), tuple(rotation.tolist()))
 
     @property
     def has_camera(self) -> bool:

@@ -18,11 +18,13 @@ from elys.bus.messages.views import ViewCamera
 from elys.render_node.camera import Region, View
 from elys.render_node.frame_block import frame_block
 from elys.render_node.gpu import BLOCK_BINDINGS, Context, Format, Framebuffer
+from elys.render_node.marks import NO_MARKS, Marks
 from elys.render_node.passes.backdrop import GridPass, SkyPass
 from elys.render_node.passes.bloom import BloomPass
 from elys.render_node.passes.data import DataKind, DataPass
 from elys.render_node.passes.environment import EnvironmentPass, mirror_tiles
 from elys.render_node.passes.finishing import FxaaPass, OutlinePass, TonemapPass
+from elys.render_node.passes.marks import LetterPass, LinePass
 from elys.render_node.passes.occlusion import OcclusionPass
 from elys.render_node.passes.picking import PickingPass
 from elys.render_node.passes.shading import OpaquePass, TransparentPass
@@ -79,6 +81,8 @@ class Renderer:
         self._fxaa = FxaaPass(self.resources)
         self._tonemap = TonemapPass(self.resources)
         self._outline = OutlinePass(self.resources)
+        self._lines = LinePass(self.resources, quality)
+        self._letters = LetterPass(self.resources)
         self._picking: PickingPass | None = None
         self._data: DataPass | None = None
 
@@ -92,6 +96,7 @@ class Renderer:
         selection: tuple[int, ...] = (),
         hidden: tuple[int, ...] = (),
         grid: bool = False,
+        marks: Marks = NO_MARKS,
         target: Framebuffer | None = None,
         region: Region | None = None,
     ) -> Framebuffer:
@@ -103,7 +108,8 @@ class Renderer:
         """
         self.resources.programs.reload_changed()
         with self._timed("plan"):
-            plan = self._plan(world, View.of(camera, width, height), selection, hidden, grid)
+            view = View.of(camera, width, height)
+            plan = self._plan(world, view, selection=selection, hidden=hidden, grid=grid, marks=marks)
             if region is not None:  # planned as a whole, so that shadows are the same in all parts
                 plan = replace(plan, view=plan.view.of_region(region))
         targets = self._targets_of(
@@ -140,6 +146,9 @@ class Renderer:
         with self._timed("transparent"):
             if self._transparent.is_needed(plan):
                 self._transparent.draw(plan, targets.drawn)
+        with self._timed("marks"):
+            if self._lines.is_needed(plan):
+                self._lines.draw(plan, targets.drawn)
         with self._timed("finish"):
             targets.resolve()
             if self._bloom.is_needed(plan):
@@ -151,6 +160,8 @@ class Renderer:
                 self._show(plan, targets, picture)
             if self._outline.is_needed(plan):
                 self._outline.draw(plan, picture)
+            if self._letters.is_needed(plan):
+                self._letters.draw(plan, view, region, picture)
         self.context.collect()
         self.context.check("drawing a picture")
         return picture
@@ -238,7 +249,14 @@ class Renderer:
             targets.light.resolve_into(picture)
 
     def _plan(
-        self, world: RenderWorld, view: View, selection: tuple[int, ...], hidden: tuple[int, ...], grid: bool
+        self,
+        world: RenderWorld,
+        view: View,
+        *,
+        selection: tuple[int, ...],
+        hidden: tuple[int, ...],
+        grid: bool,
+        marks: Marks,
     ) -> PicturePlan:
         is_same = self._shadow_world is world
         self._shadow_world = world
@@ -248,7 +266,8 @@ class Renderer:
             selection=selection,
             hidden=hidden,
             grid=grid,
-            drawn_shadow=self._shadow.drawn if is_same else None,
+            marks=marks,
+            drawn_cascades=self._shadow.drawn if is_same else (),
             shadow_size=self._quality.shadow_size,
             long_views=not self._quality.single_shadow_tap,
             lamp_shadow_size=self._quality.lamp_shadow_size,

@@ -1,4 +1,4 @@
-"""Which part of the world one shadow map should cover, and the matrix that takes it there."""
+"""Which parts of the world the sun's shadow maps should cover, and the matrices that take them there."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ from elys.render_node.scene_tables import Rows
 
 BORDER: Final = 4  # texels around what is covered: the filter looks over the edge
 REACH_BEHIND: Final = 500.0  # [m] behind the casters in which shadows are seen; 24 bits of depth resolve 0.03 mm of it
-NEAR_SHARE: Final = 1 / 16  # of the whole box' edge: how far from the eye the finer box reaches
-FINER: Final = 4.0  # times, at the least, are its texels smaller: else it is not worth a second drawing
+SHARE: Final = 1 / 4  # of the distance to which a box reaches, to which the next finer one does
+FINER: Final = 3.0  # times, at the least, are its texels smaller: else it is not worth another drawing
+MOST_CASCADES: Final = 4
 SIZE_STEPS: Final = 8  # sizes per doubling: small changes of the view leave the texels where they are
 
 
@@ -32,28 +33,44 @@ class ShadowFit:
     key: tuple[float, ...]  # equal keys cover the same part of the world in the same way
 
 
-def fit_near_shadow(
-    world: RenderWorld, view: View, direction: NDArray[np.float64], whole: ShadowFit
-) -> ShadowFit | None:
-    """A second box around what is near the eye, where the view is so long that the one around all of it would be coarse there."""
-    distance = whole.texel * whole.map_size * NEAR_SHARE
-    if (np.linalg.norm(world.centre - view.eye, axis=1) - world.radius).min() > distance:
-        return None  # there is nothing to see a shadow on
-    near = fit_shadow(world, view, direction, map_size=whole.map_size, farthest=distance)
-    return near if near is not None and near.texel * FINER <= whole.texel else None
+def atlas_shape(count: int) -> tuple[int, int]:
+    """Columns and rows of the atlas in which so many maps lie, from the lower left, row by row."""
+    return min(count, 2), (count + 1) // 2
 
 
-def fit_shadow(
-    world: RenderWorld,
-    view: View,
-    direction: NDArray[np.float64],
-    *,
-    map_size: int,
-    farthest: float | None = None,
-) -> ShadowFit | None:
+def fit_cascades(
+    world: RenderWorld, view: View, direction: NDArray[np.float64], *, map_size: int, most: int
+) -> tuple[ShadowFit, ...]:
+    """The boxes that cover what `fit_shadow` says, the finest first, that of all last: as few as the depths that are seen need,
+    and at most `most`; none where nothing is to be covered.
+
+    Finer ones are squares around what is seen up to some distance from the eye. They neither grow nor shrink while the eye
+    turns or goes, and stand on whole texels of the world: edges of shadows stay where they are.
+    """
+    whole = fit_shadow(world, view, direction, map_size=map_size)
+    if whole is None:
+        return ()
+    if most == 1 or view.camera.ortho_height > 0.0:  # where nothing is nearer than anything else
+        return (whole,)
+    nearest = max(_nearest(world, view.eye), view.camera.near)
+    # Powers of two, so that a view that grows a little leaves the finer boxes as they are.
+    reach = 2.0 ** np.floor(np.log2(whole.texel * map_size))
+    fits = [whole]
+    pixel = 2.0 * np.tan(view.camera.field_of_view / 2.0) / view.height  # its size at a distance of 1
+    while len(fits) < most and reach * SHARE > nearest:  # else there is nothing to see a shadow on
+        reach *= SHARE
+        if fits[-1].texel <= max(reach * SHARE, nearest) * pixel:
+            continue  # as fine as what is seen there already
+        finer = _fit_around(view, direction, whole, float(reach))
+        if finer.texel * FINER <= fits[-1].texel:
+            fits.append(finer)
+    return tuple(reversed(fits))
+
+
+def fit_shadow(world: RenderWorld, view: View, direction: NDArray[np.float64], *, map_size: int) -> ShadowFit | None:
     """The box that covers the world's casters, as far as they can darken what is seen of light that goes along `direction`.
 
-    The map has `map_size` texels an edge. What is seen counts up to `farthest` [m] if that is given.
+    The map has `map_size` texels an edge.
     A floor below all others is drawn into the map but does not widen it: its shadow falls on nothing. None if nothing is left.
     """
     casters = _some(world.casts)
@@ -65,22 +82,58 @@ def fit_shadow(
     kept = _some(~_floors(world, casters))
     lower = (in_light[:2, kept] - reach[kept]).min(axis=1)
     upper = (in_light[:2, kept] + reach[kept]).max(axis=1)
-    corners = frustum_corners(view.clip_from_relative)
-    if farthest is not None:
-        near, far = corners[0::2], corners[1::2]
-        depth = float(np.linalg.norm(far, axis=1).max())
-        corners = np.concatenate([near, far * min(farthest / depth, 1.0)])
-    seen = (corners + view.eye) @ light_from_world.T
+    seen = (frustum_corners(view.clip_from_relative) + view.eye) @ light_from_world.T
     lower, upper = np.maximum(lower, seen[:, :2].min(axis=0)), np.minimum(upper, seen[:, :2].max(axis=0))
     if not (upper > lower).all():
         return None
-    size = _rounded_up(float((upper - lower).max()) * map_size / (map_size - 2 * BORDER - 2))
-    texel = size / map_size
-    # Whole texels of the world: edges do not crawl while the camera moves.
-    middle = np.floor((lower + upper) / 2 / texel) * texel
     # Light travels along -z. Neither end depends on the camera, so that a still scene keeps its map while somebody looks around.
     nearest = float((in_light[2] + reach).max())
     farthest = float((in_light[2, kept] - reach[kept]).min()) - REACH_BEHIND
+    edge = float((upper - lower).max())
+    return _fit(view, direction, (lower + upper) / 2, edge, map_size=map_size, ends=(nearest, farthest))
+
+
+def reached(world: RenderWorld, fit: ShadowFit, view: View, rows: Rows) -> Rows:
+    """Those of the casters whose shadows may fall into what a box covers."""
+    relative = world.centre.T[:, rows] - view.eye[:, None]  # (3, N): numpy is quick along rows
+    clip = fit.map_from_relative[:2, :3] @ relative + fit.map_from_relative[:2, 3:]
+    reach = world.radius[rows] * 2.0 / (fit.texel * fit.map_size)
+    return rows[np.abs(clip).max(axis=0) <= 1.0 + reach]
+
+
+def _fit_around(view: View, direction: NDArray[np.float64], whole: ShadowFit, reach: float) -> ShadowFit:
+    """A box around a ball around all that is seen up to `reach` [m] along the way the camera looks."""
+    corners = frustum_corners(view.clip_from_relative)
+    forward = -view.world_from_view[:, 2]
+    near, far = corners[0::2], corners[1::2]
+    depth = float((far @ forward).max())
+    near_depth = float((near @ forward).max())
+    slope = float(np.linalg.norm(far, axis=1).max()) / depth  # of the corners' rays, by depth
+    reach = min(reach, depth)
+    # The ball through the corners of both ends, or the one around the far end where that is wide.
+    middle = min((near_depth + reach) / 2 * slope * slope, reach)
+    radius = float(np.sqrt((reach - middle) ** 2 + (slope * slope - 1.0) * reach * reach))
+    light_from_world = _light_from_world(tuple(direction.tolist()))
+    centre = light_from_world[:2] @ (view.eye + forward * middle)
+    nearest, farthest = whole.key[-2:]
+    return _fit(view, direction, centre, 2.0 * radius, map_size=whole.map_size, ends=(nearest, farthest))
+
+
+def _fit(
+    view: View,
+    direction: NDArray[np.float64],
+    middle: NDArray[np.float64],
+    edge: float,
+    *,
+    map_size: int,
+    ends: tuple[float, float],
+) -> ShadowFit:
+    """A square of at least `edge` [m] around a place (2,) across the light, from one of the `ends` to the other along it [m]."""
+    nearest, farthest = ends
+    size = _rounded_up(edge * map_size / (map_size - 2 * BORDER - 2))
+    texel = size / map_size
+    # Whole texels of the world: edges do not crawl while the camera moves.
+    middle = np.floor(middle / texel) * texel
     depth = max(nearest - farthest, 1e-3)
     map_from_light = np.eye(4)
     map_from_light[0, 0] = map_from_light[1, 1] = 2.0 / size
@@ -88,8 +141,8 @@ def fit_shadow(
     map_from_light[2, 2] = -2.0 / depth
     map_from_light[2, 3] = (nearest + farthest) / depth
     light_from_relative = np.eye(4)
-    light_from_relative[:3, :3] = light_from_world
-    light_from_relative[:3, 3] = light_from_world @ view.eye
+    light_from_relative[:3, :3] = _light_from_world(tuple(direction.tolist()))
+    light_from_relative[:3, 3] = light_from_relative[:3, :3] @ view.eye
     key = (*direction.tolist(), *middle.tolist(), size, nearest, farthest)
     return ShadowFit(map_from_relative=map_from_light @ light_from_relative, texel=texel, map_size=map_size, key=key)
 
@@ -98,6 +151,15 @@ def fit_shadow(
 def _light_from_world(direction: tuple[float, ...]) -> NDArray[np.float64]:
     """The rotation (3, 3) after which light that goes along `direction` goes along -z."""
     return quaternion.to_matrix(look_rotation(direction)).T.astype(np.float64)
+
+
+def _nearest(world: RenderWorld, eye: NDArray[np.float64]) -> float:
+    """How near anything is to the eye [m]. A floor's sphere reaches far above it: boxes tell, where it matters."""
+    distance = np.linalg.norm(world.centre.T - eye[:, None], axis=0)
+    close = np.flatnonzero(distance - world.radius <= distance.min())
+    lower, upper = world.boxes(close)
+    outside = np.maximum(np.maximum(lower - eye, eye - upper), 0.0)
+    return float(np.linalg.norm(outside, axis=1).min())
 
 
 def _some(chosen: NDArray[np.bool_]) -> Rows | slice:

@@ -98,8 +98,21 @@ class Timeline:
             return 0.0
         if self._previous is None:
             return self.newest.simulation_time
+        return self.time_at(self.fraction(now))
+
+    def time_at(self, fraction: float) -> float:
+        """The simulation time [s] of a fraction of the way; 0 before there is anything."""
+        if self.newest is None or self._previous is None:
+            return self.newest.simulation_time if self.newest is not None else 0.0
         gap = self.newest.simulation_time - self._previous.simulation_time
-        return self._previous.simulation_time + gap * self.fraction(now)
+        return self._previous.simulation_time + gap * fraction
+
+    def tick_at(self, fraction: float) -> int:
+        """The last tick that is over at a fraction of the way; -1 before there is anything."""
+        before, newest = self._previous, self.newest
+        if newest is None or before is None or fraction >= 1.0:
+            return newest.tick if newest is not None else -1
+        return before.tick
 
     def seen_age(self, now: float) -> float:
         """How long ago [s] what is seen at `now` was so: since the newest frame came, and what of the way to it is left."""

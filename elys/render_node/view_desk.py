@@ -5,17 +5,18 @@ from __future__ import annotations
 import logging
 import math
 import re
-from typing import Final
+from typing import Final, NamedTuple
 
 import msgspec
 import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
 
-from elys.bus.messages.views import SharedRing, ViewCamera, ViewRequest
+from elys.bus.messages.views import Debug, SharedRing, ViewCamera, ViewRequest
 from elys.bus.picture_ring import RingWriter
 from elys.common.errors import BusError
 from elys.render_node.gpu import Framebuffer
+from elys.render_node.view_encoder import CodedPicture, ViewEncoder
 
 MIN_INTERVAL: Final = 1.0 / 62.0  # [s] between two pictures of a view
 SILENCE: Final = 10.0  # [s] without a request after which a view is forgotten
@@ -23,8 +24,18 @@ MAX_VIEWS: Final = 64
 MAX_SIZE: Final = 8192  # [pixels] of an edge
 MAX_PIXELS: Final = 4096 * 4096
 JPEG_QUALITY: Final = 85
+LEAST_BIT_RATE: Final = 50e3  # [bit/s] of H.264
+MOST_BIT_RATE: Final = 1e9
 _NAME: Final = re.compile(r"[A-Za-z0-9_.-]{1,128}\Z")
 _log = logging.getLogger(__name__)
+
+
+class PutPicture(NamedTuple):
+    """Where a picture was put: into a slot of the ring (-1: none), or into one of the messages."""
+
+    slot: int = -1
+    jpeg: bytes = b""
+    coded: CodedPicture = CodedPicture(b"", 0, False)
 
 
 class View:
@@ -35,6 +46,7 @@ class View:
         self.width, self.height = 1, 1
         self._ring: RingWriter | None = None
         self._ring_address: SharedRing | None = None
+        self._encoder: ViewEncoder | None = None  # of the stream, while H.264 is wanted
         self._is_answered = True
         self._shown: tuple[object, ...] | None = None
         self._shown_revision = -1
@@ -62,17 +74,16 @@ class View:
         self._is_answered, self.drawn_at = True, now
         self._shown, self._shown_revision = self._wanted(), revision
 
-    def put(self, picture: Framebuffer) -> tuple[int, bytes]:
-        """Puts a picture into the ring or into a JPEG: the slot (-1: none) and the JPEG (empty: none)."""
+    def put(self, picture: Framebuffer) -> PutPicture:
+        """Puts a picture into the ring, or makes a message of it."""
         if self._ring is not None and self._ring.holds(picture.width, picture.height):
             slot = self._ring.next_slot()
             with self._ring.pixels(slot, picture.width, picture.height) as pixels:
                 picture.read_into(pixels)
-            return slot, b""
-        rows = np.ascontiguousarray(picture.read()[::-1])
-        return -1, simplejpeg.encode_jpeg(rows, quality=JPEG_QUALITY, colorspace="RGBX", fastdct=True)
+            return PutPicture(slot=slot)
+        return self._encoded(np.ascontiguousarray(picture.read()[::-1]))
 
-    def put_pixels(self, pixels: NDArray[np.uint8]) -> tuple[int, bytes]:
+    def put_pixels(self, pixels: NDArray[np.uint8]) -> PutPicture:
         """The same for RGB pixels (H, W, 3) of the view's size, the upper row first."""
         if self._ring is not None and self._ring.holds(self.width, self.height):
             slot = self._ring.next_slot()
@@ -80,13 +91,25 @@ class View:
             opaque[..., :3] = pixels[::-1]
             with self._ring.pixels(slot, self.width, self.height) as target:
                 target[:] = opaque.tobytes()
-            return slot, b""
-        return -1, simplejpeg.encode_jpeg(
-            np.ascontiguousarray(pixels), quality=JPEG_QUALITY, colorspace="RGB", fastdct=True
-        )
+            return PutPicture(slot=slot)
+        return self._encoded(np.ascontiguousarray(pixels))
+
+    def _encoded(self, pixels: NDArray[np.uint8]) -> PutPicture:
+        """RGB or RGBA pixels (H, W, 3 or 4), the upper row first, as the request wants them."""
+        request, (height, width) = self.request, pixels.shape[:2]
+        if request.encoding == "jpeg":
+            self._encoder = None
+            layout = "RGB" if pixels.shape[-1] == 3 else "RGBX"
+            return PutPicture(jpeg=simplejpeg.encode_jpeg(pixels, JPEG_QUALITY, layout, fastdct=True))
+        bit_rate = sane_bit_rate(request.bit_rate)
+        encoder = self._encoder
+        if encoder is None or (encoder.width, encoder.height, encoder.bit_rate) != (width, height, bit_rate):
+            encoder = self._encoder = ViewEncoder(width, height, bit_rate=bit_rate)
+        return PutPicture(coded=encoder.encode(pixels, keyframe=request.keyframe))
 
     def close(self) -> None:
-        """Lets go of the ring."""
+        """Lets go of the ring and of the encoder."""
+        self._encoder = None
         if self._ring is not None:
             self._ring.close()
             self._ring = None
@@ -94,11 +117,13 @@ class View:
     def _wanted(self) -> tuple[object, ...]:
         request = self.request
         size = (self.width, self.height)
-        shown = (request.selection, request.hidden, request.grid, request.shows)
-        return (request.camera, size, shown, request.ring)
+        drawn = (request.selection, request.hidden, request.grid, request.shows, request.debug, request.debug_entities)
+        return (request.camera, request.through, *size, *drawn, request.ring)
 
     def _open_ring(self, address: SharedRing | None) -> None:
-        self.close()
+        if self._ring is not None:
+            self._ring.close()
+            self._ring = None
         self._ring_address = address
         if address is None:
             return
@@ -138,6 +163,10 @@ class ViewDesk:
         ready = [view for view in ready if now - view.drawn_at >= MIN_INTERVAL]
         return sorted(ready, key=lambda view: view.drawn_at)
 
+    def debug_kinds(self) -> frozenset[Debug]:
+        """What debug drawing any view shows."""
+        return frozenset(kind for view in self._views.values() for kind in view.request.debug)
+
     def pause(self, now: float, revision: int, *, gliding: bool) -> float:
         """Seconds until a view may be drawn that is only held back by its rate; else until silent ones are to be looked for."""
         held = [view.drawn_at for view in self._views.values() if view.is_due(revision, gliding=gliding)]
@@ -169,6 +198,12 @@ def sane_size(width: int, height: int) -> tuple[int, int, str]:
     if (sane_width, sane_height) == (width, height):
         return width, height, ""
     return sane_width, sane_height, f"{width} x {height} pixels cannot be drawn, {sane_width} x {sane_height} are"
+
+
+def sane_bit_rate(bit_rate: float) -> float:
+    """A bit rate that can be kept [bit/s]; 0 for any."""
+    is_meant = math.isfinite(bit_rate) and bit_rate > 0.0
+    return min(max(bit_rate, LEAST_BIT_RATE), MOST_BIT_RATE) if is_meant else 0.0
 
 
 def sane_camera(camera: ViewCamera) -> ViewCamera:

@@ -1,6 +1,7 @@
 """`elys view`: a window that draws a running session or a replay by itself.
 
 left drag orbit   middle drag pan   wheel zoom   F frame all   C the scene's camera   space play / pause   Esc quit
+1 to 9, 0 and G debug drawing, see DEBUG_KEYS   A tick, time, age and frame rate
 """
 
 from __future__ import annotations
@@ -8,31 +9,51 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
+from collections import deque
+from collections.abc import Collection, Mapping
 from typing import Final
 
-from elys.bus import topics
-from elys.bus.messages.commands import CommandRequest, SetPlaying
-from elys.bus.messages.session import SessionStatus
-from elys.bus.messages.views import ViewCamera
+from elys.bus.messages.views import Debug, ViewCamera
 from elys.bus.session import Session
-from elys.common.errors import BusError
 from elys.render_node.gpu import Framebuffer, window_context
+from elys.render_node.marks import stamp_text
 from elys.render_node.node import SceneFollower
 from elys.render_node.orbit import Orbit
+from elys.render_node.play_control import SILENCE, PlayControl
 from elys.render_node.quality import interactive_quality
 from elys.render_node.renderer import Renderer
-from elys.render_node.window import Dragged, KeyPressed, Scrolled, Window, WindowEvent
+from elys.render_node.window import Dragged, Key, KeyPressed, Scrolled, Window, WindowEvent
 
 FRAME_TIME: Final = 1.0 / 60.0  # [s]
 IDLE_TIME: Final = 0.1  # [s] between two looks at the window when nothing moves
 TITLE_TIME: Final = 0.25  # [s] between two titles
-SILENCE: Final = 1.5  # [s] without a status, of which four come a second, after which the host counts as hung
+NOTE_TIME: Final = 0.25  # [s] after which what stands on the picture is told anew
+RATE_PICTURES: Final = 30  # over which the rate of pictures is taken
 LOST: Final = "simulation lost - waiting"
 _log = logging.getLogger(__name__)
 
 
-async def run_view(session: Session, *, frames: int | None = None) -> None:
-    """Shows the session in a window until it is closed, or until `frames` pictures were shown.
+# Kinds of debug drawing in the order in which they are looked for.
+DEBUG_KEYS: Final[Mapping[Key, Debug]] = {
+    "1": "aabb",
+    "2": "obb",
+    "3": "contacts",
+    "4": "joints",
+    "5": "trajectories",
+    "6": "velocity",
+    "7": "axes",
+    "8": "labels",
+    "9": "islands",
+    "0": "sleeping",
+    "g": "grid",
+}
+
+
+async def run_view(
+    session: Session, *, frames: int | None = None, debug: Collection[Debug] = (), age: bool = False
+) -> None:
+    """Shows the session in a window until it is closed, or until `frames` pictures were shown; at first with this debug
+    drawing, and with the age of what is seen or without.
 
     Raises:
         DisplayError: no window can be opened here.
@@ -42,6 +63,8 @@ async def run_view(session: Session, *, frames: int | None = None) -> None:
     try:
         context = window_context()
         viewer = _Viewer(session, window, follower, Renderer(context, quality=interactive_quality(context)))
+        viewer.show_debug(frozenset(debug))
+        viewer.tells_age = age
         await follower.start()
         await viewer.run(frames)
     finally:
@@ -58,12 +81,13 @@ class _Viewer:
         self._follower = follower
         self._renderer = renderer
         self._orbit: Orbit | None = None  # None: looks through the scene's camera
-        self._status: SessionStatus | None = None
-        self._heard_at = time.monotonic()
+        self._play = PlayControl(session)
+        self._debug: frozenset[Debug] = frozenset()
+        self.tells_age = False
+        self._shown_at: deque[float] = deque(maxlen=RATE_PICTURES)  # [s] of the last pictures
         self._is_dirty = True
         self._drawn: tuple[object, ...] | None = None
         window.on_event = self._on_event
-        session.subscribe(topics.STATUS, self._on_status)
 
     async def run(self, frame_limit: int | None) -> None:
         """Polls, draws when something has changed, and waits for the next frame or for news."""
@@ -79,15 +103,37 @@ class _Viewer:
             self._follower.changed.clear()
             await self._wait(start)
 
+    def show_debug(self, kinds: frozenset[Debug]) -> None:
+        """Draws these kinds from now on."""
+        self._debug = kinds
+        self._follower.want_debug(kinds)
+        self._is_dirty = True
+
+    def notes(self, now: float) -> tuple[str, ...]:
+        """Tick and time of what is seen, how old it is and how many pictures a second there are, where that is asked for."""
+        if not self.tells_age:
+            return ()
+        world, mirror = self._follower.world, self._follower.mirror
+        bodies = world.bodies()
+        what = (
+            stamp_text(bodies.tick, bodies.time)
+            if bodies.tick >= 0
+            else stamp_text(mirror.tick, mirror.simulation_time)
+        )
+        age = f"{world.timeline.seen_age(now) * 1e3:.0f} ms old" if bodies.tick >= 0 else "no state yet"
+        shown = self._shown_at
+        rate = (len(shown) - 1) / (shown[-1] - shown[0]) if len(shown) > 1 and shown[-1] > shown[0] else 0.0
+        return what, f"{age}   {rate:.0f} pictures/s"
+
     def title(self) -> str:
         """Scene, tick, and how old what is shown is."""
         follower = self._follower
         name = follower.mirror.scene or self._session.name
         now = time.monotonic()
-        if not self._session.connected or now - self._heard_at > SILENCE:
+        if self._play.is_lost(SILENCE):
             return f"ELYS  {name}  ·  {LOST}"
-        state = "playing" if self._status is None or self._status.playing else "paused"
-        tick = self._status.tick if self._status is not None else follower.mirror.tick
+        state, status = "playing" if self._play.is_playing else "paused", self._play.status
+        tick = status.tick if status is not None else follower.mirror.tick
         timeline = follower.world.timeline
         is_aging = state == "playing" and timeline.newest is not None
         age = f"  ·  {timeline.seen_age(now) * 1e3:.0f} ms old" if is_aging else ""
@@ -99,12 +145,15 @@ class _Viewer:
             return False
         self._follower.refresh(now)
         world = self._follower.world
-        what = (world.scene_version, world.pose_version, self._follower.arrived_count, width, height)
+        told = (int(now / NOTE_TIME) if self.tells_age else 0, self._follower.revision if self._debug else 0)
+        what = (world.scene_version, world.pose_version, self._follower.arrived_count, width, height, *told)
         if not (self._is_dirty or what != self._drawn or always):
             return False
         target = Framebuffer.of_window(self._renderer.context, width, height)
-        self._renderer.draw(world, self._camera(width / height), width, height, target=target)
+        marks = self._follower.drawing.marks(world, self._debug, notes=self.notes(now))
+        self._renderer.draw(world, self._camera(width / height), width, height, marks=marks, target=target)
         self._window.swap()
+        self._shown_at.append(time.monotonic())
         self._drawn, self._is_dirty = what, False
         return True
 
@@ -123,9 +172,6 @@ class _Viewer:
             self._frame(aspect)
         return self._orbit.camera() if self._orbit is not None else self._follower.world.camera(aspect)
 
-    def _on_status(self, status: SessionStatus, _: str) -> None:
-        self._status, self._heard_at = status, time.monotonic()
-
     def _on_event(self, event: WindowEvent) -> None:
         self._is_dirty = True
         match event:
@@ -140,8 +186,12 @@ class _Viewer:
                 self._frame(width / height)
             case KeyPressed(key="c"):
                 self._orbit = None
+            case KeyPressed(key="a"):
+                self.tells_age = not self.tells_age
+            case KeyPressed(key=key) if key in DEBUG_KEYS:
+                self.show_debug(self._debug ^ {DEBUG_KEYS[key]})
             case KeyPressed(key="space"):
-                self._session.start(self._toggle_playing())
+                self._play.toggle()
             case KeyPressed(key="escape"):
                 self._window.request_close()
 
@@ -162,14 +212,3 @@ class _Viewer:
     def _frame(self, aspect: float) -> None:
         self._orbit = self._orbit or Orbit()
         self._orbit.frame(*self._follower.world.bounds(), aspect=aspect)
-
-    async def _toggle_playing(self) -> None:
-        playing = self._status is None or self._status.playing
-        request = CommandRequest(origin=self._session.node.id, command=SetPlaying(playing=not playing))
-        try:
-            reply = await self._session.request(topics.COMMAND, request)
-        except BusError as error:
-            _log.warning("could not %s: %s", "pause" if playing else "play", error)
-            return
-        if not reply.accepted:
-            _log.warning("could not %s: %s", "pause" if playing else "play", reply.reason)

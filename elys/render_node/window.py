@@ -32,7 +32,7 @@ if _is_null():
 import glfw  # noqa: E402  reads the environment when it is imported
 
 Button = Literal["left", "middle", "right"]
-Key = Literal["f", "c", "space", "escape"]
+Key = Literal["f", "c", "a", "g", "space", "escape", "0", "1", "2", "3", "4", "5", "6", "7", "8", "9"]
 _BUTTONS: Final[Mapping[int, Button]] = {
     glfw.MOUSE_BUTTON_LEFT: "left",
     glfw.MOUSE_BUTTON_MIDDLE: "middle",
@@ -41,6 +41,18 @@ _BUTTONS: Final[Mapping[int, Button]] = {
 _KEYS: Final[Mapping[int, Key]] = {
     glfw.KEY_F: "f",
     glfw.KEY_C: "c",
+    glfw.KEY_A: "a",
+    glfw.KEY_G: "g",
+    glfw.KEY_0: "0",
+    glfw.KEY_1: "1",
+    glfw.KEY_2: "2",
+    glfw.KEY_3: "3",
+    glfw.KEY_4: "4",
+    glfw.KEY_5: "5",
+    glfw.KEY_6: "6",
+    glfw.KEY_7: "7",
+    glfw.KEY_8: "8",
+    glfw.KEY_9: "9",
     glfw.KEY_SPACE: "space",
     glfw.KEY_ESCAPE: "escape",
 }

@@ -526,3 +526,5 @@ class SimulationNode:
             while True:
                 await asyncio.sleep(STATUS_INTERVAL)
                 self._publish_status()
+                if not self.playing:
+                    publish_debug_lines(self.session, self.simulation)  # for who began to listen while time stands

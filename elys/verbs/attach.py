@@ -4,24 +4,55 @@ from __future__ import annotations
 
 import asyncio
 import sys
+from typing import Any, Final, cast
 
+from elys.common.errors import ElysError
 from elys.verbs.nodes import joined, run_until_asked
 
+ENCODINGS: Final = ("auto", "jpeg", "h264")
 
-def view(connect: str | None, *, frame_limit: int) -> None:
-    """A window that draws the session by itself."""
+
+def view(
+    connect: str | None,
+    *,
+    frame_limit: int,
+    debug: str = "",
+    age: bool = False,
+    thin: bool = False,
+    encoding: str = "auto",
+    bit_rate: float = 0.0,
+) -> None:
+    """A window that draws the session by itself, or with `thin` shows what a render node of the session draws; with debug drawing
+    of these kinds and the age of what is seen if asked. `bit_rate` [Mbit/s] is for H.264.
+    """
     from elys.bus.discovery import choose_endpoint
     from elys.bus.log import start_logging
-    from elys.render_node.view_window import run_view
+    from elys.render_node.debug_drawing import parsed_kinds
     from elys.render_node.window import probe_display
 
+    kinds = parsed_kinds(debug)
+    if encoding not in ENCODINGS:
+        raise ElysError(f"there is no encoding '{encoding}': pictures come as {', '.join(ENCODINGS)}")
+    if not thin and (encoding != "auto" or bit_rate):
+        raise ElysError("--encoding and --bit-rate are of pictures that come from elsewhere: give --thin as well")
     start_logging()
     endpoint = choose_endpoint(connect)
     probe_display()
 
     async def work() -> None:
         async with joined(endpoint, kind="tool") as session:
-            await run_view(session, frames=frame_limit or None)
+            frames = frame_limit or None
+            if thin:
+                from elys.render_node.thin_window import run_thin_view
+
+                choice = cast(Any, encoding)
+                await run_thin_view(
+                    session, choice=choice, bit_rate=bit_rate * 1e6, frames=frames, debug=kinds, age=age
+                )
+            else:
+                from elys.render_node.view_window import run_view
+
+                await run_view(session, frames=frames, debug=kinds, age=age)
 
     run_until_asked(work())
 

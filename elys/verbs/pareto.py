@@ -186,7 +186,7 @@ def _drawn(setting: Setting, scene: OpenedScene, assets: AssetStore, time: float
     from PIL import Image
 
     from elys.render_node.offline import OfflineRenderer
-    from elys.verbs.render import simulated
+    from elys.verbs.footage import simulated
 
     footage = simulated(setting.applied_to(scene), assets, time)
     footage.mirror.keep_frame(next(footage.frames))

@@ -132,7 +132,7 @@ def _pictures(scene: OpenedScene, assets: AssetStore, at: float) -> tuple[tuple[
         from elys.render_node.pass_plan import scene_passes
     except ImportError as error:
         return (), f"{error.name} is not installed: pip install 'elys[render]'"
-    from elys.verbs.render import simulated
+    from elys.verbs.footage import simulated
 
     footage = simulated(scene, assets, at)
     footage.mirror.keep_frame(next(footage.frames))

@@ -4,42 +4,36 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import itertools
 import re
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal, cast
 
+import numpy as np
+from numpy.typing import NDArray
+
+from elys.bus.messages.physics import DebugLines
 from elys.bus.messages.state_frame import StateFrame
-from elys.bus.messages.views import Shows
+from elys.bus.messages.views import Debug, Shows
 from elys.bus.mirror import SceneMirror
 from elys.common.errors import ElysError
+from elys.render_node.debug_drawing import PHYSICS_LINES, DebugDrawing, parsed_kinds
 from elys.render_node.film import check_video
-from elys.render_node.offline import VIEWS, CameraAt, OfflineRenderer, check_size
-from elys.render_node.picture_files import output_kind
+from elys.render_node.offline import VIEWS, CameraAt, OfflineRenderer, Overlay, check_size
+from elys.render_node.picture_files import holds_numbers, output_kind
+from elys.render_node.trails import TRAIL_SECONDS
+from elys.verbs.footage import SCENE_DURATION, Footage, LinesByTick, opened_footage, recorded
 from elys.verbs.output import size_text
-from elys.verbs.viewpoint import Viewpoint
+from elys.verbs.viewpoint import Viewpoint, named_entities
 
 if TYPE_CHECKING:
     from elys.bus.session import Session
-    from elys.common.assets.store import AssetStore
-    from elys.common.scene import OpenedScene
 
-SCENE_DURATION: Final = 5.0  # [s] of a video of a scene or a session when nobody says how long
 STATE_PATIENCE: Final = 1.0  # [s] for a state from a session; one that is paused may send none
 STALL_PATIENCE: Final = 10.0  # [s] without a new state while a session is filmed
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Footage:
-    """What is to be drawn: a mirror that `frames` leads through time, and where assets come from."""
-
-    mirror: SceneMirror
-    frames: Iterator[StateFrame]
-    fetch: Callable[[str], bytes]
-    duration: float  # [s] from the first frame
-    origin: float = 0.0  # [s] of simulation from which --time and camera paths count
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,13 +41,16 @@ class Order:
     """What is wanted of it."""
 
     output: Path
-    kind: Literal["picture", "video"]
+    kind: Literal["picture", "video", "recording"]
     width: int
     height: int
     shows: Shows
     viewpoint: Viewpoint
     fps: float
     environment: bool = True
+    debug: tuple[Debug, ...] = ()
+    debug_of: tuple[str, ...] = ()
+    stamp: bool = False
 
 
 def render(
@@ -70,6 +67,9 @@ def render(
     orbit: float = 0.0,
     connect: str | None = None,
     environment: bool = True,
+    debug: str = "",
+    debug_of: Sequence[str] = (),
+    stamp: bool = False,
 ) -> None:
     """Draws `source`, or without one the session at `connect`, into `output`: a picture or a video, by its suffix.
 
@@ -79,7 +79,15 @@ def render(
     order = replace(
         _order(output, size=size, view=view, viewpoint=Viewpoint.asked(camera, path, orbit), fps=fps),
         environment=environment,
+        debug=parsed_kinds(debug),
+        debug_of=tuple(debug_of),
+        stamp=stamp,
     )
+    _check_overlay(order)
+    if order.kind == "recording" and (source is None or Path(source).suffix != ".mcap"):
+        raise ElysError(
+            f"{output} is to be a recording with pictures: name the recording it is made of, or use `elys record --view`"
+        )
     if source is None:
         if time:
             raise ElysError("a running session is drawn as it is now: leave --time out, or name a scene or a recording")
@@ -87,16 +95,26 @@ def render(
         return
     if connect is not None:
         raise ElysError(f"--connect names a session, {source} is another source: give one of them")
-    with _footage(source, time, duration) as footage:
+    with opened_footage(source, time, duration, order.debug) as footage:
         _draw(footage, order)
+
+
+def _check_overlay(order: Order) -> None:
+    if order.debug and order.shows != "shaded":
+        raise ElysError(f"--debug draws over pictures of light: leave --view {order.shows} out")
+    if (order.debug or order.stamp) and holds_numbers(order.output):
+        what = "--debug" if order.debug else "--stamp"
+        raise ElysError(f"{what} draws over pictures, and {order.output} is to hold numbers: write a .png or .mp4")
+    if order.debug_of and not order.debug:
+        raise ElysError("--debug-of says of whom, but not what is to be drawn: give --debug as well")
 
 
 def _order(output: Path, *, size: str, view: str, viewpoint: Viewpoint, fps: float) -> Order:
     """Everything that can be wrong with it is found here, before any work."""
-    kind = output_kind(output)
-    width, height = _parse_size(size)
+    kind: Literal["picture", "video", "recording"] = "recording" if output.suffix == ".mcap" else output_kind(output)
+    width, height = parsed_size(size)
     check_size(width, height)
-    if kind == "video":
+    if kind != "picture":
         check_video(width, height, fps)
     if view not in VIEWS:
         raise ElysError(f"there is no view '{view}': views are {', '.join(VIEWS)}")
@@ -108,6 +126,12 @@ def _order(output: Path, *, size: str, view: str, viewpoint: Viewpoint, fps: flo
 def _draw(footage: Footage, order: Order) -> None:
     """Draws it and says what has come of it."""
     entity = order.viewpoint.entity_in(footage.mirror)  # first: what is asked in vain should cost nothing
+    overlay = Overlay(
+        drawing=footage.drawing if order.debug else None,
+        kinds=order.debug,
+        entities=named_entities(footage.mirror, order.debug_of),
+        stamp=order.stamp,
+    )
     first = next(footage.frames, None)
     if first is not None:
         footage.mirror.keep_frame(first)
@@ -118,6 +142,7 @@ def _draw(footage: Footage, order: Order) -> None:
         height=order.height,
         shows=order.shows,
         environment=order.environment,
+        overlay=overlay,
     ) as renderer:
         renderer.look_through(entity)
         camera_at = order.viewpoint.camera_at(renderer, footage.origin)
@@ -125,6 +150,10 @@ def _draw(footage: Footage, order: Order) -> None:
             now = first.simulation_time if first is not None else footage.mirror.simulation_time
             renderer.write_picture(order.output, camera=camera_at(now) if camera_at else None)
             what = f"{order.width}x{order.height}"
+        elif order.kind == "recording":
+            assert first is not None
+            count = _into_recording(renderer, order, footage, first, camera_at)
+            what = f"{count} pictures of {order.width}x{order.height} beside what was recorded"
         else:
             assert first is not None
             count = _film(renderer, order, footage, first, camera_at)
@@ -159,89 +188,37 @@ def _film(
         )
 
 
-def _parse_size(text: str) -> tuple[int, int]:
+def _into_recording(
+    renderer: OfflineRenderer, order: Order, footage: Footage, first: StateFrame, camera_at: CameraAt | None
+) -> int:
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from elys.verbs.recording_child import require_recordable
+    from elys.verbs.video_recording import Strip, with_pictures
+
+    assert footage.recording is not None
+    require_recordable(order.output)
+    name = order.viewpoint.camera or "view"
+    strip = Strip(name=name, width=order.width, height=order.height, fps=order.fps, duration=footage.duration)
+
+    def draw(frame: StateFrame) -> NDArray[np.uint8]:
+        footage.mirror.keep_frame(frame)
+        return renderer.picture(camera=camera_at(frame.simulation_time) if camera_at else None)
+
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(f"Drawing {order.output.name}", total=round(footage.duration * order.fps))
+        frames = itertools.chain([first], footage.frames)
+        return with_pictures(footage.recording, order.output, strip, frames, draw, lambda: bar.advance(task))
+
+
+def parsed_size(text: str) -> tuple[int, int]:
+    """Width and height [pixels] of WIDTHxHEIGHT. Raises ElysError."""
     match = re.fullmatch(r"(\d{1,5})[xX](\d{1,5})", text)
     if not match:
         raise ElysError(f"'{text}' is no size: write WIDTHxHEIGHT, for instance 1280x720")
     return int(match[1]), int(match[2])
-
-
-# --- a scene or a recording ----------------------------------------------------------------------------------------
-
-
-@contextlib.contextmanager
-def _footage(source: str, time: float, duration: float) -> Iterator[Footage]:
-    if Path(source).suffix == ".mcap":
-        with _recorded(Path(source), time, duration) as footage:
-            yield footage
-    else:
-        yield _simulated(source, time, duration or SCENE_DURATION)
-
-
-@contextlib.contextmanager
-def _recorded(path: Path, time: float, duration: float) -> Iterator[Footage]:
-    from elys.bus.recording import Recording
-
-    with Recording(path) as recording:
-        start, end = float(recording.time[0]), float(recording.time[-1])
-        if not start <= time + start <= end + 1e-9:
-            raise ElysError(f"{path} lasts {end - start:.2f} s: there is nothing at {time:g} s")
-        position = recording.position_at(start + time)
-        mirror = recording.mirror_at(position)
-
-        def frames() -> Iterator[StateFrame]:
-            for following in range(position, len(recording)):
-                recording.advance(mirror, following)
-                yield recording.frame(following)
-
-        yield Footage(
-            mirror=mirror,
-            frames=frames(),
-            fetch=recording.asset,
-            duration=min(duration, end - start - time) if duration else end - start - time,
-            origin=start,
-        )
-
-
-def _simulated(scene: str, time: float, duration: float) -> Footage:
-    from elys.common.assets.store import AssetStore
-    from elys.verbs.kernels import compile_with_progress
-    from elys.verbs.scenes import open_scene_or_sample
-
-    assets = AssetStore()
-    opened = open_scene_or_sample(scene, assets)
-    compile_with_progress(opened)
-    return simulated(opened, assets, time, duration)
-
-
-def simulated(scene: OpenedScene, assets: AssetStore, time: float, duration: float = SCENE_DURATION) -> Footage:
-    """A scene from `time` [s] on, simulated in this process as it is drawn."""
-    from elys.sim_node.scene.snapshot import take_snapshot
-    from elys.sim_node.simulation import Simulation
-    from elys.sim_node.systems.publish_state import state_frame
-
-    simulation = Simulation.load(scene, assets)
-    mirror = SceneMirror()
-    mirror.apply_snapshot(
-        take_snapshot(
-            simulation.world,
-            epoch=1,
-            tick=0,
-            simulation_time=0.0,
-            sequence=0,
-            scene=simulation.name,
-            settings=simulation.settings,
-        )
-    )
-
-    def frames() -> Iterator[StateFrame]:
-        for _ in range(round(time * simulation.settings.tick_rate)):
-            simulation.step()
-        while True:
-            yield state_frame(simulation, epoch=1, delta_sequence=0, playing=True)
-            simulation.step()
-
-    return Footage(mirror=mirror, frames=frames(), fetch=assets.get, duration=duration)
 
 
 # --- a running session ---------------------------------------------------------------------------------------------
@@ -257,24 +234,35 @@ def _draw_session(connect: str | None, order: Order, duration: float) -> None:
         return
     with tempfile.TemporaryDirectory(prefix="elys-") as folder:
         recording = Path(folder, "session.mcap")
-        asyncio.run(_record_for(endpoint, order, recording, duration))
-        with _recorded(recording, 0.0, duration) as footage:
+        told = asyncio.run(_record_for(endpoint, order, recording, duration))
+        with recorded(recording, 0.0, duration, order.debug, told) as footage:
             _draw(footage, order)
 
 
 async def _draw_now(endpoint: str, order: Order) -> None:
     from elys.bus.asset_service import AssetClient, open_asset_cache
     from elys.bus.following import follow_scene, follow_state
+    from elys.render_node.debug_listening import DebugListener
     from elys.verbs.nodes import joined
 
     async with joined(endpoint, kind="tool") as session:
         assets = AssetClient(session, open_asset_cache())
         loop = asyncio.get_running_loop()
         mirror, arrived = SceneMirror(), asyncio.Event()
-        closers = [follow_state(session, mirror, lambda _: arrived.set())]
+        drawing, listens = DebugDrawing(mirror), DebugPatience(order.debug)
+
+        def heard(frame: StateFrame) -> None:
+            arrived.set()
+            drawing.take_state(frame)
+            listens.heard_state(frame)
+
+        listener = DebugListener(session, drawing, listens.heard_lines)
+        closers = [follow_state(session, mirror, heard), listener.close]
         closers.append(await follow_scene(session, mirror))
+        listener.want(order.debug)
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(arrived.wait(), STATE_PATIENCE)
+        await listens.enough()
         for close in closers:
             close()  # the scene must not change while it is drawn
         frame = mirror.latest_frame
@@ -284,12 +272,47 @@ async def _draw_now(endpoint: str, order: Order) -> None:
             fetch=lambda name: asyncio.run_coroutine_threadsafe(assets.fetch(name), loop).result(timeout=60.0),
             duration=0.0,
             origin=frame.simulation_time if frame is not None else mirror.simulation_time,
+            drawing=drawing,
         )
         await asyncio.to_thread(_draw, footage, order)
 
 
-async def _record_for(endpoint: str, order: Order, path: Path, duration: float) -> None:
-    """Records so many seconds of the simulation's time. Raises ElysError for a session that is paused or hangs."""
+class DebugPatience:
+    """Waits until a session has said what debug drawing needs, as long as it goes on to say anything."""
+
+    def __init__(self, kinds: tuple[Debug, ...]) -> None:
+        self._wants_trails = "trajectories" in kinds
+        self._lines_left = {PHYSICS_LINES[kind] for kind in kinds if kind in PHYSICS_LINES}
+        self._since: float | None = None
+        self._news = asyncio.Event()
+
+    def heard_state(self, frame: StateFrame) -> None:
+        """Notes how long a way is known."""
+        self._since = frame.simulation_time if self._since is None else min(self._since, frame.simulation_time)
+        if frame.simulation_time - self._since >= TRAIL_SECONDS:
+            self._wants_trails = False
+        self._news.set()
+
+    def heard_lines(self, key: str) -> None:
+        """Notes that lines of a kind are here."""
+        self._lines_left.discard(key)
+        self._news.set()
+
+    async def enough(self) -> None:
+        """Returns when all is there, or when it can be expected no more: who is paused or replays says little."""
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(TRAIL_SECONDS + 2.0 * STATE_PATIENCE if self._wants_trails else STATE_PATIENCE):
+                while self._wants_trails or self._lines_left:
+                    self._news.clear()
+                    await asyncio.wait_for(self._news.wait(), STATE_PATIENCE)
+
+
+async def _record_for(endpoint: str, order: Order, path: Path, duration: float) -> LinesByTick:
+    """Records so many seconds of the simulation's time; returns the lines for debug drawing that were heard meanwhile.
+
+    Raises ElysError for a session that is paused or hangs.
+    """
+    from elys.bus import topics
     from elys.bus.following import follow_scene
     from elys.bus.recorder import record_session
     from elys.verbs.nodes import joined
@@ -298,6 +321,15 @@ async def _record_for(endpoint: str, order: Order, path: Path, duration: float) 
         mirror = SceneMirror()
         (await follow_scene(session, mirror))()
         order.viewpoint.entity_in(mirror)  # what is asked in vain should cost nothing
+        named_entities(mirror, order.debug_of)
+        told: LinesByTick = {}
+
+        def heard(lines: DebugLines, key: str) -> None:
+            told.setdefault(lines.tick, {})[key] = lines
+
+        for kind in order.debug:
+            if kind in PHYSICS_LINES:
+                session.subscribe(topics.DEBUG_LINES, heard, key=PHYSICS_LINES[kind])
         stop = asyncio.Event()
         recording = asyncio.ensure_future(record_session(session, path, stop))
         try:
@@ -305,6 +337,7 @@ async def _record_for(endpoint: str, order: Order, path: Path, duration: float) 
         finally:
             stop.set()
             await recording
+        return told
 
 
 async def _pass(session: Session, duration: float) -> None:

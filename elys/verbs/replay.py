@@ -7,14 +7,19 @@ import contextlib
 import logging
 import sys
 import time
+from collections.abc import AsyncIterator, Sequence
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from elys.bus.log import start_logging
 from elys.bus.session import Session
 from elys.common.errors import RecordingError
+from elys.launch import before_exec
 from elys.verbs.nodes import hosted, joined, run_until_asked
 from elys.verbs.output import print_json, print_table, size_text
+
+if TYPE_CHECKING:
+    from elys.bus.view_recording import RecordedView
 
 PATIENCE: Final = 5.0  # [s]
 _log = logging.getLogger(__name__)
@@ -52,20 +57,34 @@ async def serve_recording(recording: Path, *, listen: str | None, paused: bool, 
             await Player(opened, session, playing=not paused, rate=rate, loop=loop).run()
 
 
-def record(output: Path, *, connect: str | None, seconds: float) -> None:
-    """Records a session from outside: until Ctrl-C, for so many seconds, or until its host is gone for good."""
+def record(
+    output: Path,
+    *,
+    connect: str | None,
+    seconds: float,
+    views: Sequence[str] = (),
+    view_size: str = "1280x720",
+    view_fps: float = 30.0,
+) -> None:
+    """Records a session from outside: until Ctrl-C, for so many seconds, or until its host is gone for good; with pictures
+    through the cameras named by `views`.
+    """
     from elys.bus.recorder import record_session
     from elys.verbs.recording_child import require_recordable
 
     require_recordable(output)
     start_logging()
+    endpoint = _endpoint_for_views(connect) if views else connect
 
     async def work() -> None:
-        async with joined(connect, kind="recorder") as session:
+        async with joined(endpoint, kind="recorder") as session, contextlib.AsyncExitStack() as stack:
+            kept = await _recorded_views(session, views, view_size, view_fps)
+            if kept and endpoint is not None:
+                await stack.enter_async_context(_render_node(session, endpoint))
             _log.info("recording %s to %s; end with Ctrl-C", session.name, output)
             stop = asyncio.Event()
             _stop_when_host_is_gone(session, stop)
-            recording = asyncio.ensure_future(record_session(session, output, stop))
+            recording = asyncio.ensure_future(record_session(session, output, stop, kept))
             with contextlib.suppress(asyncio.CancelledError, TimeoutError):
                 await asyncio.wait_for(asyncio.shield(recording), seconds or None)
             stop.set()
@@ -73,6 +92,51 @@ def record(output: Path, *, connect: str | None, seconds: float) -> None:
 
     run_until_asked(work())
     info(output, json=False)
+
+
+def _endpoint_for_views(connect: str | None) -> str:
+    from elys.bus.discovery import choose_endpoint
+
+    return choose_endpoint(connect)
+
+
+async def _recorded_views(session: Session, names: Sequence[str], size: str, fps: float) -> list[RecordedView]:
+    """The cameras of these names. Raises ElysError, before anything is recorded, for one that there is not."""
+    if not names:
+        return []
+    from elys.bus.following import follow_scene
+    from elys.bus.mirror import SceneMirror
+    from elys.bus.view_recording import RecordedView
+    from elys.render_node.film import check_video
+    from elys.verbs.render import parsed_size
+    from elys.verbs.viewpoint import camera_entity
+
+    width, height = parsed_size(size)
+    check_video(width, height, fps)
+    mirror = SceneMirror()
+    (await follow_scene(session, mirror))()
+    return [
+        RecordedView(name=name, entity=camera_entity(mirror, name), width=width, height=height, fps=fps)
+        for name in dict.fromkeys(names)
+    ]
+
+
+@contextlib.asynccontextmanager
+async def _render_node(session: Session, endpoint: str) -> AsyncIterator[None]:
+    """The session's render node; where it has none, a process with one, as long as this lasts."""
+    if session.nodes_of("render"):
+        yield
+        return
+    command = (sys.executable, "-m", "elys", "node", "render", "--connect", endpoint)
+    process = await asyncio.create_subprocess_exec(
+        *command, stdin=asyncio.subprocess.DEVNULL, preexec_fn=before_exec(10), start_new_session=True
+    )
+    try:
+        yield
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            process.terminate()
+        await process.wait()
 
 
 def _stop_when_host_is_gone(session: Session, stop: asyncio.Event) -> None:

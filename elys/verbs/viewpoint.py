@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -50,6 +52,19 @@ class Viewpoint:
             circle = CircularPath.around(lower, upper, period=self.period, aspect=renderer.width / renderer.height)
             return lambda time: circle.camera_at(time - origin)
         return None
+
+
+def named_entities(mirror: SceneMirror, names: Sequence[str]) -> tuple[int, ...]:
+    """The entities that have these names or paths of names ("Car/Front"), all that are called so. Raises ElysError."""
+    paths = [(_path_of(mirror, entity), entity) for entity in mirror.entities] if names else []
+    found: list[int] = []
+    for name in names:
+        called = [entity for path, entity in paths if path == name or path.endswith("/" + name)]
+        if not called:
+            near = difflib.get_close_matches(name, [path for path, _ in paths], n=3, cutoff=0.5)
+            raise ElysError(f"there is no entity '{name}'" + (f"; near it are {', '.join(near)}" if near else ""))
+        found += called
+    return tuple(dict.fromkeys(found))
 
 
 def camera_entity(mirror: SceneMirror, name: str) -> int:

@@ -15,7 +15,7 @@ from elys.common.assets import AssetStore
 from elys.common.scene import open_scene
 from elys.render_node.gpu import Context
 from elys.render_node.offline import OfflineRenderer, load_picture, save_picture
-from elys.verbs.render import simulated
+from elys.verbs.footage import simulated
 
 pytestmark = pytest.mark.gl
 

@@ -75,10 +75,12 @@ class Diagnostics(msgspec.Struct, frozen=True, kw_only=True):
 class DebugLines(msgspec.Struct, frozen=True, kw_only=True):
     """Lines that show how physics sees the world, of the kind that the key names: raw little-endian rows.
 
-    `positions` are (L, 2, 3) f32, both ends of each line in world space [m]; `colors` (L,) u8 say which lines belong together.
+    `positions` are (L, 2, 3) f32, both ends of each line in world space [m]; `colors` (L,) u8 say which lines belong together;
+    `values` (L,) f32 what each line measures, where its kind measures anything, else empty.
     """
 
     epoch: int
     tick: int
     positions: bytes
     colors: bytes
+    values: bytes = b""

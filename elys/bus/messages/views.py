@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Final, Literal
 
 import msgspec
 
@@ -10,6 +10,24 @@ from elys.common.components import Quat, Vec3
 
 # What a picture says of the surfaces seen: the light they send, or their data. See docs/picture-output.md.
 Shows = Literal["shaded", "normals", "albedo", "roughness", "depth", "entity", "wireframe", "overdraw"]
+# What can be drawn over it in lines and letters. See docs/picture-output.md.
+Debug = Literal[
+    "aabb",
+    "obb",
+    "contacts",
+    "joints",
+    "trajectories",
+    "velocity",
+    "axes",
+    "grid",
+    "labels",
+    "islands",
+    "sleeping",
+]
+
+
+Encoding = Literal["jpeg", "h264"]
+FRAMED: Final = -1  # instead of an entity with a camera
 
 
 class ViewCamera(msgspec.Struct, frozen=True, kw_only=True):
@@ -41,19 +59,31 @@ class ViewRequest(msgspec.Struct, frozen=True, kw_only=True):
 
     view: str
     sequence: int
-    camera: ViewCamera
+    camera: ViewCamera | None = None  # none: through a camera of the scene, see `through`
     width: int
     height: int
     selection: tuple[int, ...] = ()
     hidden: tuple[int, ...] = ()  # these and all below them are not drawn
     grid: bool = True
-    shows: Shows = "shaded"  # anything else is drawn without grid and outlines
+    shows: Shows = "shaded"  # anything else is drawn without grid, outlines, lines and letters
+    debug: tuple[Debug, ...] = ()
+    debug_entities: tuple[int, ...] = ()  # of whom and of all below them; none for everybody
     ring: SharedRing | None = None
+    through: int = (
+        0  # the entity whose camera looks; 0: the scene's first, if it has any; FRAMED: none, all is to be seen
+    )
+    encoding: Encoding = "jpeg"  # of what is not put into a ring
+    bit_rate: float = 0.0  # [bit/s] that H.264 may take; 0: as much as it needs
+    keyframe: bool = False  # a picture of the stream that can be seen without those before it, as after a loss
     newer_than_tick: int = -1  # the picture may wait until there is a later tick than this (or the scene changed)
 
 
 class ViewFrame(msgspec.Struct, frozen=True, kw_only=True):
-    """A picture, stamped with what it shows: draw overlays with THIS camera. In ring slot `slot`, or as JPEG."""
+    """A picture, stamped with what it shows: draw overlays with THIS camera. In ring slot `slot`, as JPEG or as H.264.
+
+    H.264 is a stream of its view: Annex B, one picture a message, without B frames, edges rounded up to even numbers. Picture
+    `number` can be seen after `number` - 1, or by itself if it is a keyframe.
+    """
 
     view: str
     sequence: int
@@ -64,7 +94,11 @@ class ViewFrame(msgspec.Struct, frozen=True, kw_only=True):
     height: int
     slot: int = -1
     jpeg: bytes = b""
+    h264: bytes = b""
+    number: int = 0
+    keyframe: bool = False
     render_time: float = 0.0  # [ms]
+    answer_time: float = 0.0  # [ms] from the request's arrival until this was sent: the rest is the way's
 
 
 class PickRequest(msgspec.Struct, frozen=True, kw_only=True):

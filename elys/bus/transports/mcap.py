@@ -3,6 +3,7 @@
     channel     one per recorded topic, named like it, plus "snapshot"; messages in the order in which they came
     body        as on the bus without the protocol prefix: JSON with its schema, or the packed state frame
     log_time    wall clock of the recorder [ns]; tick and simulation time stand in the messages themselves
+    video/NAME  pictures of views, where they were asked for: foxglove.CompressedVideo
     attachment  every asset the scene names, by its reference; at the end indexes of the state frames and the scene
     metadata    "elys": versions of protocol and program, session, start
 
@@ -26,6 +27,7 @@ from mcap.writer import CompressionType, Writer
 
 import elys
 from elys.bus import topics
+from elys.bus.compressed_video import SCHEMA_NAME, video_schema
 from elys.bus.messages.scene import Snapshot
 from elys.bus.messages.state_frame import COLUMNS, HEADER, LOCAL_COLUMNS, TAIL_HEADER, WEIGHT_COLUMNS
 from elys.bus.topics import PROTOCOL_VERSION, Encoding
@@ -93,6 +95,12 @@ class McapWriter:
             self._flush()
         else:
             self.keep_time()
+
+    def add_video(self, channel: str) -> None:
+        """Makes a channel for pictures of that name, see `elys.bus.compressed_video`; once is enough."""
+        if channel not in self._channels:
+            schema = self._writer.register_schema(SCHEMA_NAME, "jsonschema", video_schema())
+            self._channels[channel] = int(self._writer.register_channel(channel, "json", schema))
 
     def attach(self, name: str, data: bytes, *, media_type: str) -> None:
         """Adds a file of its own."""

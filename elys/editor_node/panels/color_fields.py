@@ -39,7 +39,7 @@ def edit_color(field: FieldDeclaration, value: Sequence[float], context: FieldCo
     context.note("swatch")
     if imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip):
         bright = f", {tr('intensity')} {intensity:.4g}" if intensity > 1.0 else ""
-        imgui.set_tooltip(f"sRGB {hex_from_linear(color)}{bright}")
+        imgui.set_tooltip(f"{tr('sRGB')} {hex_from_linear(color)}{bright}")
     if imgui.begin_popup("picker"):
         _draw_picker(field, value, context, edit)
         imgui.end_popup()

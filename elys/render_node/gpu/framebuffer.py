@@ -68,11 +68,19 @@ class Framebuffer:
         self.raw.scissor = None
         self.raw.depth_mask = depth_write
 
-    def clear(self, color: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)) -> None:
-        """Makes every pixel `color` and as far away as can be. Integer attachments take only zeros (GL writes float bits)."""
+    def clear(
+        self,
+        color: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
+        *,
+        region: tuple[int, int, int, int] | None = None,
+    ) -> None:
+        """Makes every pixel, or those of `region`, `color` and as far away as can be.
+
+        Integer attachments take only zeros (GL writes float bits).
+        """
         self.raw.depth_mask = True
         self.raw.scissor = None
-        self.raw.clear(*color, depth=1.0, viewport=(0, 0, self.width, self.height))
+        self.raw.clear(*color, depth=1.0, viewport=region or (0, 0, self.width, self.height))
 
     def resolve_into(self, target: Framebuffer) -> None:
         """Averages the samples of each pixel into a framebuffer of the same size."""

@@ -37,6 +37,8 @@ TEXTURE_UNITS: Final[Mapping[str, int]] = {
     "clearcoat_normal_texture": 15,
     "pose_texels": 16,
     "morph_texels": 17,
+    "mark_texels": 18,
+    "letter_sheet": 0,
     "picture": 0,
     "mask": 0,
 }

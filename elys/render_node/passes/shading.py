@@ -57,10 +57,10 @@ class TransparentPass:
 
 
 def _shaded(resources: Resources, plan: PicturePlan, quality: Quality, *, occluded: bool = False) -> ChooseProgram:
-    shared = quality.surface_defines(plan.picture) + (quality.shadow_defines if plan.shadow is not None else ())
+    shared = quality.surface_defines(plan.picture) + (quality.shadow_defines if plan.cascades else ())
     shared += ("SUN",) if plan.sun is not None else ()
     shared += ("LAMPS",) if plan.lamps else ()
-    shared += ("NEAR_SHADOW",) if plan.near_shadow is not None else ()
+    shared += (f"CASCADES {len(plan.cascades)}",) if plan.cascades else ()
     shared += ("LAMP_SHADOWS",) if plan.lamp_shadows is not None else ()
     shared += ("SURROUNDINGS",) if plan.surroundings.gives_light else ()
     shared += ("AMBIENT_OCCLUSION",) if occluded else ()

@@ -7,53 +7,56 @@ from numpy.typing import NDArray
 
 from elys.render_node.gpu import TEXTURE_UNITS, Framebuffer, Program
 from elys.render_node.passes.drawing import depth_program, draw_calls
-from elys.render_node.picture_plan import PicturePlan, ShadowState, shadow_state
+from elys.render_node.picture_plan import PicturePlan, ShadowState, shadow_states
 from elys.render_node.render_world import Batch
 from elys.render_node.resources import Geometry, Resources
+from elys.render_node.shadow_fit import ShadowFit, atlas_shape
 
 SLOPE_OFFSET = (1.5, 3.0)  # pushes casters away from the sun by their slope and by a few steps of the depth's precision
 
 
 class ShadowPass:
-    """Keeps the map from picture to picture while neither the sun, nor what is covered, nor anything in it moves."""
+    """Keeps the maps of the sun's cascades, in one atlas, from picture to picture while neither the sun, nor what one of them
+    covers, nor anything in it moves.
+    """
 
     def __init__(self, resources: Resources) -> None:
         self._resources = resources
-        self._map: Framebuffer | None = None
-        self.drawn: ShadowState | None = None
+        self._atlas: Framebuffer | None = None
+        self.drawn: tuple[ShadowState, ...] = ()
 
     @staticmethod
     def is_needed(plan: PicturePlan) -> bool:
-        """Whether there is a sun that casts, something that stops it, and no map of it yet."""
-        return plan.shadow is not None and not plan.shadow_is_fresh
+        """Whether there is a sun that casts, something that stops it, and a map that does not show it yet."""
+        return bool(plan.stale_cascades)
 
     def draw(self, plan: PicturePlan) -> None:
-        """Draws all casters into the map."""
-        assert plan.shadow is not None
-        context = self._resources.context
-        fits = [plan.shadow] if plan.near_shadow is None else [plan.shadow, plan.near_shadow]
-        edge = plan.shadow.map_size
-        if self._map is None or self._map.width != edge * len(fits):
-            self._map = Framebuffer(context, edge * len(fits), edge, (), depth=True, compare=True)
-        self._map.use()
-        self._map.clear()
-        context.set_state(depth_test="less", polygon_offset=SLOPE_OFFSET)
-        for column, fit in enumerate(fits):
-            self._map.use(region=(column * edge, 0, edge, edge))
+        """Draws into each stale map what may throw a shadow there."""
+        context, edge = self._resources.context, plan.cascades[0].map_size
+        columns, rows = atlas_shape(len(plan.cascades))
+        size = (edge * columns, edge * rows)
+        if self._atlas is None or (self._atlas.width, self._atlas.height) != size:
+            self._atlas = Framebuffer(context, *size, (), depth=True, compare=True)
+        for place, calls in zip(plan.stale_cascades, plan.casters, strict=True):
+            region = (place % columns * edge, place // columns * edge, edge, edge)
+            self._atlas.use(region=region)
+            self._atlas.clear(region=region)
+            context.set_state(depth_test="less", polygon_offset=SLOPE_OFFSET)
+            self._atlas.use(region=region)
 
-            def choose(_: Geometry, batch: Batch, target: NDArray[np.float64] = fit.map_from_relative) -> Program:
+            def choose(_: Geometry, batch: Batch, fit: ShadowFit = plan.cascades[place]) -> Program:
                 program = depth_program(self._resources, plan, batch.look)
-                program.set("target_from_relative", target)
+                program.set("target_from_relative", fit.map_from_relative)
                 return program
 
             # What turns its back to the sun is hidden by its own front, or is a sheet that is not there from behind either.
-            draw_calls(self._resources, plan, plan.casters, choose)
-        self.drawn = shadow_state(plan.world, plan.shadow, plan.near_shadow, plan.hidden)
+            draw_calls(self._resources, plan, calls, choose)
+        self.drawn = shadow_states(plan.world, plan.cascades, plan.hidden)
 
     def use(self) -> None:
-        """Shows the map to the passes that shade."""
-        if self._map is not None and self._map.depth is not None:
-            self._map.depth.use(TEXTURE_UNITS["shadow_map"])
+        """Shows the maps to the passes that shade."""
+        if self._atlas is not None and self._atlas.depth is not None:
+            self._atlas.depth.use(TEXTURE_UNITS["shadow_map"])
 
 
 class LampShadowPass:

@@ -10,11 +10,11 @@ struct Lamp {
 layout(std140) uniform Frame {
     mat4 clip_from_relative;
     mat4 relative_from_clip;
-    mat4 shadow_from_relative;  // to 0..1 in the shadow map
     vec4 sun_direction;         // towards the sun
     vec4 sun_illuminance;       // [lx]
-    vec4 shadow_scale;          // x: normal offset [m], y: texel of the map in its 0..1; z, w: the same of the near one, w 0 for none
-    mat4 near_shadow_from_relative;
+    vec4 shadow_atlas;          // xy: how much of the atlas of the sun's shadows one map takes
+    mat4 cascade_from_relative[4];  // to 0..1 in each map, the finest first
+    vec4 cascade_scale[4];      // x: normal offset [m], y: texel of the map in its 0..1, zw: its lower left corner in the atlas
     vec4 irradiance[9];         // per pi, see irradiance_from
     vec4 mirror_tiles[6];       // where the squares of each roughness are: lower left corner and edges
     vec4 grid_origin;           // xyz of the eye, x and z wrapped to the grid's period; w: exposure

@@ -35,6 +35,7 @@ class Lines(NamedTuple):
 
     positions: Array  # (L, 2, 3) float32 [m], world space
     colors: Array  # (L,) uint8: what each kind says with it
+    values: Array = np.zeros(0, np.float32)  # (L,) float32 where a kind measures something, else (0,)
 
 
 class Tables(NamedTuple):
@@ -66,13 +67,15 @@ def _fat_boxes(tables: Tables) -> Lines:
 
 
 def _contacts(tables: Tables) -> Lines:
-    """A cross (colour 0) at each point that touches or carries an impulse, and its normal (1)."""
+    """A cross (colour 0) at each point that touches or carries an impulse, and its normal (1), both with the impulse [N s]."""
     contacts = tables.contacts.contact_points(tables.bodies.rows, tables.colliders.rows)
     point = contacts.point[:, None, :]
     arms = CROSS_SIZE * np.eye(3)
     crosses = np.stack([point - arms, point + arms], axis=2).reshape(-1, 2, 3)
     normals = np.stack([contacts.point, contacts.point + NORMAL_LENGTH * contacts.normal], axis=1)
-    return _lines(np.concatenate([crosses, normals]), np.repeat([0, 1], [len(crosses), len(normals)]))
+    lines = _lines(np.concatenate([crosses, normals]), np.repeat([0, 1], [len(crosses), len(normals)]))
+    impulse = contacts.normal_impulse.astype(np.float32)
+    return lines._replace(values=np.concatenate([np.repeat(impulse, 3), impulse]))
 
 
 def _islands(tables: Tables) -> Lines:

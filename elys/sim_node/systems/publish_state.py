@@ -105,14 +105,19 @@ def publish_debug_lines(session: Session, simulation: Simulation) -> None:
     for kind in LINES:
         if not session.has_listener(topics.DEBUG_LINES, key=kind):
             continue
-        lines = simulation.physics.debug_lines(kind)
-        message = DebugLines(
-            epoch=session.epoch,
-            tick=simulation.tick,
-            positions=lines.positions.astype("<f4").tobytes(),
-            colors=lines.colors.tobytes(),
-        )
-        session.publish(topics.DEBUG_LINES, message, key=kind)
+        session.publish(topics.DEBUG_LINES, debug_lines(simulation, kind, epoch=session.epoch), key=kind)
+
+
+def debug_lines(simulation: Simulation, kind: str, *, epoch: int) -> DebugLines:
+    """One kind of debug lines as the last tick left them."""
+    lines = simulation.physics.debug_lines(kind)
+    return DebugLines(
+        epoch=epoch,
+        tick=simulation.tick,
+        positions=lines.positions.astype("<f4").tobytes(),
+        colors=lines.colors.tobytes(),
+        values=lines.values.astype("<f4").tobytes(),
+    )
 
 
 def publish_diagnostics(session: Session, simulation: Simulation) -> Diagnostics | None:

@@ -53,8 +53,6 @@ class SceneHost:
         self.received: list[c.Command] = []
         self.path = ""
         self.history = EditHistory(self)
-        self._scene = EditorScene(session)
-        self._scene.mirror = self.mirror
         self._free: list[int] = []
         self._used = 0
         session.serve(topics.COMMAND, self._take)
@@ -163,6 +161,13 @@ class SceneHost:
                 return (), {}
         return done.entities, done.new_ids
 
+    @property
+    def _scene(self) -> EditorScene:
+        """The mirror as it is this moment: nothing tells this one of changes."""
+        scene = EditorScene(self.session)
+        scene.mirror = self.mirror
+        return scene
+
     # As EditHistory edits it
 
     def apply(self, edits: tuple[c.Edit, ...]) -> tuple[tuple[int, ...], tuple[c.Edit, ...]]:
@@ -170,7 +175,6 @@ class SceneHost:
         inverses: list[c.Edit] = []
         try:
             for edit in edits:
-                self._scene.structure_version += 1
                 back = inverse_of(edit, self._scene)
                 changes, entities = self._changes(edit)
                 self._publish(changes)
@@ -264,7 +268,10 @@ class SceneHost:
     def _spawn(self, command: c.Spawn) -> tuple[list[s.SceneChange], tuple[int, ...]]:
         if command.parent and command.parent not in self.mirror.entities:
             raise EntityError(f"there is no entity {command.parent}")
-        entities = tuple(self._new_id() for _ in command.records)
+        entities = command.entities  # which come back, if nobody has taken their places
+        if not entities or any(index_of(e) in {index_of(other) for other in self.mirror.entities} for e in entities):
+            entities = tuple(self._new_id() for _ in command.records)
+        self._free = [entity for entity in self._free if index_of(entity) not in set(map(index_of, entities))]
         changes: list[s.SceneChange] = []
         tops = []
         for entity, record in zip(entities, command.records, strict=True):

@@ -361,10 +361,10 @@ def test_prefabs_tell_what_was_changed_and_take_it_back(on_stage, lamps, tmp_pat
         await model.edit.add_component([bulb], "Camera")
         changes = model.prefabs.of(bulb).changes(model.scene.components_of(bulb))
         assert set(changes) == {"Light", "Camera"} and changes["Camera"] is None
-        before = len(model.history._undoable)
+        before = len(model.history.undoable)
         await model.edit.lay_over("Revert to the prefab:", {bulb: changes})
         assert model.prefabs.of(bulb).changes(model.scene.components_of(bulb)) == {}
-        assert len(model.history._undoable) == before + 1
+        assert len(model.history.undoable) == before + 1
         await model.history.undo()
         assert set(model.scene.components_of(bulb)) == {"Transform", "Camera"}
 

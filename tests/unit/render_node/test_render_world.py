@@ -169,7 +169,7 @@ def test_solid_things_of_a_batch_come_nearest_first(stage) -> None:
     drawn = [plan.instances["entity"][call.first : call.first + call.instance_count].tolist() for call in plan.opaque]
     nearest_first = np.argsort(-deep)
     assert drawn == [np.array(boxes)[nearest_first].tolist(), np.array(balls)[nearest_first].tolist()]
-    assert plan.casters == plan.opaque  # who throws shadows stands there already
+    assert plan.casters == [plan.opaque]  # who throws shadows stands there already
     assert len(plan.instances) == 80
 
 

@@ -16,6 +16,7 @@ import simplejpeg
 
 from elys.bus import topics
 from elys.bus.codec import encode
+from elys.bus.messages.physics import DebugLines
 from elys.bus.messages.scene import ComponentSet, SceneDelta, Snapshot, SnapshotRequest, Spawned
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.messages.views import PickRequest, SharedRing, ViewCamera, ViewFrame, ViewRequest
@@ -331,3 +332,31 @@ def test_sizes_are_kept_or_brought_to_what_can_be_drawn(asked: tuple[int, int], 
     width, height, reason = sane_size(*asked)
     assert (width, height) == drawn
     assert bool(reason) == (asked != drawn)
+
+
+def test_each_view_has_its_own_debug_drawing_and_lines_are_made_only_while_one_is_shown(context: Any) -> None:
+    lines = np.array([[(-2.0, 1.3, 0.0), (2.0, 1.3, 0.0)]], "<f4")
+
+    async def act(made: Play) -> None:
+        def listened() -> bool:
+            return made.host.has_listener(topics.DEBUG_LINES, key="boxes")
+
+        plain = await made.picture()
+        assert not listened()
+        drawn = await made.picture(debug=("aabb",))
+        assert drawn.jpeg != plain.jpeg  # without physics, the boxes of what is drawn
+        assert listened()
+        told = DebugLines(epoch=1, tick=3, positions=lines.tobytes(), colors=b"\0")
+        made.host.publish(topics.DEBUG_LINES, told, key="boxes")
+        waiting = made.ask(debug=("aabb",), newer_than_tick=3)  # time stands: lines alone bring a picture
+        frame = await made.next()
+        assert frame.sequence == waiting
+        assert frame.jpeg != drawn.jpeg
+        other = await made.picture(view="other")
+        assert other.jpeg == plain.jpeg
+        await made.picture()
+        while listened():
+            await made.picture()
+        assert (await made.picture(debug=("labels",), debug_entities=(99,))).jpeg == plain.jpeg
+
+    run(context, act)

@@ -21,8 +21,11 @@ from elys.common.errors import DisplayError
 from elys.render_node import view_window
 from elys.render_node.window import Dragged, KeyPressed, Scrolled, Window, probe_display
 
+BROKERS = []
+
 async def open_session():
     broker = LoopbackBroker()
+    BROKERS.append(broker)
     host = await Session.host(broker.listen(), name="play", kind="simulation", epoch=1)
     mirror = SceneMirror()
     mirror.epoch = 1
@@ -55,7 +58,7 @@ def test_a_window_shows_frames_and_ends() -> None:
     script = """
 async def main():
     host, session = await open_session()
-    await view_window.run_view(session, frames=5)
+    await view_window.run_view(session, frames=5, debug=("aabb", "labels"), age=True)
     await session.close(); await host.close()
     print("done")
 asyncio.run(main())
@@ -91,6 +94,18 @@ async def main():
     assert turned.position != before.position
     viewer._window.on_event(Scrolled(3.0))
     assert viewer._camera(1.5).position != turned.position
+    assert viewer.notes(0.0) == ()
+    for key in ("1", "3", "g", "a"):
+        viewer._window.on_event(KeyPressed(key))
+    assert viewer._debug == {"aabb", "contacts", "grid"}
+    viewer._window.on_event(KeyPressed("3"))
+    assert viewer._debug == {"aabb", "grid"}
+    told, rate = viewer.notes(0.0)
+    assert told.startswith("tick 3"), told
+    assert "pictures/s" in rate
+    shown = len(viewer._shown_at)
+    while len(viewer._shown_at) == shown:
+        await asyncio.sleep(0)
     viewer._window.on_event(KeyPressed("space"))
     while not asked:
         await asyncio.sleep(0)
@@ -103,6 +118,66 @@ async def main():
     viewer._window.on_event(KeyPressed("escape"))
     await asyncio.wait_for(task, 20)
     await session.close()
+    print("done")
+asyncio.run(main())
+"""
+    assert in_process(script) == "done"
+
+
+@pytest.mark.gl
+def test_a_thin_window_shows_what_a_render_node_draws() -> None:
+    script = """
+import numpy as np
+from elys.render_node import thin_window
+from elys.render_node.gpu import offscreen_context
+from elys.render_node.node import serve_views
+from elys.render_node.quality import FAST
+made = []
+class Watched(thin_window._ThinViewer):
+    def __init__(self, *arguments, **options):
+        super().__init__(*arguments, **options)
+        made.append(self)
+thin_window._ThinViewer = Watched
+thin_window.USUAL_DISTANCE = 77.0
+
+async def main():
+    host, session = await open_session()
+    asked = []
+    async def command(request, key):
+        asked.append(request.command.playing)
+        return CommandReply(accepted=True, tick=1)
+    host.serve(topics.COMMAND, command)
+    render = await Session.join(BROKERS[0].connect(), kind="render")
+    viewing = asyncio.create_task(thin_window.run_thin_view(session, choice="h264", age=True, debug=("labels",)))
+    while not made:
+        await asyncio.sleep(0)
+    viewer = made[0]
+    assert "start one with" not in viewer.title()
+    serving = asyncio.create_task(serve_views(render, quality=FAST))
+    while viewer._picture is None or viewer._is_fresh:
+        assert not serving.done(), serving.result()
+        await asyncio.sleep(0)
+    frame = viewer._picture.frame
+    assert frame.h264 and frame.tick == 3
+    assert viewer._picture.pixels.std() > 5
+    assert viewer.notes()[0].startswith("tick 3")
+    while viewer._distance == 77.0:
+        await asyncio.sleep(0)
+    for event in (Dragged("left", 0.1, 0.0), Scrolled(1.0), KeyPressed("1"), KeyPressed("space")):
+        viewer._window.on_event(event)
+    assert viewer.debug == {"aabb", "labels"}
+    turned = viewer._orbit.camera()
+    while viewer._picture.frame.camera.position != turned.position or not asked:
+        await asyncio.sleep(0)
+    viewer._window.on_event(KeyPressed("f"))
+    while viewer._picture.frame.camera.position == turned.position:
+        await asyncio.sleep(0)
+    viewer._window.on_event(KeyPressed("escape"))
+    await asyncio.wait_for(viewing, 20)
+    serving.cancel()
+    await asyncio.gather(serving, return_exceptions=True)
+    for one in (render, session, host):
+        await one.close()
     print("done")
 asyncio.run(main())
 """

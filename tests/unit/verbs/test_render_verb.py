@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import base64
 import json
 from pathlib import Path
 
+import av
 import numpy as np
 import pytest
 
 from elys.bus.messages.scene import SceneDelta, Spawned
 from elys.bus.mirror import SceneMirror
+from elys.bus.recording import Recording
 from elys.common.components import Camera, Transform, values_of
 from elys.common.errors import DisplayError, ElysError
 from elys.render_node.gpu import offscreen_context
@@ -126,6 +129,75 @@ def test_a_recording_is_drawn_at_a_time_and_over_a_range(elys, scene: Path) -> N
     assert "there is nothing at 3 s" in elys("render", "run.mcap", "-o", "late.png", "--time", "3").sentence
     assert "cameras are Car/Side, Main" in elys("render", "run.mcap", "-o", "late.png", "--camera", "Top").sentence
     assert not Path("late.png").exists()
+
+
+@pytest.mark.gl
+def test_debug_drawing_and_a_stamp_lie_over_scenes_and_recordings(elys, scene: Path) -> None:
+    def drawn(source: object, *words: str) -> np.ndarray:
+        works(elys("render", source, "-o", "it.png", *SIZE, "--time", "0.8", *words))
+        return load_picture(Path("it.png")).astype(int)
+
+    works(elys("run", scene, "--headless", "--steps", "60", "--record", "run.mcap"))
+    for source in (scene, "run.mcap"):
+        plain = drawn(source)
+        for kind in ("aabb", "obb", "contacts", "trajectories", "axes", "grid", "labels"):
+            assert (np.abs(drawn(source, "--debug", kind) - plain).max(axis=-1) > 30).sum() > 15, (source, kind)
+        stamped = np.abs(drawn(source, "--stamp") - plain).max(axis=-1) > 30
+        assert stamped[:30].any()
+        assert not stamped[30:].any()
+        some = np.abs(drawn(source, "--debug", "obb", "--debug-of", "Box") - plain).max(axis=-1) > 30
+        assert some[:, :30].sum() == 0  # the floor's box reaches there
+    joints = drawn("run.mcap", "--debug", "joints")
+    np.testing.assert_array_equal(joints, drawn("run.mcap"))  # there are none
+
+
+@pytest.mark.gl
+def test_a_recording_gets_pictures_and_keeps_all_it_had(elys, scene: Path) -> None:
+    works(elys("run", scene, "--headless", "--steps", "61", "--record", "run.mcap"))
+    said = works(
+        elys("render", "run.mcap", "-o", "with.mcap", "--size", "97x64", "--fps", "20", "--camera", "Car/Side")
+    )
+    assert "21 pictures of 97x64" in said
+    with Recording(Path("run.mcap")) as before, Recording(Path("with.mcap")) as after:
+        kept = [(m.channel, m.body, m.log_time) for m in after.reader.messages() if not m.channel.startswith("video/")]
+        assert kept == [(m.channel, m.body, m.log_time) for m in before.reader.messages()]
+        assert after.asset_references() == before.asset_references()
+        state = np.array([message.log_time for message in after.reader.messages(("state",))])
+        pictures = list(after.reader.messages(("video/Car-Side",)))
+    decoder, seen = av.CodecContext.create("h264", "r"), []
+    for message in pictures:
+        content = json.loads(message.body)
+        frames = decoder.decode(av.Packet(base64.b64decode(content["data"])))
+        assert len(frames) == 1
+        seen.append(frames[0].to_ndarray(format="rgb24")[:64, :97])
+        assert message.log_time in state
+    works(elys("render", "run.mcap", "-o", "same.png", "--size", "97x64", "--time", "0.5", "--camera", "Car/Side"))
+    assert np.abs(seen[10].astype(int) - load_picture(Path("same.png"))).mean() < 4
+    assert np.abs(seen[20].astype(int) - seen[0]).mean() > 1
+    works(elys("render", "with.mcap", "-o", "again.mcap", *SIZE, "--fps", "5"))  # another view beside the first
+    with Recording(Path("again.mcap")) as again:
+        counts = again.reader.message_counts()
+    assert (counts["video/Car-Side"], counts["video/view"]) == (21, 6)
+    for words, sentence in (
+        (("with.mcap", "-o", "with.mcap"), "is the recording itself"),
+        (("with.mcap", "-o", "new.mcap", "--camera", "Car/Side"), "holds pictures of 'Car/Side' already"),
+        ((str(scene), "-o", "new.mcap"), "name the recording it is made of"),
+    ):
+        assert sentence in elys("render", *words, *SIZE).sentence
+    assert not Path("new.mcap").exists()
+
+
+def test_what_cannot_be_drawn_over_pictures_is_one_sentence(elys, scene: Path) -> None:
+    for words, said in (
+        (("-o", "a.png", "--debug", "bones"), "there is no debug drawing 'bones': there are aabb, obb, contacts"),
+        (("-o", "a.npy", "--debug", "aabb"), "a.npy is to hold numbers: write a .png or .mp4"),
+        (("-o", "a.exr", "--stamp"), "--stamp draws over pictures"),
+        (("-o", "a.png", "--view", "depth", "--debug", "aabb"), "leave --view depth out"),
+        (("-o", "a.png", "--debug-of", "Box"), "give --debug as well"),
+        (("-o", "a.png", "--debug", "aabb", "--debug-of", "Bax"), "there is no entity 'Bax'; near it are Box"),
+    ):
+        assert said in elys("render", scene, *words).sentence
+        assert not Path(words[1]).exists()
 
 
 @pytest.fixture

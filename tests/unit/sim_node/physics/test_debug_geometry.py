@@ -65,6 +65,8 @@ def test_contacts_are_crosses_with_normals():
     np.testing.assert_allclose(normals[:, 0], world.contacts.point, atol=1e-6)
     along = (normals[:, 1] - normals[:, 0]) / 0.2
     np.testing.assert_allclose(along, world.contacts.normal, atol=1e-5)
+    np.testing.assert_allclose(lines.values[lines.colors == 1], world.contacts.normal_impulse)
+    np.testing.assert_array_equal(lines.values[: 3 * count : 3], lines.values[3 * count :])
 
 
 @pytest.mark.parametrize("steps", [5, 90])

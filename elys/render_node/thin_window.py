@@ -1,0 +1,212 @@
+"""`elys view --thin`: a window that shows what a render node elsewhere draws. Keys and mouse are those of `view_window.py`."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections import deque
+from collections.abc import Collection
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elys.bus import topics
+from elys.bus.messages.views import FRAMED, Debug, PickRequest, ViewCamera
+from elys.bus.session import Session
+from elys.common.errors import BusError
+from elys.render_node.gpu import TEXTURE_UNITS, Context, Framebuffer, Texture, window_context
+from elys.render_node.lettering import write_on
+from elys.render_node.marks import LETTERS, stamp_text
+from elys.render_node.orbit import Orbit
+from elys.render_node.passes.backdrop import ScreenShader
+from elys.render_node.play_control import PlayControl
+from elys.render_node.remote_view import Choice, RemotePicture, RemoteView, Wanted
+from elys.render_node.resources import Resources
+from elys.render_node.view_window import DEBUG_KEYS, LOST
+from elys.render_node.window import Dragged, KeyPressed, Scrolled, Window, WindowEvent
+
+LOOK_TIME: Final = 1.0 / 60.0  # [s] between two looks at the window
+TITLE_TIME: Final = 0.25  # [s] between two titles
+MEASURED: Final = 60  # pictures over which rates are taken
+USUAL_DISTANCE: Final = 8.0  # [m] around which one circles where nothing is seen in the middle
+
+
+async def run_thin_view(
+    session: Session,
+    *,
+    choice: Choice = "auto",
+    bit_rate: float = 0.0,
+    frames: int | None = None,
+    debug: Collection[Debug] = (),
+    age: bool = False,
+) -> None:
+    """Shows the session as a render node draws it until the window is closed, or until `frames` pictures were shown.
+
+    Raises:
+        DisplayError: no window can be opened here.
+    """
+    window = Window(f"ELYS  {session.name}")
+    try:
+        viewer = _ThinViewer(session, window, window_context(), choice=choice, bit_rate=bit_rate)
+        viewer.debug, viewer.tells_age = frozenset(debug), age
+        await viewer.run(frames)
+    finally:
+        window.close()
+
+
+class _ThinViewer:
+    """The window's state: from where it looks, and the pictures that came last."""
+
+    def __init__(self, session: Session, window: Window, context: Context, *, choice: Choice, bit_rate: float) -> None:
+        self._session = session
+        self._window = window
+        self._screen = _Screen(context)
+        self._play = PlayControl(session)
+        self._remote = RemoteView(session, choice=choice, bit_rate=bit_rate, on_picture=self._arrived)
+        self._orbit: Orbit | None = None  # None: looks as `_through` says
+        self._through = 0
+        self._distance = USUAL_DISTANCE  # [m] of what is seen in the middle
+        self._picture: RemotePicture | None = None
+        self._is_fresh = False
+        self._came: deque[tuple[float, int]] = deque(maxlen=MEASURED)  # [s] and [bytes] of the last pictures
+        self.latency = 0.0  # [s] from the state's publishing to its picture here, by the clocks of both machines
+        self.debug: frozenset[Debug] = frozenset()
+        self.tells_age = False
+        window.on_event = self._on_event
+
+    async def run(self, frame_limit: int | None) -> None:
+        """Asks for pictures, and shows those that come."""
+        shown, titled_at = 0, 0.0
+        while not self._window.is_closing and (frame_limit is None or shown < frame_limit):
+            now = time.monotonic()
+            self._window.poll()
+            if now - titled_at > TITLE_TIME:
+                self._window.set_title(self.title())
+                titled_at = now
+            if self._window.is_visible:
+                self._remote.want(self._wanted())
+            if self._is_fresh and self._picture is not None:
+                self._show(self._picture)
+                shown += 1
+            await asyncio.sleep(LOOK_TIME)
+
+    def title(self) -> str:
+        """Scene, tick, and by which way pictures come."""
+        status = self._play.status
+        name = status.scene if status is not None else self._session.name
+        if self._play.is_lost():
+            return f"ELYS  {name}  ·  {LOST}"
+        if self._remote.renderer is None:
+            return f"ELYS  {name}  ·  no render node in this session: start one with `elys node render`"
+        if self._picture is None:
+            return f"ELYS  {name}  ·  waiting for a picture"
+        state = "playing" if self._play.is_playing else "paused"
+        return f"ELYS  {name}  ·  tick {self._picture.frame.tick}  ·  {state}  ·  {self._way()}"
+
+    def notes(self) -> tuple[str, ...]:
+        """What is told on the picture, where that is asked for."""
+        status, picture = self._play.status, self._picture
+        if not self.tells_age or picture is None:
+            return ()
+        tick_rate = status.tick_rate if status is not None else 60.0
+        moment = status.simulation_time + (picture.frame.tick - status.tick) / tick_rate if status is not None else 0.0
+        age = f"{self.latency * 1e3:.0f} ms old" if picture.frame.state_published_at else "no state yet"
+        return stamp_text(picture.frame.tick, moment), f"{age}   {self.rate:.0f} pictures/s", self._way()
+
+    @property
+    def rate(self) -> float:
+        """Pictures a second."""
+        came = self._came
+        return (len(came) - 1) / (came[-1][0] - came[0][0]) if len(came) > 1 and came[-1][0] > came[0][0] else 0.0
+
+    def _way(self) -> str:
+        sizes = [size for _, size in self._came]
+        mean = sum(sizes) / max(len(sizes), 1)
+        return f"{self._remote.encoding}, {mean / 1e3:.0f} kB a picture, {mean * 8 * self.rate / 1e6:.1f} Mbit/s"
+
+    def _wanted(self) -> Wanted:
+        width, height = self._window.framebuffer_size
+        camera = self._orbit.camera() if self._orbit is not None else None
+        kinds = tuple(sorted(self.debug))
+        return Wanted(camera=camera, through=self._through, width=width, height=height, debug=kinds)
+
+    def _arrived(self, picture: RemotePicture) -> None:
+        is_first = self._picture is None
+        is_newer = is_first or picture.frame.tick != self._picture.frame.tick  # type: ignore[union-attr]
+        self._picture, self._is_fresh = picture, True
+        self._came.append((time.monotonic(), picture.size))
+        if is_newer and picture.frame.state_published_at:
+            self.latency = max(0.0, (time.time_ns() - picture.frame.state_published_at) * 1e-9)
+        if is_first:
+            self._session.start(self._find_distance(picture.frame.camera, picture.frame.width, picture.frame.height))
+
+    def _show(self, picture: RemotePicture) -> None:
+        pixels, notes = picture.pixels, self.notes()
+        if notes:
+            pixels = pixels.copy()
+            write_on(pixels, notes, LETTERS)
+        self._screen.show(pixels, *self._window.framebuffer_size)
+        self._window.swap()
+        self._is_fresh = False
+
+    async def _find_distance(self, camera: ViewCamera, width: int, height: int) -> None:
+        """Asks how far away that is which is seen in the middle: a hand's camera circles around it."""
+        if self._remote.renderer is None:
+            return
+        request = PickRequest(camera=camera, width=width, height=height, x=width // 2, y=height // 2)
+        try:
+            reply = await self._session.request(topics.PICK, request, key=self._remote.renderer.id, timeout=2.0)
+        except BusError:
+            return
+        if reply.entity:
+            self._distance = float(np.linalg.norm(np.subtract(reply.position, camera.position)))
+
+    def _on_event(self, event: WindowEvent) -> None:
+        match event:
+            case Dragged(button="left", shift=False) if (orbit := self._led()) is not None:
+                orbit.turn(event.x, event.y)
+            case Dragged() if (orbit := self._led()) is not None:
+                orbit.pan(event.x, event.y)
+            case Scrolled() if (orbit := self._led()) is not None:
+                orbit.zoom(event.steps)
+            case KeyPressed(key="f" | "c" as key):
+                self._orbit, self._through = None, FRAMED if key == "f" else 0
+            case KeyPressed(key="a"):
+                self.tells_age = not self.tells_age
+                self._is_fresh = True
+            case KeyPressed(key=key) if key in DEBUG_KEYS:
+                self.debug = self.debug ^ {DEBUG_KEYS[key]}
+            case KeyPressed(key="space"):
+                self._play.toggle()
+            case KeyPressed(key="escape"):
+                self._window.request_close()
+
+    def _led(self) -> Orbit | None:
+        """The hand's camera, which starts where that of the last picture stood; None before there is any."""
+        if self._orbit is None and self._picture is not None:
+            self._orbit = Orbit()
+            self._orbit.take(self._picture.frame.camera, self._distance)
+        return self._orbit
+
+
+class _Screen:
+    """Puts pixels into the window."""
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._shader = ScreenShader(Resources(context), "picture.frag")
+        self._texture: Texture | None = None
+
+    def show(self, pixels: NDArray[np.uint8], width: int, height: int) -> None:
+        """RGBA pixels (H, W, 4), the upper row first, all over a window of that size."""
+        size = (pixels.shape[1], pixels.shape[0])
+        if self._texture is None or self._texture.size != size:
+            self._texture = Texture(self._context, size, "rgba8", data=pixels)
+        else:
+            self._texture.write(pixels)
+        Framebuffer.of_window(self._context, width, height).use(depth_write=False)
+        self._context.set_state()
+        self._texture.use(TEXTURE_UNITS["picture"])
+        self._shader.compiled()[1].draw()
+        self._context.collect()
