@@ -130,6 +130,13 @@ def _edit_actions(ui: Ui, workspace: Workspace) -> tuple[Action, ...]:
         ),
         Action(name="edit.rename", label="Rename", keys=("F2",), run=rename, is_possible=any_selected),
         Action(name="edit.delete", label="Delete", keys=("Delete",), run=model.edit.delete, is_possible=any_selected),
+        Action(
+            name="edit.drop",
+            label="Drop to the ground",
+            keys=("End",),
+            run=lambda: model.edit.drop(selection),
+            is_possible=any_selected,
+        ),
         Action(name="edit.select_all", label="Select all", keys=("Ctrl+A",), run=select_all),
         Action(name="edit.select_nothing", label="Select nothing", keys=("Escape",), run=selection.clear),
     )
@@ -213,6 +220,18 @@ def _tool_actions(tools: Tools) -> tuple[Action, ...]:
             label="Along the entity's own axes",
             run=lambda: setattr(tools, "is_local", not tools.is_local),
             is_on=lambda: tools.is_local,
+        ),
+        Action(
+            name="tool.median",
+            label="Turn and scale about the middle",
+            run=lambda: setattr(tools, "pivot", "active" if tools.pivot == "median" else "median"),
+            is_on=lambda: tools.pivot == "median",
+        ),
+        Action(
+            name="tool.snap",
+            label="Snap",
+            run=lambda: setattr(tools, "snaps", not tools.snaps),
+            is_on=lambda: tools.snaps,
         ),
     )
 

@@ -1,4 +1,4 @@
-"""How a session is looked at: camera, the places it can go back to, and tools, to be found again when the editor comes back to it."""
+"""How a session is looked at: camera, the places it goes back to, and tools, found again when the editor comes back to it."""
 
 from __future__ import annotations
 

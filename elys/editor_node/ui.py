@@ -19,6 +19,7 @@ from elys.editor_node.preferences import Preferences
 from elys.editor_node.theme import FILL, TEXT_DIM, Fonts, Rgba
 
 Tool = Literal["select", "move", "rotate", "scale"]
+Pivot = Literal["active", "median"]  # the entity selected last, or amid all
 
 
 @dataclass(slots=True)
@@ -27,6 +28,8 @@ class Tools:
 
     tool: Tool = "move"
     is_local: bool = False  # along the entity's own axes instead of the world's
+    pivot: Pivot = "active"  # about which several entities are turned and scaled
+    snaps: bool = False  # without Ctrl, which turns it about
     shows_grid: bool = True
     shows: Shows = "shaded"
     move_snap: float = 0.25  # [m]

@@ -295,6 +295,7 @@ class Workspace:
             "edit.duplicate",
             "edit.rename",
             "edit.group",
+            "edit.drop",
             "edit.delete",
         ):
             action_item(self.ui, name)

@@ -242,3 +242,124 @@ def test_one_looks_through_the_selected_camera_and_moves_it_here(at_the_editor):
         assert not editor.ui.actions.may_run("camera.move_here")
 
     at_the_editor(scenario, CAMERA)
+
+
+def handle_of(editor, pivot, axis, length=55.0):
+    """Where in the window the handle along an axis can be taken hold of, and which way it points there."""
+    ends = [pixel_of(editor, pivot), pixel_of(editor, np.array(pivot) + 0.5 * np.eye(3)[axis])]
+    along = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
+    return ends[0] + length * along, along
+
+
+async def choose(person, names, tool) -> list[int]:
+    entities = [person.stage.named(name) for name in names]
+    person.editor.model.selection.replace(entities)
+    await person.press(Key.F)
+    await person.press(tool)
+    await look_still(person)
+    return entities
+
+
+def transforms(person, entities):
+    return [person.stage.host.mirror.entities[entity].components["Transform"] for entity in entities]
+
+
+@pytest.mark.parametrize("pivot", ["active", "median"])
+def test_several_are_scaled_about_one_pivot(at_the_editor, pivot):
+    async def scenario(person):
+        editor = person.editor
+        await see(person)
+        chosen = await choose(person, ("Box 1", "Box 3", "Box 6"), Key.R)
+        before = transforms(person, chosen)
+        places = np.array([transform.position for transform in before])
+        if pivot == "median":
+            await person.click("toolbar/pivot")
+            await person.do(MouseMoved(*(np.array(editor.panel.rectangle[:2]) + 9.0)))
+        middle = places.mean(axis=0) if pivot == "median" else places[-1]
+        start, along = handle_of(editor, middle, 0)
+        await drag_between(person, start, start + 40.0 * along)
+        await editor.model.history.settle()
+        after = transforms(person, chosen)
+        factors = [a.scale[0] / b.scale[0] for a, b in zip(after, before, strict=True)]
+        assert factors == pytest.approx([factors[0]] * 3, rel=1e-5)
+        assert factors[0] > 1.1
+        wanted = middle + (places - middle) * (factors[0], 1.0, 1.0)
+        assert np.array([a.position for a in after]) == pytest.approx(wanted, abs=1e-4)
+        await person.press(Key.Z, CTRL)  # one entry of the history
+        await editor.model.history.settle()
+        assert transforms(person, chosen) == before
+
+    at_the_editor(scenario)
+
+
+def test_handles_move_in_steps_that_the_toolbar_sets(at_the_editor):
+    async def scenario(person):
+        editor = person.editor
+        await see(person)
+        chosen = await choose(person, ("Box 2", "Box 4"), Key.W)
+        before = transforms(person, chosen)
+        await person.click("toolbar/snap")
+        await person.click("menu/tool.snap")
+        await person.click("toolbar/snap")
+        await person.click("snap/move_snap", times=2)
+        await person.press(Key.A, CTRL)
+        await person.type("0.7")
+        await person.press(Key.ENTER)
+        await person.press(Key.ESCAPE)
+        assert editor.ui.tools.snaps
+        assert editor.ui.tools.move_snap == pytest.approx(0.7)
+        start, along = handle_of(editor, before[-1].position, 0)
+        await drag_between(person, start, start + 70.0 * along)
+        await editor.model.history.settle()
+        moved = [a.position[0] - b.position[0] for a, b in zip(transforms(person, chosen), before, strict=True)]
+        assert moved[0] == pytest.approx(moved[1], abs=1e-5)
+        assert moved[0] > 0.5
+        assert moved[0] / 0.7 == pytest.approx(round(moved[0] / 0.7), abs=1e-4)
+
+    at_the_editor(scenario)
+
+
+STACK = [
+    EntityRecord(name="Ground", components={"Transform": {"scale": [20, 0.2, 20]}, "Collider": {}}),
+    EntityRecord(name="Table", components={"Transform": {"position": [0, 0.6, 0]}, "MeshRenderer": {}}),
+    EntityRecord(name="Lower", components={"Transform": {"position": [0.3, 3, 0]}, "MeshRenderer": {}}),
+    EntityRecord(
+        name="Upper", components={"Transform": {"position": [0.3, 6, 0], "scale": [1, 2, 1]}, "MeshRenderer": {}}
+    ),
+    EntityRecord(name="Turned", components={"Transform": {"position": [5, 4, 0]}}),
+    EntityRecord(
+        name="Foot",
+        parent=4,
+        components={
+            "Transform": {"position": [0, -1, 0], "rotation": [0, 0, 0.3826834323650898, 0.9238795325112867]},
+            "MeshRenderer": {},
+        },
+    ),
+    EntityRecord(name="Far", components={"Transform": {"position": [90, 4, 0]}, "MeshRenderer": {}}),
+]
+
+
+def test_what_is_dropped_stands_on_what_is_under_it(at_the_editor):
+    async def scenario(person):
+        editor = person.editor
+        names = ("Upper", "Lower", "Turned", "Far")
+        chosen = [person.stage.named(name) for name in names]
+        before = transforms(person, chosen)
+        editor.model.selection.replace(chosen)
+        await person.press(Key.END)
+        await editor.model.history.settle()
+        heights = dict(zip(names, (t.position[1] for t in transforms(person, chosen)), strict=True))
+        # The table ends at 1.1, the ground at 0.1; a cube on its edge reaches half its diagonal down.
+        assert heights["Lower"] == pytest.approx(1.6, abs=1e-5)
+        assert heights["Upper"] == pytest.approx(3.1, abs=1e-5)
+        assert heights["Turned"] == pytest.approx(0.1 + 0.5**0.5 + 1.0, abs=1e-5)
+        assert heights["Far"] == pytest.approx(0.5, abs=1e-5)
+        await person.press(Key.Z, CTRL)
+        await editor.model.history.settle()
+        assert transforms(person, chosen) == before
+        editor.model.scene.marks.set("locked", chosen, True)
+        await person.press(Key.END)
+        await editor.model.history.settle()
+        assert transforms(person, chosen) == before
+
+    at_the_editor(scenario, STACK)
