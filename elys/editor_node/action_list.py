@@ -16,7 +16,7 @@ from elys.editor_node.panels.preferences_window import change_font_scale, change
 from elys.editor_node.preferences import Theme
 from elys.editor_node.tree_actions import tree_actions
 from elys.editor_node.ui import Tool, Tools, Ui
-from elys.editor_node.viewport_actions import camera_actions
+from elys.editor_node.viewport_actions import camera_actions, debug_actions
 from elys.editor_node.viewport_layer import ViewportLayer
 from elys.editor_node.workspace import Workspace
 
@@ -34,6 +34,7 @@ def add_actions(
         *_tool_actions(ui.tools),
         *_view_actions(ui, workspace, viewport),
         *camera_actions(camera_views),
+        *debug_actions(ui.tools),
     )
 
 

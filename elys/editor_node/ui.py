@@ -7,7 +7,7 @@ from typing import Literal
 
 from imgui_bundle import imgui
 
-from elys.bus.messages.views import Shows
+from elys.bus.messages.views import Debug, Shows
 from elys.editor_node.actions import Actions
 from elys.editor_node.attachments import Attachments
 from elys.editor_node.fields import DraggedAsset
@@ -32,6 +32,8 @@ class Tools:
     snaps: bool = False  # without Ctrl, which turns it about
     shows_grid: bool = True
     shows: Shows = "shaded"
+    debug: tuple[Debug, ...] = ()  # lines and letters over the picture
+    debugs_selection: bool = False  # of what is selected alone
     move_snap: float = 0.25  # [m]
     rotate_snap: float = 15.0  # [degrees]
     scale_snap: float = 0.1

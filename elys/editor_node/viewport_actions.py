@@ -1,11 +1,13 @@
-"""The actions of the viewport's camera: sides, places it goes back to, and the scene's own cameras."""
+"""The actions of the viewport: the camera's sides, places and scene cameras; and the lines drawn over the picture."""
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, get_args
 
+from elys.bus.messages.views import Debug
 from elys.editor_node.actions import Action
 from elys.editor_node.camera_views import PLACES, SIDES, CameraViews
+from elys.editor_node.ui import Tools
 
 _SIDE_LABELS: Final = {
     "front": ("View from the front", "Keypad 1"),
@@ -15,6 +17,40 @@ _SIDE_LABELS: Final = {
     "top": ("View from above", "Keypad 7"),
     "bottom": ("View from below", "Ctrl+Keypad 7"),
 }
+DEBUG_LABELS: Final[dict[Debug, str]] = {
+    "aabb": "Boxes along the axes",
+    "obb": "Boxes that turn along",
+    "contacts": "Contacts",
+    "joints": "Joints",
+    "trajectories": "Trajectories",
+    "velocity": "Velocities",
+    "axes": "Axes of entities",
+    "grid": "Grid of the broad phase",
+    "labels": "Names",
+    "islands": "Islands",
+    "sleeping": "Who sleeps",
+}
+
+
+def debug_actions(tools: Tools) -> tuple[Action, ...]:
+    """A switch for each kind of lines, and one for whom they are drawn of."""
+
+    def switch(kind: Debug) -> Action:
+        def run() -> None:
+            wanted = set(tools.debug) ^ {kind}
+            tools.debug = tuple(known for known in get_args(Debug) if known in wanted)
+
+        return Action(name=f"debug.{kind}", label=DEBUG_LABELS[kind], run=run, is_on=lambda: kind in tools.debug)
+
+    return (
+        *(switch(kind) for kind in get_args(Debug)),
+        Action(
+            name="debug.selection",
+            label="Of the selection alone",
+            run=lambda: setattr(tools, "debugs_selection", not tools.debugs_selection),
+            is_on=lambda: tools.debugs_selection,
+        ),
+    )
 
 
 def camera_actions(views: CameraViews) -> tuple[Action, ...]:

@@ -66,7 +66,20 @@ class ViewportPanel:
         width, height = int(self.rectangle[2] * scale.x), int(self.rectangle[3] * scale.y)
         selection = ui.model.selection.entities
         hidden = ui.model.scene.marks.own("hidden")
-        self.stream.want(View(self.camera.view, width, height, selection, hidden, ui.tools.shows_grid, ui.tools.shows))
+        self.stream.want(
+            View(
+                self.camera.view,
+                width,
+                height,
+                selection,
+                hidden,
+                ui.tools.shows_grid,
+                ui.tools.shows,
+                # Of a selection of nothing nothing is drawn, and not everything.
+                debug=ui.tools.debug if selection or not ui.tools.debugs_selection else (),
+                debug_entities=selection if ui.tools.debugs_selection else (),
+            )
+        )
         draw_list = imgui.get_window_draw_list()
         high = (low.x + self.rectangle[2], low.y + self.rectangle[3])
         if self.stream.shown is None or not self._picture.name:

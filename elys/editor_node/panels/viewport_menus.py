@@ -1,9 +1,12 @@
-"""What the viewport puts into the menu View: the camera's points of view."""
+"""What the viewport puts into the menu View: the camera's points of view, and lines over the picture."""
 
 from __future__ import annotations
 
+from typing import get_args
+
 from imgui_bundle import imgui
 
+from elys.bus.messages.views import Debug
 from elys.editor_node.camera_views import PLACES, SIDES
 from elys.editor_node.language import tr_label
 from elys.editor_node.ui import Ui, action_item
@@ -31,4 +34,18 @@ def draw_camera_menu(ui: Ui) -> None:
         imgui.end_menu()
     else:
         ui.landmarks.note("menu/keep_view")
+    imgui.end_menu()
+
+
+def draw_debug_menu(ui: Ui) -> None:
+    """What can be drawn over the picture in lines and letters; it stays open, so that several are chosen at once."""
+    if not imgui.begin_menu(tr_label("Debug", "menu_debug")):
+        ui.landmarks.note("menu/debug")
+        return
+    imgui.push_item_flag(imgui.ItemFlags_.auto_close_popups.value, False)
+    for kind in get_args(Debug):
+        action_item(ui, f"debug.{kind}")
+    imgui.separator()
+    action_item(ui, "debug.selection")
+    imgui.pop_item_flag()
     imgui.end_menu()

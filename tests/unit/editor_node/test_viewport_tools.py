@@ -363,3 +363,26 @@ def test_what_is_dropped_stands_on_what_is_under_it(at_the_editor):
         assert transforms(person, chosen) == before
 
     at_the_editor(scenario, STACK)
+
+
+def test_the_menu_switches_lines_over_the_picture(at_the_editor):
+    async def scenario(person):
+        editor = person.editor
+        source = await see(person)
+        crate = person.stage.named("Crate")
+        assert source.requests[-1].debug == ()
+        await person.click("menu/view")
+        await person.click("menu/debug")
+        await person.click("menu/debug.velocity")
+        await person.click("menu/debug.aabb")
+        await person.until(lambda: source.requests[-1].debug == ("aabb", "velocity"))
+        assert source.requests[-1].debug_entities == ()
+        await person.click("menu/debug.selection")  # nothing is selected: nothing is drawn of it
+        await person.until(lambda: source.requests[-1].debug == ())
+        editor.model.selection.replace((crate,))
+        await person.until(lambda: source.requests[-1].debug_entities == (crate,))
+        assert source.requests[-1].debug == ("aabb", "velocity")
+        await person.click("menu/debug.aabb")
+        await person.until(lambda: source.requests[-1].debug == ("velocity",))
+
+    at_the_editor(scenario)
