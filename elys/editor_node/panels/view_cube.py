@@ -17,7 +17,7 @@ from elys.editor_node.theme import AXES, BUTTON, FILL, LINE, TEXT
 from elys.editor_node.ui import Ui, color_code
 
 _SIZE: Final = 104.0  # [pixels] of its square
-_MARGIN: Final = 8.0  # [pixels] to the picture's edge
+_MARGIN: Final = 18.0  # [pixels] to the picture's edge
 _AXIS_NAMES: Final = ("X", "Y", "Z")
 
 
