@@ -216,6 +216,7 @@ def _tool_actions(tools: Tools) -> tuple[Action, ...]:
         take("move", "Move", "W"),
         take("rotate", "Rotate", "E"),
         take("scale", "Scale", "R"),
+        take("grab", "Drag bodies", "G"),
         Action(
             name="tool.local",
             label="Along the entity's own axes",

@@ -12,6 +12,7 @@ import numpy as np
 from elys.common.components import Camera
 from elys.common.math import quaternion
 from elys.common.math.poses import local_pose
+from elys.common.scene import ComponentChanges
 from elys.editor_node.camera import OrbitCamera
 from elys.editor_node.language import tr
 from elys.editor_node.model import EditorModel
@@ -108,7 +109,7 @@ class CameraViews:
         if scene.parent_of(entity):
             place, turn = local_pose(*scene.world_pose(scene.parent_of(entity)), place, turn)
         position = tuple(round(value, _DECIMALS) + 0.0 for value in place)
-        changes = {entity: {"Transform": {"position": position, "rotation": turn}}}
+        changes: dict[int, ComponentChanges] = {entity: {"Transform": {"position": position, "rotation": turn}}}
         self._model.edit.lay_over(tr("Move to this view:"), changes)
 
     def _glide(self, pose: CameraPose) -> None:

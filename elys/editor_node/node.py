@@ -134,6 +134,7 @@ class Editor:
         )
         self.application.on_close = lambda: self.workspace.save_dialog.may_close(self.ui)
         self.navigation = ViewportLayer(self.model, self.panel, hold_pointer=self.window.hold_pointer)
+        self.navigation.grabs = lambda: self.ui.tools.tool == "grab"
         add_actions(actions, self.ui, self.workspace, self.navigation, self.camera_views)
         self.application.push_layer(ShortcutLayer(actions, self.ui.keys))
         self.application.push_layer(TypeAheadLayer(self.model.walk, self.workspace.hierarchy, self.ui.keys))

@@ -18,7 +18,7 @@ from elys.editor_node.model import EditorModel
 from elys.editor_node.preferences import Preferences
 from elys.editor_node.theme import FILL, TEXT_DIM, Fonts, Rgba
 
-Tool = Literal["select", "move", "rotate", "scale"]
+Tool = Literal["select", "move", "rotate", "scale", "grab"]
 Pivot = Literal["active", "median"]  # the entity selected last, or amid all
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from elys.bus.messages.views import PickReply
 from elys.common.errors import BusError
 from elys.common.math import quaternion
+from elys.editor_node.body_hand import BodyHand
 from elys.editor_node.box_selection import entities_in_box
 from elys.editor_node.events import (
     Event,
@@ -40,7 +41,7 @@ _FLY_KEYS: Final = {
     Key.Q: (0.0, -1.0, 0.0),
     Key.E: (0.0, 1.0, 0.0),
 }
-_Action = Literal["", "click", "box", "cube", "orbit", "pan", "fly"]
+_Action = Literal["", "click", "box", "cube", "hold", "orbit", "pan", "fly"]
 
 
 class ViewportLayer:
@@ -51,6 +52,8 @@ class ViewportLayer:
     ) -> None:
         self._model = model
         self._panel = panel
+        self.hand = BodyHand(model)
+        self.grabs: Callable[[], bool] = lambda: False  # whether the tool in hand drags bodies
         self._action: _Action = ""
         self._button = -1
         self._pointer = (0.0, 0.0)
@@ -133,10 +136,12 @@ class ViewportLayer:
             return True
         actions: dict[int, _Action] = {MouseButton.MIDDLE: "pan", MouseButton.RIGHT: "fly"}
         if button == MouseButton.LEFT:
-            self._action = "orbit" if modifiers & Modifiers.ALT else "click"
+            self._action = "orbit" if modifiers & Modifiers.ALT else "hold" if self.grabs() else "click"
         else:
             self._action = actions.get(button, "")
         self._button, self._modifiers, self._pressed_at = button, modifiers, self._pointer
+        if self._action == "hold":
+            self._model.session.start(self._take_hold())
         if self._action == "fly":
             self._panel.camera.is_parallel = False  # where going forward would change nothing
             self._hold_pointer(True)  # else the edge of the screen would end the turn
@@ -155,6 +160,8 @@ class ViewportLayer:
                 camera.pan(*step, height=int(self._panel.rectangle[3]))
             case "fly":
                 camera.look(*step)
+            case "hold":
+                self._drag_body()
             case "click" if self._has_moved:
                 self._action = "box"
         if self._action == "box":
@@ -172,6 +179,8 @@ class ViewportLayer:
             self._hold_pointer(False)
         if action == "click" and not self._has_moved:
             self._model.session.start(self._pick(self._modifiers))
+        elif action == "hold":
+            self.hand.let_go()
         elif action == "cube" and self._panel.cube.pointed_at is not None:
             self._panel.look_from(self._panel.cube.pointed_at)
         elif action == "box":
@@ -209,23 +218,43 @@ class ViewportLayer:
         camera.zoom(notches, toward, self._panel.aspect)
         return True
 
+    async def _take_hold(self) -> None:
+        """Takes the body where the button went down, if it is still held then."""
+        reply = await self._seen_at_press()
+        if reply is None or not reply.entity or self._action != "hold":
+            return
+        if self.hand.take(reply.entity, np.array(reply.position, dtype=np.float64)):
+            self._drag_body()
+
+    def _drag_body(self) -> None:
+        shown = self._panel.stream.shown
+        if shown is not None:
+            x, y, width, height = self._panel.rectangle
+            at = (2.0 * (self._pointer[0] - x) / width - 1.0, 1.0 - 2.0 * (self._pointer[1] - y) / height)
+            self.hand.drag(shown.camera, width / height, at)
+
     async def _pick(self, modifiers: Modifiers) -> None:
-        """Asks the render node what is under the pointer, and selects it."""
+        """Selects what is seen where the button went down."""
+        reply = await self._seen_at_press()
+        if reply is not None:
+            self._select(reply, modifiers)
+            self._model.request_redraw(0.0)
+
+    async def _seen_at_press(self) -> PickReply | None:
+        """Asks the render node what is seen where the button went down; None, and a line that says why, if it does not answer."""
         shown = self._panel.stream.shown
         if shown is None:
-            return
+            return None
         x, y, width, height = self._panel.rectangle
         pixel_x = int((self._pressed_at[0] - x) / width * shown.width)
         pixel_y = int((self._pressed_at[1] - y) / height * shown.height)
         try:
             marks = self._model.scene.marks
             passed_over = (*marks.own("locked"), *marks.own("hidden"))
-            reply = await self._panel.stream.pick(pixel_x, pixel_y, passed_over=passed_over)
+            return await self._panel.stream.pick(pixel_x, pixel_y, passed_over=passed_over)
         except BusError as error:
             self._model.say("error", f"cannot pick: {error}")
-            return
-        self._select(reply, modifiers)
-        self._model.request_redraw(0.0)
+            return None
 
     def _select(self, reply: PickReply, modifiers: Modifiers) -> None:
         selection, scene = self._model.selection, self._model.scene

@@ -55,7 +55,7 @@ class Gizmo:
     def draw(self, ui: Ui, camera: ViewCamera, rectangle: tuple[float, float, float, float]) -> None:
         """Draws it over the picture at `rectangle` (x, y, width, height) that was taken with `camera`."""
         targets = self._targets(ui)
-        if not targets or ui.tools.tool == "select" or ui.model.is_replay:
+        if not targets or ui.tools.tool in ("select", "grab") or ui.model.is_replay:
             self._drag, self.is_over = None, False
             return
         tool: Tool = ui.tools.tool
@@ -139,7 +139,7 @@ class Gizmo:
         return after, bool(changed)
 
     def _snap(self, ui: Ui, tool: Tool) -> Any:
-        step = {"move": ui.tools.move_snap, "rotate": ui.tools.rotate_snap, "scale": ui.tools.scale_snap}[tool]
+        step = getattr(ui.tools, f"{tool}_snap")
         return imguizmo.im_guizmo.Matrix3([step, step, step])
 
     def _send(self, ui: Ui, tool: Tool, drag: _Drag) -> None:

@@ -16,6 +16,7 @@ _TOOLS: Final[tuple[tuple[Tool, str, str], ...]] = (
     ("move", icons.ICON_FA_UP_DOWN_LEFT_RIGHT, "Move; Ctrl snaps"),
     ("rotate", icons.ICON_FA_ROTATE, "Rotate; Ctrl snaps"),
     ("scale", icons.ICON_FA_UP_RIGHT_AND_DOWN_LEFT_FROM_CENTER, "Scale; Ctrl snaps"),
+    ("grab", icons.ICON_FA_HAND, "Drag and throw bodies while time goes on"),
 )
 # Fields of Tools, what they are called, their unit, and the least that handles can do.
 _STEPS: Final = (

@@ -60,9 +60,11 @@ class ViewCube:
     def _points(self, corners: NDArray[np.float64]) -> list[imgui.ImVec2Like]:
         """On the screen, clockwise as ImGui smooths edges."""
         half = _SIZE / 2.0
-        points = [(self._middle[0] + half * u, self._middle[1] - half * v) for u, v in corners.tolist()]
-        area = sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(points, points[1:] + points[:1], strict=True))
-        return points if area > 0.0 else points[::-1]
+        points: list[imgui.ImVec2Like] = [
+            (self._middle[0] + half * u, self._middle[1] - half * v) for u, v in corners.tolist()
+        ]
+        (a, b), (c, d) = corners[1] - corners[0], corners[2] - corners[1]
+        return points if a * d < b * c else points[::-1]
 
     def _draw_name(self, ui: Ui, name: str, normal: Direction, corners: NDArray[np.float64]) -> None:
         """Where the face is turned to the eye enough for a word."""

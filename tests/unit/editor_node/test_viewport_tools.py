@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from elys.bus.messages.commands import Grab, Release
 from elys.common.scene import EntityRecord
 from elys.editor_node.camera import OrbitCamera, project
 from elys.editor_node.events import (
@@ -384,5 +385,34 @@ def test_the_menu_switches_lines_over_the_picture(at_the_editor):
         assert source.requests[-1].debug == ("aabb", "velocity")
         await person.click("menu/debug.aabb")
         await person.until(lambda: source.requests[-1].debug == ("velocity",))
+
+    at_the_editor(scenario)
+
+
+def test_a_hand_drags_a_body_and_lets_it_go(at_the_editor):
+    async def scenario(person):
+        editor, host = person.editor, person.stage.host
+        crate, ground = person.stage.named("Crate"), person.stage.named("Ground")
+        source = await see(person, entity=person.stage.named("Lid"))  # a part of the crate
+        source.hit = (1.2, 2.4, 3.1)
+        editor.panel.camera.look_from((1.2, 2.4, 13.1), (0.0, 0.0, -1.0), 10.0)
+        await look_still(person)
+        await person.press(Key.G)
+        start, end = pixel_of(editor, source.hit), pixel_of(editor, (2.7, 3.4, 3.1))
+        await person.do(MouseMoved(*start), MousePressed(MouseButton.LEFT))
+        await person.until(lambda: any(isinstance(command, Grab) for command in host.received))
+        await person.do(MouseMoved(*end))
+        wanted = pytest.approx((2.7, 3.4, 3.1), abs=1e-6)  # in the plane through the point that faces the camera
+        await person.until(lambda: isinstance(host.received[-1], Grab) and host.received[-1].target == wanted)
+        assert host.received[-1].entity == crate
+        assert host.received[-1].anchor == pytest.approx((0.2, 0.4, 0.1))
+        await person.do(MouseReleased(MouseButton.LEFT))
+        await person.until(lambda: isinstance(host.received[-1], Release))
+        source.entity, count = ground, len(host.received)
+        await person.do(MouseMoved(*start), MousePressed(MouseButton.LEFT))
+        await person.until(lambda: "Ground" in editor.model.error)
+        await person.do(MouseReleased(MouseButton.LEFT))
+        assert len(host.received) == count
+        assert not editor.model.selection
 
     at_the_editor(scenario)
