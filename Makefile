@@ -17,8 +17,8 @@ setup: $(READY)  ## make .venv with ELYS and what it needs
 demo: $(READY)  ## show ELYS: an editor where there is a screen, else files
 	@$(PY) -m elys demo
 
-test: $(READY)  ## all tests
-	@$(PY) -m pytest
+test: $(READY)  ## all tests, two files at a time
+	@$(PY) -m pytest -n 2 --dist loadfile
 
 check: lint  ## style, types, imports and the fast tests
 	@$(PY) -m pytest tests/unit -m "not gl and not process"

@@ -33,8 +33,9 @@ class _Clock:
 
 
 @contextlib.asynccontextmanager
-async def _person(openers: ChildProcesses) -> AsyncIterator[Person]:
-    with Editor(openers=openers, null_platform=True, size=SIZE) as editor:
+async def editor_person(openers: ChildProcesses, *, size: tuple[int, int] = SIZE) -> AsyncIterator[Person]:
+    """Somebody at an editor of its own, which begins with its start page."""
+    with Editor(openers=openers, null_platform=True, size=size) as editor:
         running = asyncio.create_task(editor.run())
         person = Person(editor, _Clock())
         await person.do(CursorEntered(True))
@@ -52,7 +53,7 @@ async def draw_editor_pictures(directory: Path, endpoint: str) -> None:
     Image.init()  # loads all formats, which takes so long that the link would be given up
     openers = ChildProcesses()
     try:
-        async with _person(openers) as person:
+        async with editor_person(openers) as person:
             await _start_pages(person, directory)
             person.editor.attachments.connect(endpoint)
             await person.until(lambda: person.editor.model.scene.is_known)

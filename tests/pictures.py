@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import asyncio
 import os
+import shutil
 import sys
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 from PIL import Image
 
 from elys.bus import topics
@@ -19,6 +21,7 @@ from elys.bus.messages.commands import CommandRequest, StepTicks
 from elys.verbs.nodes import joined
 from tests.benchmarks.processes import environment, running
 from tests.editor_pictures import draw_editor_pictures
+from tests.instrument_pictures import main as draw_instrument_pictures
 
 if TYPE_CHECKING:
     from elys.editor_node.node import Editor
@@ -46,12 +49,15 @@ def main() -> None:
             "editor-hierarchy": draw_hierarchy,
             "editor-viewport": draw_viewport,
             "timeline": draw_timeline,
+            "editor-assets": draw_assets,
         }
         for name, draw in drawn.items():
             if name in (sys.argv[1:] or [name]):
                 asyncio.run(draw(PICTURES / f"{name}.png"))
         if "windows" in (sys.argv[1:] or ["windows"]):
             asyncio.run(draw_editor_pictures(PICTURES / "editor", ENDPOINT))
+    if "instruments" in (sys.argv[1:] or ["instruments"]):
+        draw_instrument_pictures()
     if "editor-inspector" not in (sys.argv[1:] or ["editor-inspector"]):
         return
     table = (*elys, "run", "docs/examples/table.scene.json", "--headless", "--paused", "--listen", ENDPOINT)
@@ -80,6 +86,66 @@ async def draw_editor(path: Path) -> None:
             editor.application.close()
             await window
     print(path)
+
+
+async def draw_assets(path: Path) -> None:
+    """The browser of assets on a small project, a prefab and a light of it put into the yard, a broken model pointed at."""
+    from elys.editor_node.events import CursorEntered, MouseMoved
+    from elys.editor_node.node import Editor
+
+    with tempfile.TemporaryDirectory() as made:
+        project = Path(made) / "project"
+        _write_assets(project)
+        async with joined(ENDPOINT, kind="editor") as session:
+            with Editor(session, null_platform=True, size=(1600, 900)) as editor:
+                window = asyncio.create_task(editor.run())
+                library, panel = editor.assets, editor.workspace.assets
+                while not editor.model.scene.is_known or editor.stream.shown is None:
+                    await frames_of(editor, 5)
+                editor.preferences.asset_size = 80.0
+                library.open(project)
+                while library.folder is None or not library.folder.is_known:
+                    await frames_of(editor, 5)
+                lamp = next(file for file in library.listing.files if file.name == "lamp.prefab.json")
+                for x in (-4.0, 0.0, 4.0):
+                    await library.placing.place(lamp, np.array((x, 0.0, 7.0)))
+                panel.search()
+                panel.browsing.selected = lamp.path
+                drawn = [file for file in library.listing.files if file.name != "broken.glb"]
+                while any(library.picture(file) is None for file in drawn):
+                    await frames_of(editor, 5)
+                editor.ui.landmarks.is_wanted = True
+                await frames_of(editor, 20)
+                editor.application.offer(CursorEntered(True))
+                editor.application.offer(MouseMoved(*editor.ui.landmarks.center("assets/broken.glb")))
+                for _ in range(20):
+                    await frames_of(editor, 3)
+                    await asyncio.sleep(0.05)
+                editor.screenshot(path)
+                editor.application.close()
+                await window
+    print(path)
+
+
+def _write_assets(project: Path) -> None:
+    """A project with something of every kind."""
+    from tests.unit.editor_node.asset_files import write_light, write_model
+
+    (project / "textures").mkdir(parents=True)
+    for name in ("lamp.prefab.json", "table.scene.json"):
+        shutil.copy(PICTURES.parent / "examples" / name, project / name)
+    rows, columns = np.mgrid[0:256, 0:256]
+    for name, (red, green, blue) in {"brick": (176, 84, 60), "moss": (70, 120, 60), "tiles": (190, 190, 182)}.items():
+        joint = (rows % 64 < 4) | ((columns + 64 * (rows // 64 % 2)) % 128 < 4)
+        shade = 0.85 + 0.15 * np.sin(rows * 0.7) * np.cos(columns * 0.31)
+        pixels = np.where(joint[..., None], (120, 118, 112), shade[..., None] * (red, green, blue)).astype(np.uint8)
+        Image.fromarray(pixels).save(project / f"{name}.png")
+    write_model(project / "sign.gltf", color=(0.8, 0.25, 0.05))
+    up, around = np.mgrid[1:0:64j, -1:1:128j]
+    sun = 6.0 * np.exp(-((up - 0.62) ** 2 + (around - 0.4) ** 2) / 0.004)
+    light = np.stack((0.5 - 0.3 * up + sun, 0.3 + 0.1 * up + sun, 0.2 + 0.7 * up + 0.6 * sun), axis=-1)
+    write_light(project / "evening.hdr", light)
+    (project / "broken.glb").write_bytes(b"half of a model")
 
 
 async def draw_inspector(path: Path) -> None:

@@ -142,6 +142,10 @@ class AssetOffer:
     def __init__(self, session: Session) -> None:
         self._session = session
 
+    async def is_there(self, reference: str) -> bool:
+        """Whether the host has the content; BusError where it does not say."""
+        return await self._ask(reference, b"")
+
     async def bring(self, reference: str, store: AssetStore) -> bool:
         """Whether the host has the content, now that it was given what `store`, or else this machine's cache, has of it.
 

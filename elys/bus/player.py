@@ -31,6 +31,7 @@ from elys.bus.messages.commands import (
     StepTicks,
 )
 from elys.bus.messages.history import HistoryReply, HistoryRequest
+from elys.bus.messages.plan import PhysicsPlan, PlanRequest
 from elys.bus.messages.scene import SceneDelta, Snapshot, SnapshotRequest
 from elys.bus.messages.session import SessionStatus
 from elys.bus.messages.state_frame import HEADER, PLAYING
@@ -95,6 +96,7 @@ class Player:
     async def run(self) -> None:
         """Serves the session and plays."""
         self.session.serve(topics.SNAPSHOT, self._give_snapshot)
+        self.session.serve(topics.PLAN, self._refuse_plan)
         self.session.serve(topics.ASSET, self._give_asset)
         self.session.serve(topics.MARKERS, self._give_markers)
         self.session.serve(topics.COMMAND, self._take_command)
@@ -293,6 +295,9 @@ class Player:
 
     async def _give_asset(self, request: bytes, key: str) -> bytes:
         return self.recording.asset(PREFIX + key)
+
+    async def _refuse_plan(self, request: PlanRequest, key: str) -> PhysicsPlan:
+        raise RequestError("a recording is played, nothing is simulated: there is no plan of steps")
 
     async def _take_command(self, request: CommandRequest, key: str) -> CommandReply:
         try:

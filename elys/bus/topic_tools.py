@@ -105,7 +105,7 @@ async def hz(session: Session, name: str, *, window: int = 200, interval: float 
     try:
         while True:
             await asyncio.sleep(interval)
-            yield _report(list(arrivals), total)
+            yield rate_report(list(arrivals), total)
     finally:
         close()
 
@@ -129,7 +129,8 @@ def plain(message: Any) -> Any:
     }
 
 
-def _report(arrivals: list[tuple[float, int]], total: int) -> RateReport:
+def rate_report(arrivals: list[tuple[float, int]], total: int) -> RateReport:
+    """How often messages came: the newest `arrivals`, by the monotonic clock [s] with their sizes [bytes], of `total`."""
     gaps = [later[0] - earlier[0] for earlier, later in pairwise(arrivals)]
     # Silence is a gap too: a stream that has stopped must not show its old rate for ever.
     span = time.monotonic() - arrivals[0][0] if arrivals else 0.0

@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass
 from typing import Any, Final, Generic, TypeVar
 
-from elys.bus.messages import commands, history, physics, scene, session, state_frame, timeline, views
+from elys.bus.messages import commands, history, physics, plan, scene, session, state_frame, timeline, views
 from elys.common.errors import BusError
 
 M = TypeVar("M")
@@ -146,6 +146,14 @@ VIEW_FRAME: Final = Topic(
     keyed=True,
     recorded=False,
 )
+RENDER_PROFILE: Final = Topic(
+    name="render_profile",
+    message=plan.RenderProfile,
+    text="what a picture of the view named by the key cost, by stage, and its passes; only while somebody listens",
+    delivery=Delivery.LATEST,
+    keyed=True,
+    recorded=False,
+)
 
 HELLO: Final = Query(
     name="hello",
@@ -165,6 +173,12 @@ COMMAND: Final = Query(
     reply=commands.CommandReply,
     text="asks for a change; answered with accepted or why not",
 )
+PLAN: Final = Query(
+    name="plan",
+    request=plan.PlanRequest,
+    reply=plan.PhysicsPlan,
+    text="which stages a step of physics has, and why the others are off",
+)
 HISTORY: Final = Query(
     name="history",
     request=history.HistoryRequest,
@@ -182,6 +196,15 @@ PICK: Final = Query(
     request=views.PickRequest,
     reply=views.PickReply,
     text="asks the render node named by the key what is seen at a pixel",
+    keyed=True,
+)
+THUMBNAIL: Final = Query(
+    name="thumbnail",
+    request=views.ThumbnailRequest,
+    reply=views.Thumbnail,
+    text="asks the render node named by the key for a small picture of entities that are in no scene",
+    request_encoding=Encoding.MSGPACK,
+    reply_encoding=Encoding.MSGPACK,
     keyed=True,
 )
 ASSET: Final = Query(
@@ -216,8 +239,22 @@ TOPICS: Final[tuple[Topic[Any], ...]] = (
     DEBUG_LINES,
     VIEW_REQUEST,
     VIEW_FRAME,
+    RENDER_PROFILE,
 )
-QUERIES: Final[tuple[Query[Any, Any], ...]] = (HELLO, SNAPSHOT, COMMAND, HISTORY, MARKERS, PICK, ASSET, ASSET_OFFER)
+QUERIES: Final[tuple[Query[Any, Any], ...]] = (
+    HELLO,
+    SNAPSHOT,
+    COMMAND,
+    HISTORY,
+    MARKERS,
+    PLAN,
+    PICK,
+    THUMBNAIL,
+    ASSET,
+    ASSET_OFFER,
+)
+# Made only while somebody listens: to listen to them costs whoever makes them.
+ON_DEMAND: Final[frozenset[Topic[Any]]] = frozenset({DIAGNOSTICS, DEBUG_LINES, RENDER_PROFILE})
 
 _CHUNK = re.compile(r"[A-Za-z0-9_.-]+\Z")
 

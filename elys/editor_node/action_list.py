@@ -11,6 +11,7 @@ from elys.editor_node.camera_views import CameraViews
 from elys.editor_node.language import LANGUAGES
 from elys.editor_node.model import EditorModel
 from elys.editor_node.panels import changes, history_list
+from elys.editor_node.panels.assets import AssetsPanel
 from elys.editor_node.panels.inspector import InspectorPanel
 from elys.editor_node.panels.preferences_window import change_font_scale, change_language
 from elys.editor_node.preferences import Theme
@@ -29,12 +30,14 @@ def add_actions(
         *_file_actions(ui, workspace),
         *_edit_actions(ui, workspace),
         *_inspector_actions(ui, workspace.inspector),
+        *_asset_actions(workspace.assets),
         *tree_actions(ui, workspace.hierarchy),
         *_time_actions(ui.model),
         *_tool_actions(ui.tools),
         *_view_actions(ui, workspace, viewport),
         *camera_actions(camera_views),
         *debug_actions(ui.tools),
+        *_instrument_actions(ui, workspace),
     )
 
 
@@ -159,6 +162,27 @@ def _inspector_actions(ui: Ui, panel: InspectorPanel) -> tuple[Action, ...]:
             label="Revert to the prefab",
             run=lambda: panel.revert_all(ui),
             is_possible=is_editable,
+        ),
+    )
+
+
+def _asset_actions(panel: AssetsPanel) -> tuple[Action, ...]:
+    library = panel.library
+    return (
+        Action(name="assets.search", label="Find an asset", keys=("Ctrl+Shift+A",), run=panel.search),
+        Action(name="assets.import", label="Import files...", keys=("Ctrl+I",), run=panel.dialogs.ask_import),
+        Action(name="assets.folder", label="Choose the folder of assets...", run=panel.dialogs.ask_folder),
+        Action(
+            name="assets.missing",
+            label="Missing assets",
+            run=panel.toggle_missing,
+            is_on=lambda: panel.shows_missing,
+        ),
+        Action(
+            name="assets.follow",
+            label="Follow assets that change on disk",
+            run=lambda: setattr(library, "reloads", not library.reloads),
+            is_on=lambda: library.reloads,
         ),
     )
 
@@ -314,4 +338,54 @@ def _look_actions(ui: Ui, workspace: Workspace) -> tuple[Action, ...]:
         Action(name="help.keys", label="Keys and mouse", keys=("F1",), run=workspace.show_help, needs_session=False),
         Action(name="help.tour", label="Tour", run=workspace.tour.start),
         Action(name="help.about", label="About ELYS", run=workspace.show_about, needs_session=False),
+    )
+
+
+def _instrument_actions(ui: Ui, workspace: Workspace) -> tuple[Action, ...]:
+    """What the lower panels can do."""
+    console, plots, profiler = workspace.console, workspace.plots, workspace.profiler
+
+    def has_track() -> bool:
+        return profiler.track is not None
+
+    def has_series() -> bool:
+        return plots.has_series
+
+    return (
+        Action(
+            name="console.newest",
+            label="Follow the newest line",
+            run=console.toggle_following,
+            is_on=lambda: console.follows,
+        ),
+        Action(name="console.clear", label="Clear the console", run=ui.model.console.clear),
+        Action(
+            name="profiler.hold_worst",
+            label="Hold the worst tick of the last minute",
+            run=profiler.hold_worst,
+            is_possible=has_track,
+        ),
+        Action(
+            name="profiler.release", label="Show the newest tick again", run=profiler.release, is_possible=has_track
+        ),
+        Action(name="plots.add", label="Plot a field...", run=workspace.ask_field_to_plot),
+        Action(
+            name="plots.pause",
+            label="Stop reading plots",
+            run=plots.toggle_pause,
+            is_on=lambda: plots.is_paused,
+            is_possible=has_series,
+        ),
+        Action(
+            name="plots.export_csv",
+            label="Export plots as numbers",
+            run=lambda: plots.export_csv(ui),
+            is_possible=has_series,
+        ),
+        Action(
+            name="plots.export_png",
+            label="Export plots as a picture",
+            run=lambda: plots.export_picture(ui),
+            is_possible=has_series,
+        ),
     )

@@ -110,6 +110,13 @@ class WindowDamaged:
     """The window must be drawn again, because it was covered or its scale changed."""
 
 
+@dataclass(frozen=True, slots=True)
+class FilesDropped:
+    """Files or folders were dragged here from another program and let go, at the last place of the pointer."""
+
+    paths: tuple[str, ...]
+
+
 Event = (
     KeyPressed
     | KeyReleased
@@ -122,4 +129,5 @@ Event = (
     | WindowFocused
     | WindowResized
     | WindowDamaged
+    | FilesDropped
 )

@@ -5,15 +5,17 @@ Everything else on the screen is drawn by Dear ImGui's backend, the scene by a r
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Hashable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from elys.common.errors import DisplayError
+
+K = TypeVar("K", bound=Hashable)
 
 
 class WindowContext:
@@ -48,6 +50,13 @@ class WindowContext:
     def picture(self) -> ViewportPicture:
         """A texture to show pictures of the scene with."""
         return ViewportPicture(self._context)
+
+    def texture_of(self, pixels: NDArray[np.uint8]) -> Any:
+        """A texture of RGBA pixels [height, width, 4], the upper row first; whoever asks releases it."""
+        height, width, _ = pixels.shape
+        texture = self._context.texture((width, height), 4, np.ascontiguousarray(pixels).tobytes(), alignment=1)
+        texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
+        return texture
 
     def release(self) -> None:
         """Gives the context back."""
@@ -91,6 +100,46 @@ class ViewportPicture:
                 texture.release()
         self._outgrown.clear()
         self._texture = None
+
+
+class TextureShelf(Generic[K]):
+    """Small pictures on the card by key: as many as are seen, a few new ones a frame, so that no frame waits for them."""
+
+    def __init__(self, make: Callable[[NDArray[np.uint8]], Any], *, uploads: int = 8) -> None:
+        """`make` gives a texture with `glo` and `release`; at most `uploads` a frame."""
+        self._make = make
+        self._uploads = uploads
+        self._left = uploads
+        self._textures: dict[K, Any] = {}
+        self._seen: set[K] = set()
+        self.is_behind = False  # whether a picture asked for since `begin_frame` has to wait for the next
+
+    def __len__(self) -> int:
+        return len(self._textures)
+
+    def begin_frame(self) -> None:
+        """Frees what the last frame did not show. Call it before each frame is built, shown pictures or not."""
+        for key in self._textures.keys() - self._seen:
+            self._textures.pop(key).release()
+        self._seen.clear()
+        self._left, self.is_behind = self._uploads, False
+
+    def name(self, key: K, pixels: NDArray[np.uint8]) -> int:
+        """GL's name of the picture's texture, for ImGui; 0 where it comes in a later frame only."""
+        texture = self._textures.get(key)
+        if texture is None:
+            if not self._left:
+                self.is_behind = True
+                return 0
+            self._left -= 1
+            texture = self._textures[key] = self._make(pixels)
+        self._seen.add(key)
+        return int(texture.glo)
+
+    def release(self) -> None:
+        """Frees all."""
+        self._seen.clear()
+        self.begin_frame()
 
 
 def save_picture(pixels: NDArray[np.uint8], path: str | Path) -> None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from imgui_bundle import imgui, imguizmo
+from imgui_bundle import imgui, imguizmo, implot
 
 from elys.editor_node.events import (
     CharacterTyped,
@@ -56,6 +57,9 @@ class ImGuiLayer:
         self._preferences = preferences
         self._look: tuple[object, ...] = ()  # what theme and sizes were made of
         self._imgui = imgui.create_context()
+        self._implot = implot.create_context()
+        self.build_time = 0.0  # [s] that the widgets of the last frame took
+        self.draw_time = 0.0  # [s] that handing them to OpenGL took
         io = imgui.get_io()
         io.config_flags |= imgui.ConfigFlags_.docking_enable.value
         io.config_windows_move_from_title_bar_only = True
@@ -101,6 +105,7 @@ class ImGuiLayer:
 
     def update(self, elapsed: float) -> None:
         """Builds and draws one frame of widgets."""
+        start = time.perf_counter()
         self._apply_look()
         if self._docking:
             imgui.load_ini_settings_from_memory(self._docking)
@@ -114,8 +119,10 @@ class ImGuiLayer:
             imgui.internal.close_popups_except_modals()
         self._draw(elapsed)
         imgui.render()
+        built = time.perf_counter()
         self._context.clear(*self._window.framebuffer_size, BACKGROUND)
         imgui.backends.opengl3_render_draw_data(imgui.get_draw_data())
+        self.build_time, self.draw_time = built - start, time.perf_counter() - built
 
     def load_docking(self, docking: str) -> None:
         """Places windows as `imgui.save_ini_settings_to_memory` once told, before the next frame."""
@@ -130,6 +137,7 @@ class ImGuiLayer:
         """Ends ImGui; the window's context must still be current."""
         imgui.backends.opengl3_shutdown()
         imgui.backends.glfw_shutdown()
+        implot.destroy_context(self._implot)
         imgui.destroy_context(self._imgui)
 
     def _apply_look(self) -> None:

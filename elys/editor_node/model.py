@@ -8,7 +8,6 @@ from __future__ import annotations
 import asyncio
 import getpass
 import time
-from collections import deque
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, Final
@@ -32,8 +31,7 @@ from elys.bus.messages.commands import (
     StepTicks,
 )
 from elys.bus.messages.history import HistoryReply, HistoryRequest
-from elys.bus.messages.physics import Diagnostics
-from elys.bus.messages.session import LogLevel, LogLine, SessionStatus, TickProfile
+from elys.bus.messages.session import LogLevel, LogLine, SessionStatus
 from elys.bus.session import Session
 from elys.common.errors import BusError, ConnectionLost
 from elys.editor_node.console_log import ConsoleLog
@@ -94,8 +92,6 @@ class EditorModel:
             self.scene, self.selection, self.history, self.edit, offer=AssetOffer(session), say=self.say
         )
         self.status: SessionStatus | None = None
-        self.profiles: deque[TickProfile] = deque(maxlen=240)  # the newest last
-        self.diagnostics: deque[Diagnostics] = deque(maxlen=240)  # likewise
         self.connected = session.connected
         self._known_session = (session.name, session.epoch)  # of which the mirror tells
         self._wanted_paths: list[tuple[str, ...]] = []  # of what was selected before the host started anew
@@ -109,8 +105,6 @@ class EditorModel:
         self._message_ends = 0.0
         session.subscribe(topics.STATUS, self._status_arrived)
         session.subscribe(topics.LOG, self._line_arrived)
-        session.subscribe(topics.PROFILE, self._profile_arrived)
-        session.subscribe(topics.DIAGNOSTICS, self._diagnostics_arrived)
         session.subscribe(topics.COMMANDS, self._command_seen)
         session.on_link(self._link_changed)
 
@@ -325,14 +319,6 @@ class EditorModel:
             self.console.add(self.node_label(line.node), line.level, line.text, tick=line.tick, at=line.time)
             self.request_redraw(0.1)
 
-    def _profile_arrived(self, profile: TickProfile, _: str) -> None:
-        self.profiles.append(profile)
-        self.request_redraw(0.25)
-
-    def _diagnostics_arrived(self, found: Diagnostics, _: str) -> None:
-        self.diagnostics.append(found)
-        self.request_redraw(0.25)
-
     def _command_seen(self, record: CommandRecord, _: str) -> None:
         self.set_values.command_seen(record)
         if record.accepted and isinstance(record.command, LoadScene):
@@ -364,8 +350,6 @@ class EditorModel:
             self._wanted_paths = [self.scene.path_of(entity) for entity in self.selection if self.scene.exists(entity)]
             self.history.forget()
             self.timeline.forget()
-            self.profiles.clear()
-            self.diagnostics.clear()
         if known_name and name != known_name:
             self.status = None
             self.file.forget()

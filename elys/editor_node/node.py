@@ -12,15 +12,18 @@ from elys.bus.session import Session
 from elys.editor_node.action_list import add_actions
 from elys.editor_node.actions import Actions
 from elys.editor_node.application import Application
+from elys.editor_node.asset_library import AssetLibrary
 from elys.editor_node.attachments import Attachments, Join, Openers
 from elys.editor_node.camera import OrbitCamera
 from elys.editor_node.camera_views import CameraViews
-from elys.editor_node.gpu import WindowContext, save_picture
+from elys.editor_node.file_drops import FileDropLayer
+from elys.editor_node.gpu import TextureShelf, WindowContext, save_picture
 from elys.editor_node.imgui_layer import ImGuiLayer
 from elys.editor_node.key_bindings import KeyBindings
-from elys.editor_node.language import use_language
+from elys.editor_node.language import tr, use_language
 from elys.editor_node.link_meter import LinkMeter
 from elys.editor_node.model import EditorModel
+from elys.editor_node.panels.assets import AssetsPanel
 from elys.editor_node.panels.viewport import ViewportPanel
 from elys.editor_node.preferences import (
     Preferences,
@@ -34,7 +37,7 @@ from elys.editor_node.seat import Seat
 from elys.editor_node.session_state import restore_session, session_state
 from elys.editor_node.shortcuts import ChordCapture, ShortcutLayer
 from elys.editor_node.type_ahead import TypeAheadLayer
-from elys.editor_node.ui import Ui
+from elys.editor_node.ui import Rectangle, Ui
 from elys.editor_node.view_stream import ViewStream
 from elys.editor_node.viewport_layer import ViewportLayer
 from elys.editor_node.window import Window
@@ -124,6 +127,8 @@ class Editor:
             LinkMeter(self.seat, on_change=redraw),
         )
         capture = ChordCapture()
+        self.assets = AssetLibrary(self.model)
+        self._shelf: TextureShelf[object] = TextureShelf(self.context.texture_of)
         self.workspace = Workspace(
             self.ui,
             self.panel,
@@ -131,7 +136,9 @@ class Editor:
             close=self.application.close,
             load_docking=self.widgets.load_docking,
             capture=capture,
+            assets=AssetsPanel(self.assets, self._shelf, self.panel),
         )
+        self.ui.take_picture = self._take_picture
         self.application.on_close = lambda: self.workspace.save_dialog.may_close(self.ui)
         self.navigation = ViewportLayer(self.model, self.panel, hold_pointer=self.window.hold_pointer)
         self.navigation.grabs = lambda: self.ui.tools.tool == "grab"
@@ -139,6 +146,9 @@ class Editor:
         self.application.push_layer(ShortcutLayer(actions, self.ui.keys))
         self.application.push_layer(TypeAheadLayer(self.model.walk, self.workspace.hierarchy, self.ui.keys))
         self.application.push_layer(self.navigation)
+        self.application.push_layer(
+            FileDropLayer(lambda paths: self.workspace.assets.dialogs.take_files(self.ui, paths))
+        )
         self.application.push_layer(self.widgets)
         self.application.push_layer(capture)
         self.seat.on_link(self._link_changed)
@@ -161,6 +171,8 @@ class Editor:
         if kind is None:
             self.model.documents.close()
         self.stream.close()
+        self.assets.close()
+        self._shelf.release()
         self._picture.release()
         self.widgets.close()
         self.context.release()
@@ -179,8 +191,35 @@ class Editor:
         self.widgets.update(0.0)  # what was swapped away need not be there any more
         save_picture(self.context.read_window(*self.window.framebuffer_size), path)
 
+    def _take_picture(self, path: Path, rectangle: Rectangle) -> None:
+        """Writes a part of the window as a picture once the frame that is being built is done."""
+
+        def take() -> None:
+            self.widgets.update(0.0)
+            width, height = self.window.framebuffer_size
+            pixels, scale = self.context.read_window(width, height), width / self.window.size[0]
+            left, top, right, bottom = (max(round(edge * scale), 0) for edge in rectangle)
+            try:
+                save_picture(pixels[top:bottom, left:right], path)
+            except (OSError, ValueError) as error:
+                self.model.say("error", tr("{path} cannot be written: {reason}", path=path, reason=error))
+            else:
+                self.model.say("info", tr("Wrote {path}", path=path))
+
+        asyncio.get_running_loop().call_soon(take)
+
+    def _note_frame(self) -> None:
+        """What the last frame took, while somebody looks."""
+        if self.ui.watches.is_running("editor frames"):
+            build, draw = 1e3 * self.widgets.build_time, 1e3 * self.widgets.draw_time
+            total = 1e3 * self.application.frame_time
+            stages = {"build": build, "draw": draw, "show": max(total - build - draw, 0.0)}
+            self.workspace.instruments.add_editor_frame(self.application.frame_count, total, stages)
+
     def _draw(self, elapsed: float) -> None:
+        self._note_frame()
         self.workspace.frame_time = self.application.frame_time
+        self.workspace.assets.begin_frame()
         self.workspace.draw(elapsed)
         scene = f"{self.model.status.scene} - " if self.model.status is not None else ""
         title = f"{'* ' if self.model.file.is_dirty else ''}{scene}ELYS"

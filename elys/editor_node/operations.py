@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import msgspec
@@ -27,6 +27,7 @@ from elys.common.components import check_value, component_from, declaration_of, 
 from elys.common.math import matrix
 from elys.common.math.poses import local_pose
 from elys.common.scene import ComponentChanges, EntityRecord, SceneSettings
+from elys.editor_node.asset_uses import Use
 from elys.editor_node.edits import records_of
 from elys.editor_node.ground import falls
 from elys.editor_node.history import History, Outcome
@@ -200,6 +201,27 @@ class Operations:
         x, y, z = (round(float(value), 4) for value in point)
         record = primitive_record(kind, name=self._free_name(kind, parent), position=(x, y, z))
         return self._spawn(tr("Add {what}", what=record.name), (Spawn(records=(record,), parent=parent),))
+
+    def spawn_records(self, label: str, records: Sequence[EntityRecord]) -> Done | None:
+        """Makes entities at the top, whose content the host has, and selects them; roots get names that no sibling has."""
+        free = tuple(
+            _renamed(record, self._free_name(record.name, 0)) if record.parent < 0 else record for record in records
+        )
+        return self._spawn(label, (Spawn(records=free),) if free else ())
+
+    def replace_assets(self, label: str, new_of: Mapping[str, str], uses: Mapping[str, Sequence[Use]]) -> Done | None:
+        """Puts other content wherever a field names one of `new_of`, which `uses` tells; how a texture is laid stays."""
+        changes: dict[tuple[int, str], dict[str, Any]] = {}
+        for old, new in new_of.items():
+            for use in uses.get(old, ()) if old != new else ():
+                current = self._scene.component_of(use.entity, use.component) if use.field else None
+                if current is not None and getattr(current, use.field) == old + use.options:
+                    changes.setdefault((use.entity, use.component), {})[use.field] = new + use.options
+        commands = tuple(
+            SetComponent(entity=entity, component=component, values=values)
+            for (entity, component), values in changes.items()
+        )
+        return self._perform(label, commands)
 
     def duplicate(self) -> Done | None:
         """Copies the selected entities with all below them, each beside its original, and selects the copies."""

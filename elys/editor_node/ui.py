@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Literal
 
 from imgui_bundle import imgui
@@ -17,9 +19,11 @@ from elys.editor_node.link_meter import LinkMeter
 from elys.editor_node.model import EditorModel
 from elys.editor_node.preferences import Preferences
 from elys.editor_node.theme import FILL, TEXT_DIM, Fonts, Rgba
+from elys.editor_node.watching import Watches
 
 Tool = Literal["select", "move", "rotate", "scale", "grab"]
 Pivot = Literal["active", "median"]  # the entity selected last, or amid all
+Rectangle = tuple[float, float, float, float]  # left, top, right, bottom [points]
 
 
 @dataclass(slots=True)
@@ -75,8 +79,13 @@ class Ui:
     meter: LinkMeter
     tools: Tools = field(default_factory=Tools)
     landmarks: Landmarks = field(default_factory=Landmarks)
+    watches: Watches = field(default_factory=Watches)
     dragged_asset: DraggedAsset | None = None  # what a payload of kind ASSET_PAYLOAD stands for
     focus: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m] what the viewport's camera looks at
+    plot_field: Callable[[int, str, str], None] = lambda entity, component, field: None
+    take_picture: Callable[[Path, Rectangle], None] = lambda path, rectangle: (
+        None
+    )  # of a part of the window, once it is drawn
 
 
 def color_code(color: Rgba) -> int:

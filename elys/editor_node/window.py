@@ -17,6 +17,7 @@ from elys.editor_node.events import (
     CharacterTyped,
     CursorEntered,
     Event,
+    FilesDropped,
     KeyPressed,
     KeyReleased,
     Modifiers,
@@ -156,6 +157,9 @@ class Window:
             made = MousePressed if action == glfw.PRESS else MouseReleased
             say(made(button, Modifiers(modifiers & 0xF)))
 
+        def on_drop(_: Any, *heard: Any) -> None:
+            say(FilesDropped(tuple(heard[-1])))  # the binding hands over a list, and not GLFW's count and array
+
         glfw.set_key_callback(window, on_key)
         glfw.set_mouse_button_callback(window, on_button)
         glfw.set_char_callback(window, lambda _, codepoint: say(CharacterTyped(codepoint)))
@@ -163,6 +167,7 @@ class Window:
         glfw.set_scroll_callback(window, lambda _, x, y: say(MouseScrolled(x, y)))
         glfw.set_cursor_enter_callback(window, lambda _, entered: say(CursorEntered(bool(entered))))
         glfw.set_window_focus_callback(window, lambda _, focused: say(WindowFocused(bool(focused))))
+        glfw.set_drop_callback(window, on_drop)
         glfw.set_framebuffer_size_callback(window, lambda _, width, height: say(WindowResized(width, height)))
         glfw.set_window_refresh_callback(window, lambda _: say(WindowDamaged()))
         glfw.set_window_content_scale_callback(window, lambda _, x, y: say(WindowDamaged()))

@@ -9,8 +9,10 @@ from typing import Final, get_args
 from imgui_bundle import imgui
 
 from elys.bus.messages.views import Shows
+from elys.editor_node.instruments import Instruments
 from elys.editor_node.language import tr, tr_label
 from elys.editor_node.palette import PaletteEntry
+from elys.editor_node.panels import assets as assets_panel
 from elys.editor_node.panels import (
     changes,
     console,
@@ -19,11 +21,15 @@ from elys.editor_node.panels import (
     history_list,
     inspector,
     keys_help,
+    plan,
+    plots,
     profiler,
     timeline,
+    topics,
     tour,
     viewport,
 )
+from elys.editor_node.panels.assets import AssetsPanel
 from elys.editor_node.panels.command_palette import CommandPalette
 from elys.editor_node.panels.hierarchy import HierarchyPanel
 from elys.editor_node.panels.hierarchy_menus import draw_add_menu, draw_select_menu
@@ -66,25 +72,36 @@ class Workspace:
         close: Callable[[], None],
         load_docking: Callable[[str], None],
         capture: ChordCapture,
+        assets: AssetsPanel,
     ) -> None:
         """`ask_to_close` asks to close the window, `close` closes it; `load_docking` places the panels before the next frame."""
         self.ui = ui
         self.hierarchy = HierarchyPanel()
         self.inspector = inspector.InspectorPanel()
         self.viewport = viewport_panel
+        self.assets = assets
         self.save_dialog = SaveDialog(close)
         self.ask_to_close = ask_to_close
         self.changes = changes.ChangesPanel()
         self._toolbar = Toolbar()
         self._status_bar = StatusBar()
+        self.instruments = Instruments(ui.model)
+        self.console = console.ConsolePanel(self.instruments)
+        self.profiler = profiler.ProfilerPanel(self.instruments)
+        self.plots = plots.PlotsPanel(self.instruments)
+        ui.plot_field = self.plot_field
         self._panels = {
             "Viewport": self.viewport.draw,
             "Hierarchy": self.hierarchy.draw,
             "Inspector": self.inspector.draw,
-            "Console": console.ConsolePanel().draw,
+            "Console": self.console.draw,
+            "Assets": self.assets.draw,
             "Timeline": timeline.TimelinePanel().draw,
-            "Profiler": profiler.ProfilerPanel().draw,
-            "Diagnostics": diagnostics.DiagnosticsPanel().draw,
+            "Profiler": self.profiler.draw,
+            "Plots": self.plots.draw,
+            "Diagnostics": diagnostics.DiagnosticsPanel(self.instruments).draw,
+            "Topics": topics.TopicsPanel(self.instruments).draw,
+            "Plan": plan.PlanPanel(self.instruments).draw,
             "History": history_list.HistoryPanel().draw,
             "Changes": self.changes.draw,
         }
@@ -122,6 +139,7 @@ class Workspace:
         self.link.draw(self.ui)
         self.preferences.draw(self.ui)
         self.palette.draw(self.ui)
+        self.ui.watches.end_frame()
 
     def _draw_panels(self) -> None:
         self._dock()
@@ -150,6 +168,17 @@ class Workspace:
                 if window is not None:
                     low, size = window.pos, window.size
                     landmarks.rectangles[place] = (low.x, low.y, low.x + size.x, low.y + size.y)
+
+    def plot_field(self, entity: int, component: str, field: str) -> None:
+        """Plots a field of an entity, each of its elements, where they can be seen."""
+        self.show(plots.TITLE)
+        for path in self.instruments.plots.paths.paths_to(entity, component, field):
+            self.plots.plot(path)
+
+    def ask_field_to_plot(self) -> None:
+        """Shows the plots and asks for a field."""
+        self.show(plots.TITLE)
+        self.plots.ask_field()
 
     def _show_entity(self, entity: int) -> None:
         self.ui.model.selection.replace((entity,))
@@ -262,6 +291,9 @@ class Workspace:
             action_item(self.ui, "file.revert")
             action_item(self.ui, "file.changes")
             imgui.separator()
+            action_item(self.ui, "assets.import")
+            action_item(self.ui, "assets.folder")
+            imgui.separator()
             action_item(self.ui, "file.connect")
             action_item(self.ui, "file.detach")
             imgui.separator()
@@ -360,9 +392,13 @@ def _build_layout(dock: int) -> None:
     builder.dock_builder_dock_window(inspector.TITLE, right.id_at_dir)
     for title in (
         console.TITLE,
+        assets_panel.TITLE,
         timeline.TITLE,
         profiler.TITLE,
+        plots.TITLE,
         diagnostics.TITLE,
+        topics.TITLE,
+        plan.TITLE,
         history_list.TITLE,
         changes.TITLE,
     ):

@@ -3,6 +3,7 @@
 VIEW_REQUEST ──> ViewDesk ──due──> place ──> draw ──> ring or JPEG ──> VIEW_FRAME
 STATE, DELTA ──> mirror ──> RenderWorld ──^
 PICK ──────────> draw one pixel ──> entity
+THUMBNAIL ─────> draw what is in no scene ──> JPEG
 """
 
 from __future__ import annotations
@@ -16,8 +17,19 @@ from typing import Final
 from elys.bus import topics
 from elys.bus.asset_service import AssetClient, open_asset_cache
 from elys.bus.following import follow_scene, follow_state
+from elys.bus.messages.plan import RenderProfile, StagePlan
 from elys.bus.messages.state_frame import StateFrame
-from elys.bus.messages.views import FRAMED, Debug, PickReply, PickRequest, ViewCamera, ViewFrame, ViewRequest
+from elys.bus.messages.views import (
+    FRAMED,
+    Debug,
+    PickReply,
+    PickRequest,
+    Thumbnail,
+    ThumbnailRequest,
+    ViewCamera,
+    ViewFrame,
+    ViewRequest,
+)
 from elys.bus.mirror import MirrorUpdate, SceneMirror
 from elys.bus.session import Node, Session
 from elys.common.assets import AssetStore
@@ -29,10 +41,12 @@ from elys.render_node.debug_drawing import DebugDrawing
 from elys.render_node.debug_listening import DebugListener
 from elys.render_node.drawable_assets import DrawableAssets
 from elys.render_node.gpu import Context, offscreen_context
+from elys.render_node.pass_plan import told_passes
 from elys.render_node.quality import Quality, interactive_quality
 from elys.render_node.render_world import RenderWorld
 from elys.render_node.renderer import Renderer
 from elys.render_node.scene_tables import SceneReader
+from elys.render_node.thumbnails import ThumbnailPainter
 from elys.render_node.view_desk import PutPicture, View, ViewDesk, sane_camera, sane_size
 
 SLOW_STATES: Final = 1.0 / 40.0  # [s] between state frames above which views glide from one to the next
@@ -59,6 +73,7 @@ async def serve_views(
     # First of all: what is asked for while OpenGL starts must not be lost.
     session.subscribe(topics.VIEW_REQUEST, server.requested, key=session.node.id)
     session.serve(topics.PICK, server.pick, key=session.node.id)
+    session.serve(topics.THUMBNAIL, server.thumbnail, key=session.node.id)
     session.on_nodes(server.node_changed)
     drawing = context
     try:
@@ -190,6 +205,7 @@ class _ViewServer:
         self._renderer: Renderer | None = None  # until OpenGL and the scene are there
         self._desk = desk
         self._measure = measure
+        self._thumbnails: ThumbnailPainter | None = None  # until somebody wants one
 
     def requested(self, request: ViewRequest, _: str) -> None:
         """Notes what somebody wants to see."""
@@ -212,6 +228,14 @@ class _ViewServer:
             world, sane_camera(request.camera), width, height, request.x, request.y, passed_over=request.passed_over
         )
         return PickReply(entity=entity, position=position, tick=self._follower.tick)
+
+    async def thumbnail(self, request: ThumbnailRequest, _: str) -> Thumbnail:
+        """A small picture of entities that are in no scene."""
+        if self._renderer is None:
+            raise RequestError("this render node is starting: ask again")
+        if self._thumbnails is None:
+            self._thumbnails = ThumbnailPainter(self._renderer.context)
+        return Thumbnail(jpeg=self._thumbnails.draw(request))
 
     async def run(self, renderer: Renderer) -> None:
         """Draws what is due, again and again."""
@@ -261,8 +285,25 @@ class _ViewServer:
         )
         self._session.publish(topics.VIEW_FRAME, frame, key=request.view)
         view.answered(revision, time.monotonic())
+        if self._session.has_listener(topics.RENDER_PROFILE, key=request.view):
+            self._publish_profile(frame, renderer, is_light=request.shows == "shaded")
         if self._measure is not None:
             self._measure(frame)
+
+    def _publish_profile(self, frame: ViewFrame, renderer: Renderer, *, is_light: bool) -> None:
+        plan = renderer.planned if is_light else None  # data is drawn in one pass, which needs no plan
+        profile = RenderProfile(
+            node=self._session.node.id,
+            view=frame.view,
+            sequence=frame.sequence,
+            tick=frame.tick,
+            width=frame.width,
+            height=frame.height,
+            total=frame.render_time,
+            stages=dict(renderer.timings) if plan is not None else {},
+            passes=tuple(StagePlan(**told._asdict()) for told in told_passes(plan)) if plan is not None else (),
+        )
+        self._session.publish(topics.RENDER_PROFILE, profile, key=frame.view)
 
     def _draw_into(self, view: View, renderer: Renderer, camera: ViewCamera) -> PutPicture:
         """Draws what a view shows, and puts it where it is wanted."""

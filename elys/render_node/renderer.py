@@ -60,12 +60,14 @@ class Renderer:
 
     Attributes:
         timings: milliseconds that the processor spent on each stage of the last picture. Drivers may draw later than that.
+        planned: what the last picture consisted of.
     """
 
     def __init__(self, context: Context, *, quality: Quality = FULL) -> None:
         self.context = context
         self.resources = Resources(context)
         self.timings: dict[str, float] = {}
+        self.planned: PicturePlan | None = None
         self._quality = quality
         self._targets: dict[tuple[int, int, bool], Targets] = {}
         self._shadow_world: RenderWorld | None = None
@@ -110,6 +112,7 @@ class Renderer:
         with self._timed("plan"):
             view = View.of(camera, width, height)
             plan = self._plan(world, view, selection=selection, hidden=hidden, grid=grid, marks=marks)
+            self.planned = plan
             if region is not None:  # planned as a whole, so that shadows are the same in all parts
                 plan = replace(plan, view=plan.view.of_region(region))
         targets = self._targets_of(

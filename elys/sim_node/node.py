@@ -36,6 +36,7 @@ from elys.bus.messages.commands import (
     Undo,
 )
 from elys.bus.messages.history import HistoryReply, HistoryRequest
+from elys.bus.messages.plan import PhysicsPlan, PlanRequest
 from elys.bus.messages.scene import SceneDelta, Snapshot, SnapshotRequest
 from elys.bus.messages.session import Event, EventBatch, SessionStatus
 from elys.bus.messages.timeline import Markers, MarkersRequest
@@ -53,6 +54,7 @@ from elys.sim_node.systems.apply_edits import EditableSimulation, load_scene
 from elys.sim_node.systems.publish_state import (
     contact_batch,
     is_heard,
+    physics_plan,
     publish_debug_lines,
     publish_diagnostics,
     publish_profile,
@@ -144,6 +146,7 @@ class SimulationNode:
         session.serve(topics.SNAPSHOT, self._give_snapshot)
         session.serve(topics.HISTORY, self._give_history)
         session.serve(topics.MARKERS, self._give_markers)
+        session.serve(topics.PLAN, self._give_plan)
         serve_assets(session, self.simulation.assets)
         self._publish_status()
         self._publish_frame()  # who subscribes before the first tick sees the scene as it was loaded
@@ -432,6 +435,9 @@ class SimulationNode:
 
     async def _give_markers(self, request: MarkersRequest, key: str) -> Markers:
         return self._markers.reply(request)
+
+    async def _give_plan(self, request: PlanRequest, key: str) -> PhysicsPlan:
+        return physics_plan(self.simulation)
 
     async def _give_snapshot(self, request: SnapshotRequest, key: str) -> Snapshot:
         return self.snapshot(as_edited=request.as_edited)

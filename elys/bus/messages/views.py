@@ -7,6 +7,7 @@ from typing import Final, Literal
 import msgspec
 
 from elys.common.components import Quat, Vec3
+from elys.common.scene import EntityRecord, SceneSettings
 
 # What a picture says of the surfaces seen: the light they send, or their data. See docs/picture-output.md.
 Shows = Literal["shaded", "normals", "albedo", "roughness", "depth", "entity", "wireframe", "overdraw"]
@@ -118,3 +119,22 @@ class PickReply(msgspec.Struct, frozen=True, kw_only=True):
     entity: int
     position: Vec3 = (0.0, 0.0, 0.0)
     tick: int = -1
+
+
+class ThumbnailRequest(msgspec.Struct, frozen=True, kw_only=True):
+    """What do these entities look like, which are in no scene? They are seen through the camera that is among them.
+
+    `contents` are the meshes and images that they name, by reference; what is missing is drawn without. Who asks may make
+    images smaller than what the references name: nobody keeps them.
+    """
+
+    records: tuple[EntityRecord, ...]
+    contents: dict[str, bytes] = {}
+    settings: SceneSettings = SceneSettings()
+    size: int = 128  # [pixels] of an edge
+
+
+class Thumbnail(msgspec.Struct, frozen=True, kw_only=True):
+    """A small square picture."""
+
+    jpeg: bytes

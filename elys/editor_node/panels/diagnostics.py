@@ -9,6 +9,7 @@ import numpy as np
 from imgui_bundle import imgui
 
 from elys.bus.messages.physics import Diagnostics
+from elys.editor_node.instruments import Instruments
 from elys.editor_node.language import tr, tr_title
 from elys.editor_node.theme import icons
 from elys.editor_node.ui import Ui, centered_text, dim_text
@@ -38,17 +39,22 @@ _CURVES: Final = (
 class DiagnosticsPanel:
     """Reads what the host measures each tick, which it does while somebody listens."""
 
+    def __init__(self, instruments: Instruments) -> None:
+        self._instruments = instruments
+
     def draw(self, ui: Ui) -> None:
         """Draws the panel."""
         if imgui.begin(tr_title(TITLE))[0]:
-            if not ui.model.diagnostics:
+            ui.watches.keep("diagnostics", self._instruments.watch_measured)
+            measured = self._instruments.measured
+            if not measured:
                 imgui.dummy((0.0, imgui.get_frame_height() * 0.5))
                 centered_text(tr("No tick was measured yet"), imgui.get_content_region_avail().x)
             else:
-                newest = ui.model.diagnostics[-1]
+                newest = measured[-1]
                 dim_text(_summary(newest))
                 for curve in _CURVES:
-                    _draw_curve(ui, curve, newest)
+                    _draw_curve(ui, curve, measured)
         imgui.end()
 
 
@@ -64,8 +70,8 @@ def _summary(newest: Diagnostics) -> str:
     return f"{awake}     {contacts}     " + tr("momentum {momentum} kg m/s", momentum=momentum)
 
 
-def _draw_curve(ui: Ui, curve: _Curve, newest: Diagnostics) -> None:
-    values = np.array([curve.value(found) for found in ui.model.diagnostics], np.float32)
+def _draw_curve(ui: Ui, curve: _Curve, measured: Sequence[Diagnostics]) -> None:
+    values, newest = np.array([curve.value(found) for found in measured], np.float32), measured[-1]
     height = imgui.get_frame_height()
     size = (min(imgui.get_content_region_avail().x * 0.35, 12.0 * height), height)
     imgui.plot_lines(f"###{curve.label}", values, graph_size=size)

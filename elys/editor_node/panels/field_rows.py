@@ -49,6 +49,7 @@ class FieldActions:
     reset: Callable[[], object]
     revert: Callable[[], object] | None = None
     take_back: Callable[[Any], object] | None = None  # to what it was set to
+    plot: Callable[[], object] | None = None
 
 
 class FieldRows:
@@ -272,6 +273,10 @@ def _draw_field_menu(ui: Ui, path: str, declared: FieldDeclaration, state: Field
         if imgui.menu_item(f"{text}###take back", "", False, is_open)[0]:
             actions.take_back(state.written_over)
         ui.landmarks.note(f"{path}/menu/take_back")
+    if actions.plot is not None:
+        if imgui.menu_item(tr_label("Plot this field"), "", False)[0]:
+            actions.plot()
+        ui.landmarks.note(f"{path}/menu/plot")
     imgui.end_popup()
 
 

@@ -16,6 +16,7 @@ from elys.common.components import Component, ComponentDeclaration, FieldDeclara
 from elys.common.errors import ComponentError
 from elys.common.ids import generation_of, index_of
 from elys.editor_node.comparison import Comparison
+from elys.editor_node.field_paths import is_plottable
 from elys.editor_node.field_search import shows_field
 from elys.editor_node.field_values import FieldChange, has_effect, switch_of, values_of_each
 from elys.editor_node.language import tr, tr_label
@@ -280,6 +281,7 @@ class InspectorPanel:
             reset=lambda: ui.model.edit.set_fields(entities, declaration.name, {name: declared.default}),
             revert=partial(self._revert_field, ui, declaration.name, name) if name in overridden else None,
             take_back=lambda value: ui.model.edit.set_fields(entities[-1:], declaration.name, {name: value}),
+            plot=partial(ui.plot_field, entities[-1], declaration.name, name) if is_plottable(declared) else None,
         )
         change = self.rows.draw(ui, declared, path, getattr(now, name), state, actions)
         if change is not None:

@@ -31,6 +31,7 @@ class ViewportPanel:
         self.rectangle = (0.0, 0.0, 1.0, 1.0)  # x, y, width, height of the picture in the window
         self.is_hovered = False
         self.selection_box: tuple[float, float, float, float] | None = None  # being dragged: two corners in the window
+        self.take_drop: Callable[[Ui], None] = lambda ui: None  # takes what is let go over the picture
         self._picture = picture
 
     @property
@@ -91,6 +92,7 @@ class ViewportPanel:
         imgui.dummy((self.rectangle[2], self.rectangle[3]))
         self.is_hovered = imgui.is_window_hovered() and imgui.is_item_hovered()
         ui.landmarks.note("viewport/picture")
+        self.take_drop(ui)
 
     def _draw_over(self, ui: Ui) -> None:
         shown = self.stream.shown

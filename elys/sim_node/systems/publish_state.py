@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from elys.bus import topics
 from elys.bus.messages.physics import ContactBatch, DebugLines, Diagnostics, Meetings, Touches, Visits
+from elys.bus.messages.plan import PhysicsPlan, StagePlan
 from elys.bus.messages.scene import SceneDelta, SettingsSet
 from elys.bus.messages.session import TickProfile
 from elys.bus.messages.state_frame import StateFrame
@@ -98,6 +99,17 @@ def contact_batch(simulation: Simulation, *, epoch: int) -> ContactBatch | None:
 
 def _columns(rows: NamedTuple) -> dict[str, tuple[Any, ...]]:
     return {name: tuple(column.tolist()) for name, column in rows._asdict().items()}
+
+
+def physics_plan(simulation: Simulation) -> PhysicsPlan:
+    """Which stages the last step had, and why the others were off."""
+    physics = simulation.physics
+    return PhysicsPlan(
+        tick=simulation.tick,
+        bodies=physics.body_count,
+        contacts=physics.touching_count,
+        stages=tuple(StagePlan(**stage._asdict()) for stage in physics.plan()),
+    )
 
 
 def publish_debug_lines(session: Session, simulation: Simulation) -> None:

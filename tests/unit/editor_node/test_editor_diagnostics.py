@@ -39,10 +39,13 @@ def test_a_named_entity_is_selected_with_a_click(at_the_editor):
         editor, host = person.editor, person.stage.host
         crate = person.stage.named("Crate")
         await person.frames(8)  # docked windows have taken their places
+        assert not host.session.has_listener(topics.DIAGNOSTICS)  # nothing is measured for a panel that is hidden
+        imgui.set_window_focus(diagnostics.TITLE)
+        await person.until(lambda: host.session.has_listener(topics.DIAGNOSTICS))
+        measured_here = editor.workspace.instruments.measured
         for tick in range(1, 30):
             host.session.publish(topics.DIAGNOSTICS, measured(tick, crate))
-        await person.until(lambda: editor.model.diagnostics and editor.model.diagnostics[-1].tick == 29)
-        imgui.set_window_focus(diagnostics.TITLE)
+        await person.until(lambda: measured_here and measured_here[-1].tick == 29)
         await person.frames(4)
         assert not editor.model.selection
         await person.click("diagnostics/deepest overlap/0")

@@ -110,13 +110,16 @@ def test_everything_that_is_said_has_its_french():
 
 def test_words_in_tables_have_their_french_too():
     from elys.editor_node.console_log import LEVELS
-    from elys.editor_node.panels import diagnostics, keys_help, preferences_window, toolbar, tour
+    from elys.editor_node.frame_profiles import REST
+    from elys.editor_node.instruments import EDITOR, SIMULATION
+    from elys.editor_node.panels import diagnostics, keys_help, preferences_window, toolbar, topics, tour
     from elys.samples.registry import SAMPLES
 
     said = {words for _, _, words in toolbar._TOOLS}
     said |= {words for row in keys_help._MOUSE for words in row}
     said |= {curve.label for curve in diagnostics._CURVES} | set(preferences_window._THEME_NAMES.values())
     said |= {words for step in tour._STEPS for words in (step.title, step.text)}
+    said |= {*topics._COLUMNS, REST, EDITOR, SIMULATION, "view", "pixels"}
     said |= set(LEVELS) | {sample.title for sample in SAMPLES.values()}
     assert sorted(said - set(translations("fr"))) == []
 

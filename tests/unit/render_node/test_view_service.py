@@ -17,6 +17,7 @@ import simplejpeg
 from elys.bus import topics
 from elys.bus.codec import encode
 from elys.bus.messages.physics import DebugLines
+from elys.bus.messages.plan import RenderProfile
 from elys.bus.messages.scene import ComponentSet, SceneDelta, Snapshot, SnapshotRequest, Spawned
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.messages.views import PickRequest, SharedRing, ViewCamera, ViewFrame, ViewRequest
@@ -145,6 +146,33 @@ def test_a_view_is_drawn_and_stamped(context) -> None:
 
 
 @pytest.mark.gl
+def test_what_a_picture_cost_is_told_to_who_listens(context) -> None:
+    async def act(made: Play) -> None:
+        profiles: asyncio.Queue[RenderProfile] = asyncio.Queue()
+        await made.picture()
+        assert not made.host.has_listener(topics.RENDER_PROFILE, key="eye")
+        stop = made.viewer.subscribe(topics.RENDER_PROFILE, lambda profile, _: profiles.put_nowait(profile))
+        frame = await made.picture(width=60)
+        async with asyncio.timeout(PATIENCE):
+            profile = await profiles.get()
+        assert (profile.view, profile.sequence, profile.node) == ("eye", frame.sequence, made.node)
+        assert (profile.width, profile.height, profile.total) == (60, 30, frame.render_time)
+        assert 0.0 < sum(profile.stages.values()) <= profile.total
+        passes = {told.name: told for told in profile.passes}
+        assert passes["opaque"].is_on
+        assert passes["opaque"].why == "1 solid thing seen, in 1 draw call"
+        assert not passes["transparent"].is_on
+        assert passes["grid"].why == "nobody edits"
+        await made.picture(shows="depth")
+        async with asyncio.timeout(PATIENCE):
+            profile = await profiles.get()
+        assert (profile.stages, profile.passes) == ({}, ())  # data comes of no passes that could be left out
+        stop()
+
+    run(context, act)
+
+
+@pytest.mark.gl
 def test_an_edit_and_a_state_change_the_picture(context, make_frame) -> None:
     async def act(made: Play) -> None:
         await made.picture()
@@ -174,6 +202,8 @@ def test_a_view_that_waits_costs_nothing_until_something_changes(context, make_f
         assert reply.entity == BOX
         assert len(made.pictures_sent) == drawn
         made.ask(newer_than_tick=3, selection=(BOX,))
+        assert (await made.next()).sequence == made._sequence
+        made.ask(newer_than_tick=3, selection=(BOX,), hidden=(BOX,))
         assert (await made.next()).sequence == made._sequence
 
     run(context, act)
