@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import asyncio
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from elys.bus.messages.commands import Despawn, Grab, Release
+from elys.bus import topics
+from elys.bus.messages.commands import CommandRecord, CommandRequest, Despawn, Grab, Release
+from elys.bus.session import Session
+from elys.bus.transports.loopback import LoopbackBroker
 from elys.common.assets.store import AssetStore
 from elys.common.errors import EntityError, RequestError
 from elys.common.scene import EntityRecord, SceneSettings
 from elys.sim_node.flight_recorder import FlightRecorder
+from elys.sim_node.node import SimulationNode
 from elys.sim_node.scene.loading import load_records
 from elys.sim_node.simulation import Simulation
 from elys.sim_node.systems.apply_commands import apply_command
@@ -115,3 +121,30 @@ def test_the_flight_recorder_drags_again_as_it_was():
     for instant in (5, 39, 12, 21, 2, 40):
         recorder.go_to(instant)
         assert simulation.state_hash() == hashes[instant]
+
+
+def test_a_hand_lets_go_when_who_holds_is_gone():
+    async def scenario() -> None:
+        broker = LoopbackBroker()
+        host = await Session.host(broker.listen(), name="yard", kind="simulation", epoch=1)
+        simulation, (ball, *_) = weightless()
+        node = SimulationNode(simulation, host, realtime=False)
+        running = asyncio.create_task(node.run())
+        editor = await Session.join(broker.connect(), kind="editor")
+        records: list[CommandRecord] = []
+        host.subscribe(topics.COMMANDS, lambda record, _: records.append(record))
+        grab = Grab(entity=ball, anchor=(0, 0, 0), target=(1, 0, 0), holder="somebody else")
+        reply = await editor.request(topics.COMMAND, CommandRequest(origin=editor.node.id, command=grab), timeout=30.0)
+        assert reply.accepted, reply.reason
+        assert simulation.hands.holds(editor.node.id)
+        await editor.close()
+        async with asyncio.timeout(30.0):
+            while simulation.hands.holds(editor.node.id):
+                await asyncio.sleep(0.001)
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
+        assert [type(record.command) for record in records] == [Grab, Release]
+        assert {record.command.holder for record in records} == {editor.node.id}
+        await host.close()
+
+    asyncio.run(scenario())
