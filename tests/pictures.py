@@ -47,6 +47,7 @@ def main() -> None:
         drawn = {
             "editor": draw_editor,
             "editor-hierarchy": draw_hierarchy,
+            "editor-viewport": draw_viewport,
             "timeline": draw_timeline,
             "editor-assets": draw_assets,
         }
@@ -260,6 +261,37 @@ async def draw_hierarchy(path: Path) -> None:
                 await asyncio.sleep(0.1)
             editor.screenshot(path)
             crop(path, (0, 0, 760, 630))
+            editor.application.close()
+            await window
+    print(path)
+
+
+async def draw_viewport(path: Path) -> None:
+    """The viewport on the yard in its fall, with lines drawn over it, while a rectangle is dragged."""
+    from elys.editor_node.events import CursorEntered, MouseMoved, MousePressed
+    from elys.editor_node.node import Editor
+
+    async with joined(ENDPOINT, kind="editor") as session:
+        await session.request(topics.COMMAND, CommandRequest(origin="pictures", command=StepTicks(count=TICK)))
+        with Editor(session, null_platform=True, size=(1600, 900)) as editor:
+            window = asyncio.create_task(editor.run())
+            scene, panel = editor.model.scene, editor.panel
+            while not scene.is_known or editor.stream.shown is None or editor.stream.shown.tick < TICK:
+                await asyncio.sleep(0.05)
+            boxes = [e.id for e in scene.mirror.entities.values() if e.name.startswith("Box ")]
+            editor.model.selection.replace(boxes[5:8])
+            editor.ui.tools.tool, editor.ui.tools.debug = "select", ("aabb", "velocity")
+            await frames_of(editor, 4)
+            x, y, width, height = panel.rectangle
+            start, end = (x + 0.3 * width, y + 0.3 * height), (x + 0.62 * width, y + 0.75 * height)
+            for event in (CursorEntered(True), MouseMoved(*start), MousePressed(0), MouseMoved(*end)):
+                editor.application.offer(event)
+                await frames_of(editor, 3)
+            for _ in range(30):
+                editor.application.keep_awake(1.0)
+                await asyncio.sleep(0.1)
+            editor.screenshot(path)
+            crop(path, (int(x), int(y), int(x + width), int(y + height)))
             editor.application.close()
             await window
     print(path)

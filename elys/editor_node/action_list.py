@@ -7,6 +7,7 @@ from typing import get_args
 
 from elys.bus.messages.views import Shows
 from elys.editor_node.actions import Action, Actions
+from elys.editor_node.camera_views import CameraViews
 from elys.editor_node.language import LANGUAGES
 from elys.editor_node.model import EditorModel
 from elys.editor_node.panels import changes, history_list
@@ -16,11 +17,14 @@ from elys.editor_node.panels.preferences_window import change_font_scale, change
 from elys.editor_node.preferences import Theme
 from elys.editor_node.tree_actions import tree_actions
 from elys.editor_node.ui import Tool, Tools, Ui
+from elys.editor_node.viewport_actions import camera_actions, debug_actions
 from elys.editor_node.viewport_layer import ViewportLayer
 from elys.editor_node.workspace import Workspace
 
 
-def add_actions(actions: Actions, ui: Ui, workspace: Workspace, viewport: ViewportLayer) -> None:
+def add_actions(
+    actions: Actions, ui: Ui, workspace: Workspace, viewport: ViewportLayer, camera_views: CameraViews
+) -> None:
     """Fills `actions` with all there is."""
     actions.add(
         *_file_actions(ui, workspace),
@@ -31,6 +35,8 @@ def add_actions(actions: Actions, ui: Ui, workspace: Workspace, viewport: Viewpo
         *_time_actions(ui.model),
         *_tool_actions(ui.tools),
         *_view_actions(ui, workspace, viewport),
+        *camera_actions(camera_views),
+        *debug_actions(ui.tools),
         *_instrument_actions(ui, workspace),
     )
 
@@ -128,6 +134,13 @@ def _edit_actions(ui: Ui, workspace: Workspace) -> tuple[Action, ...]:
         ),
         Action(name="edit.rename", label="Rename", keys=("F2",), run=rename, is_possible=any_selected),
         Action(name="edit.delete", label="Delete", keys=("Delete",), run=model.edit.delete, is_possible=any_selected),
+        Action(
+            name="edit.drop",
+            label="Drop to the ground",
+            keys=("End",),
+            run=lambda: model.edit.drop(selection),
+            is_possible=any_selected,
+        ),
         Action(name="edit.select_all", label="Select all", keys=("Ctrl+A",), run=select_all),
         Action(name="edit.select_nothing", label="Select nothing", keys=("Escape",), run=selection.clear),
     )
@@ -227,11 +240,24 @@ def _tool_actions(tools: Tools) -> tuple[Action, ...]:
         take("move", "Move", "W"),
         take("rotate", "Rotate", "E"),
         take("scale", "Scale", "R"),
+        take("grab", "Drag bodies", "G"),
         Action(
             name="tool.local",
             label="Along the entity's own axes",
             run=lambda: setattr(tools, "is_local", not tools.is_local),
             is_on=lambda: tools.is_local,
+        ),
+        Action(
+            name="tool.median",
+            label="Turn and scale about the middle",
+            run=lambda: setattr(tools, "pivot", "active" if tools.pivot == "median" else "median"),
+            is_on=lambda: tools.pivot == "median",
+        ),
+        Action(
+            name="tool.snap",
+            label="Snap",
+            run=lambda: setattr(tools, "snaps", not tools.snaps),
+            is_on=lambda: tools.snaps,
         ),
     )
 

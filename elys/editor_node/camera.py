@@ -1,4 +1,4 @@
-"""The viewport's camera: turns about a target, pans, zooms to the cursor and flies."""
+"""The viewport's camera: turns about a target, pans, zooms to the cursor, flies, and glides to other points of view."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from elys.bus.messages.views import ViewCamera
 from elys.common.math import matrix, quaternion
+from elys.editor_node.preferences import CameraPose
 
 ORBIT_SPEED: Final = 0.006  # [rad/pixel]
 LOOK_SPEED: Final = 0.004  # [rad/pixel]
@@ -17,6 +18,10 @@ ZOOM_STEP: Final = 0.88  # distance left after one notch of the wheel
 PITCH_LIMIT: Final = math.radians(89.0)
 MIN_DISTANCE: Final = 0.02  # [m]
 MAX_DISTANCE: Final = 20_000.0  # [m]
+GLIDE_TIME: Final = 0.25  # [s] from one point of view to another
+# A parallel view sees the same from however far away: it stands back so that nothing nearer than its target is cut off.
+_STAND_BACK: Final = 4.0  # of the distance
+_LEAST_STAND_BACK: Final = 200.0  # [m]
 
 Vector = NDArray[np.float64]
 
@@ -31,6 +36,8 @@ class OrbitCamera:
         self.pitch = math.radians(-24.0)
         self.field_of_view = 0.9  # [rad] vertical
         self.fly_speed = 6.0  # [m/s]
+        self.is_parallel = False  # rather than in perspective
+        self._glide: tuple[CameraPose, CameraPose, float] | None = None  # from, to, and for how long already [s]
 
     @property
     def rotation(self) -> Vector:
@@ -52,21 +59,94 @@ class OrbitCamera:
     def view(self) -> ViewCamera:
         """As it is sent to a render node. The clip planes go with the distance, so that depth stays fine up close."""
         position, rotation = self.position, self.rotation
+        near, far = min(0.1, max(0.005, self.distance * 0.01)), max(1000.0, self.distance * 20.0)
+        if self.is_parallel:
+            back = max(_LEAST_STAND_BACK, self.distance * _STAND_BACK)
+            position = self.target + self.backward * back
+            near, far = 0.1, back + far
         return ViewCamera(
             position=(float(position[0]), float(position[1]), float(position[2])),
             rotation=(float(rotation[0]), float(rotation[1]), float(rotation[2]), float(rotation[3])),
             field_of_view=self.field_of_view,
-            near=min(0.1, max(0.005, self.distance * 0.01)),
-            far=max(1000.0, self.distance * 20.0),
+            ortho_height=self.height if self.is_parallel else 0.0,
+            near=near,
+            far=far,
         )
+
+    @property
+    def height(self) -> float:
+        """What is seen from below to above [m] at the target."""
+        return 2.0 * self.distance * math.tan(self.field_of_view / 2.0)
+
+    @property
+    def pose(self) -> CameraPose:
+        """The point of view, to come back to; where it glides to, while it does."""
+        if self._glide is not None:
+            return self._glide[1]
+        return self._pose
+
+    @pose.setter
+    def pose(self, pose: CameraPose) -> None:
+        self._glide = None
+        self._stand(pose)
+
+    @property
+    def _pose(self) -> CameraPose:
+        x, y, z = self.target.tolist()
+        return CameraPose(
+            target=(x, y, z),
+            yaw=self.yaw,
+            pitch=self.pitch,
+            distance=self.distance,
+            field_of_view=self.field_of_view,
+            is_parallel=self.is_parallel,
+        )
+
+    def _stand(self, pose: CameraPose) -> None:
+        self.target = np.array(pose.target, dtype=np.float64)
+        self.yaw, self.pitch, self.distance = pose.yaw, pose.pitch, pose.distance
+        self.field_of_view, self.is_parallel = pose.field_of_view, pose.is_parallel
+
+    @property
+    def is_gliding(self) -> bool:
+        """Whether it is under way to another point of view."""
+        return self._glide is not None
+
+    def glide_to(self, pose: CameraPose) -> None:
+        """Goes to another point of view, the short way about; `advance` takes it there."""
+        self.is_parallel = pose.is_parallel
+        self._glide = (self._pose, pose, 0.0)
+
+    def advance(self, elapsed: float) -> None:
+        """Glides on."""
+        if self._glide is None:
+            return
+        start, end, before = self._glide
+        share = min((before + elapsed) / GLIDE_TIME, 1.0)
+        if share >= 1.0:
+            self.pose = end
+            return
+        self._glide = (start, end, before + elapsed)
+        share = share * share * (3.0 - 2.0 * share)
+        self.target = _float64(start.target) * (1.0 - share) + _float64(end.target) * share
+        self.yaw = _wrapped(start.yaw + _wrapped(end.yaw - start.yaw) * share)
+        self.pitch = start.pitch + (end.pitch - start.pitch) * share
+        self.distance = start.distance * (end.distance / start.distance) ** share
+        self.field_of_view = start.field_of_view + (end.field_of_view - start.field_of_view) * share
+
+    def stop(self) -> None:
+        """Stays where it is: a hand took hold of it."""
+        self._glide = None
 
     def orbit(self, x: float, y: float) -> None:
         """Turns about the target by a drag of x, y pixels."""
+        self.stop()
         self.yaw = _wrapped(self.yaw - x * ORBIT_SPEED)
         self.pitch = _clamped_pitch(self.pitch - y * ORBIT_SPEED)
 
     def look(self, x: float, y: float) -> None:
         """Turns about itself by a drag of x, y pixels."""
+        self.stop()
         position = self.position
         self.yaw = _wrapped(self.yaw - x * LOOK_SPEED)
         self.pitch = _clamped_pitch(self.pitch - y * LOOK_SPEED)
@@ -74,11 +154,13 @@ class OrbitCamera:
 
     def pan(self, x: float, y: float, height: int) -> None:
         """Shifts by a drag of x, y pixels in a picture `height` pixels high: what lies at the target keeps under the pointer."""
-        scale = 2.0 * self.distance * math.tan(self.field_of_view / 2.0) / max(height, 1)
+        self.stop()
+        scale = self.height / max(height, 1)
         self.target = self.target + quaternion.rotate(self.rotation, (-x * scale, y * scale, 0.0))
 
     def zoom(self, notches: float, toward: tuple[float, float], aspect: float) -> None:
         """Comes closer by `notches` of the wheel; what lies under `toward` (-1 to 1, y up) at the target's depth stays there."""
+        self.stop()
         before = self.distance
         self.distance = min(max(before * ZOOM_STEP**notches, MIN_DISTANCE), MAX_DISTANCE)
         reach = math.tan(self.field_of_view / 2.0) * (before - self.distance)
@@ -87,6 +169,7 @@ class OrbitCamera:
 
     def fly(self, right: float, up: float, forward: float, elapsed: float, *, fast: bool = False) -> None:
         """Moves along its own axes; each is -1, 0 or 1."""
+        self.stop()
         step = np.array((right, up, -forward))
         length = float(np.linalg.norm(step))
         if length > 0.0:
@@ -95,11 +178,13 @@ class OrbitCamera:
 
     def frame(self, center: Vector, radius: float) -> None:
         """Looks at a ball from where it fills most of the picture."""
+        self.stop()
         self.target = np.asarray(center, dtype=np.float64)
         self.distance = min(max(1.4 * radius / math.sin(self.field_of_view / 2.0), MIN_DISTANCE), MAX_DISTANCE)
 
     def look_from(self, position: ArrayLike, forward: ArrayLike, distance: float) -> None:
         """Stands at `position` [m] and looks along `forward` at what is `distance` [m] away, upright."""
+        self.stop()
         x, y, z = _float64(forward) / np.linalg.norm(forward)
         self.yaw = math.atan2(-x, -z)
         self.pitch = _clamped_pitch(math.asin(min(max(y, -1.0), 1.0)))

@@ -15,6 +15,7 @@ from elys.editor_node.application import Application
 from elys.editor_node.asset_library import AssetLibrary
 from elys.editor_node.attachments import Attachments, Join, Openers
 from elys.editor_node.camera import OrbitCamera
+from elys.editor_node.camera_views import CameraViews
 from elys.editor_node.file_drops import FileDropLayer
 from elys.editor_node.gpu import TextureShelf, WindowContext, save_picture
 from elys.editor_node.imgui_layer import ImGuiLayer
@@ -104,6 +105,8 @@ class Editor:
         self.stream = ViewStream(self.seat, on_frame=redraw)
         self._picture = self.context.picture()
         self.panel = ViewportPanel(self.stream, self._picture, OrbitCamera())
+        self.camera_views = CameraViews(self.model, lambda: self.panel.camera)
+        self.panel.look_from = self.camera_views.look_from
         self.widgets = ImGuiLayer(
             self.window,
             self.context,
@@ -138,7 +141,8 @@ class Editor:
         self.ui.take_picture = self._take_picture
         self.application.on_close = lambda: self.workspace.save_dialog.may_close(self.ui)
         self.navigation = ViewportLayer(self.model, self.panel, hold_pointer=self.window.hold_pointer)
-        add_actions(actions, self.ui, self.workspace, self.navigation)
+        self.navigation.grabs = lambda: self.ui.tools.tool == "grab"
+        add_actions(actions, self.ui, self.workspace, self.navigation, self.camera_views)
         self.application.push_layer(ShortcutLayer(actions, self.ui.keys))
         self.application.push_layer(TypeAheadLayer(self.model.walk, self.workspace.hierarchy, self.ui.keys))
         self.application.push_layer(self.navigation)
@@ -241,8 +245,9 @@ class Editor:
         self._save_preferences()  # an editor that is killed forgets nothing of before
         kept = self.preferences.sessions.get(self.seat.name)
         self.navigation.is_placed = kept is not None
+        self.camera_views.places.clear()
         if kept is not None:
-            restore_session(kept, self.panel.camera, self.ui.tools)
+            restore_session(kept, self.panel.camera, self.ui.tools, self.camera_views.places)
 
     def _save_preferences(self) -> None:
         if self._directory is not None:
@@ -251,4 +256,5 @@ class Editor:
             save_preferences(self.preferences, self._directory / PREFERENCES)
 
     def _keep_session(self) -> None:
-        keep_session(self.preferences, self.seat.name, session_state(self.panel.camera, self.ui.tools))
+        state = session_state(self.panel.camera, self.ui.tools, self.camera_views.places)
+        keep_session(self.preferences, self.seat.name, state)

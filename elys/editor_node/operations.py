@@ -25,9 +25,11 @@ from elys.bus.messages.commands import (
 )
 from elys.common.components import check_value, component_from, declaration_of, values_of
 from elys.common.math import matrix
+from elys.common.math.poses import local_pose
 from elys.common.scene import ComponentChanges, EntityRecord, SceneSettings
 from elys.editor_node.asset_uses import Use
 from elys.editor_node.edits import records_of
+from elys.editor_node.ground import falls
 from elys.editor_node.history import History, Outcome
 from elys.editor_node.language import tr
 from elys.editor_node.primitives import PRIMITIVES, primitive_record
@@ -111,6 +113,26 @@ class Operations:
         what = self._described(list(values_of_entity))
         label = tr("Set {field} of {what}", field=f"{component}.{names}", what=what)
         return self._perform(label, tuple(commands), stroke=stroke)
+
+    def drop(self, entities: Iterable[int]) -> Done | None:
+        """Puts entities, each with all below it, down on what is under them; those that are locked stay."""
+        scene = self._scene
+        tops = [
+            entity
+            for entity in self.tops(entities)
+            if scene.echo_of(entity, "Transform") is not None and not scene.marks.is_marked("locked", entity)
+        ]
+        commands: list[Edit] = []
+        for entity, rise in falls(scene, tops).items():
+            pose, parent = scene.world_pose(entity), scene.parent_of(entity)
+            x, y, z = pose.position
+            position = (x, y + rise, z)
+            if parent:
+                position, _ = local_pose(*scene.world_pose(parent), position, pose.rotation)
+            values = {"position": tuple(round(value, 6) + 0.0 for value in position)}
+            if abs(rise) > 1e-5:
+                commands.append(SetComponent(entity=entity, component="Transform", values=values))
+        return self._perform(tr("Drop {what}", what=self._described(tops)), tuple(commands))
 
     def set_settings(self, settings: SceneSettings, *, stroke: object = None) -> Done | None:
         """Changes the scene's settings."""

@@ -26,6 +26,17 @@ class Layout(msgspec.Struct, frozen=True, kw_only=True):
     hidden_panels: tuple[str, ...] = ()
 
 
+class CameraPose(msgspec.Struct, frozen=True, kw_only=True):
+    """A point of view that can be gone back to."""
+
+    target: tuple[float, float, float]  # [m] what the camera turns about
+    yaw: float  # [rad]
+    pitch: float  # [rad]
+    distance: float  # [m]
+    field_of_view: float = 0.9  # [rad] vertical
+    is_parallel: bool = False  # rather than in perspective
+
+
 class SessionState(msgspec.Struct, frozen=True, kw_only=True):
     """How a session was looked at when the editor left it."""
 
@@ -33,6 +44,9 @@ class SessionState(msgspec.Struct, frozen=True, kw_only=True):
     yaw: float  # [rad]
     pitch: float  # [rad]
     distance: float  # [m]
+    field_of_view: float = 0.9  # [rad] vertical
+    is_parallel: bool = False  # rather than in perspective
+    places: dict[str, CameraPose] = {}  # that the camera can go back to, by the digit of their keys
     tools: dict[str, str | bool | float] = {}  # of `ui.Tools`, by the names of its fields
 
 

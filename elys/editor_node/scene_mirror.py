@@ -208,7 +208,7 @@ class EditorScene:
         Boxes along the axes stand for what is there; imported meshes count as the ball around them.
         """
         y = max(y, half)
-        boxes = [self._box_of(entity) for entity in self._near(x, z, half) if self.has_extent(entity)]
+        boxes = [self.box_of(entity) for entity in self._near(x, z, half) if self.has_extent(entity)]
         over = [(low[1], high[1]) for low, high in boxes if low[0] < x + half and high[0] > x - half
                 and low[2] < z + half and high[2] > z - half]  # fmt: skip
         # From the lowest up: once above one, nothing that was passed can be in the way again.
@@ -232,7 +232,7 @@ class EditorScene:
             if abs(place[0] - x) <= reach and abs(place[2] - z) <= reach:
                 yield entity
 
-    def _box_of(self, entity: int) -> tuple[list[float], list[float]]:
+    def box_of(self, entity: int) -> tuple[list[float], list[float]]:
         """The corners [m] of a box along the world's axes around what an entity shows and collides with."""
         affine = self.world_from_local(entity)
         center, half = affine[:, 3], np.zeros(3)

@@ -9,7 +9,7 @@ from typing import Literal
 
 from imgui_bundle import imgui
 
-from elys.bus.messages.views import Shows
+from elys.bus.messages.views import Debug, Shows
 from elys.editor_node.actions import Actions
 from elys.editor_node.attachments import Attachments
 from elys.editor_node.fields import DraggedAsset
@@ -21,8 +21,9 @@ from elys.editor_node.preferences import Preferences
 from elys.editor_node.theme import FILL, TEXT_DIM, Fonts, Rgba
 from elys.editor_node.watching import Watches
 
+Tool = Literal["select", "move", "rotate", "scale", "grab"]
+Pivot = Literal["active", "median"]  # the entity selected last, or amid all
 Rectangle = tuple[float, float, float, float]  # left, top, right, bottom [points]
-Tool = Literal["select", "move", "rotate", "scale"]
 
 
 @dataclass(slots=True)
@@ -31,8 +32,12 @@ class Tools:
 
     tool: Tool = "move"
     is_local: bool = False  # along the entity's own axes instead of the world's
+    pivot: Pivot = "active"  # about which several entities are turned and scaled
+    snaps: bool = False  # without Ctrl, which turns it about
     shows_grid: bool = True
     shows: Shows = "shaded"
+    debug: tuple[Debug, ...] = ()  # lines and letters over the picture
+    debugs_selection: bool = False  # of what is selected alone
     move_snap: float = 0.25  # [m]
     rotate_snap: float = 15.0  # [degrees]
     scale_snap: float = 0.1

@@ -17,7 +17,7 @@ import numpy as np
 import simplejpeg
 
 from elys.bus import topics
-from elys.bus.messages.views import PickReply, PickRequest, Shows, ViewCamera, ViewFrame, ViewRequest
+from elys.bus.messages.views import Debug, PickReply, PickRequest, Shows, ViewCamera, ViewFrame, ViewRequest
 from elys.bus.picture_ring import MAX_HEIGHT, MAX_WIDTH, PictureRing
 from elys.bus.session import Node, Session
 from elys.common.errors import BusError
@@ -39,6 +39,8 @@ class View:
     hidden: tuple[int, ...] = ()
     grid: bool = True
     shows: Shows = "shaded"
+    debug: tuple[Debug, ...] = ()
+    debug_entities: tuple[int, ...] = ()  # none for everybody
 
 
 class ViewStream:
@@ -165,6 +167,8 @@ class ViewStream:
             hidden=view.hidden,
             grid=view.grid,
             shows=view.shows,
+            debug=view.debug,
+            debug_entities=view.debug_entities,
             ring=self._ring.address if self._ring is not None else None,
             newer_than_tick=newer_than_tick,
         )

@@ -1,6 +1,7 @@
 """The layer under the widgets that steers the viewport's camera and picks.
 
-Alt and the left button orbit, the middle one pans, the wheel zooms, the right one with W A S D flies.
+Alt and the left button orbit, the middle one pans, the wheel zooms, the right one with W A S D flies. The left button alone
+picks, or drags a rectangle that selects: Shift adds what is in it, Ctrl turns it about.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ import numpy as np
 from elys.bus.messages.views import PickReply
 from elys.common.errors import BusError
 from elys.common.math import quaternion
+from elys.editor_node.body_hand import BodyHand
+from elys.editor_node.box_selection import entities_in_box
 from elys.editor_node.events import (
     Event,
     KeyPressed,
@@ -38,7 +41,7 @@ _FLY_KEYS: Final = {
     Key.Q: (0.0, -1.0, 0.0),
     Key.E: (0.0, 1.0, 0.0),
 }
-_Action = Literal["", "click", "orbit", "pan", "fly"]
+_Action = Literal["", "click", "box", "cube", "hold", "orbit", "pan", "fly"]
 
 
 class ViewportLayer:
@@ -49,6 +52,8 @@ class ViewportLayer:
     ) -> None:
         self._model = model
         self._panel = panel
+        self.hand = BodyHand(model)
+        self.grabs: Callable[[], bool] = lambda: False  # whether the tool in hand drags bodies
         self._action: _Action = ""
         self._button = -1
         self._pointer = (0.0, 0.0)
@@ -89,6 +94,9 @@ class ViewportLayer:
         if not self.is_placed and self._model.scene.is_known:
             self.is_placed = True
             self._look_as_the_scene_does()
+        if self._panel.camera.is_gliding:
+            self._panel.camera.advance(elapsed)
+            self._model.request_redraw(0.0)
         if not self.is_flying:
             return
         steps = [step for key, step in _FLY_KEYS.items() if key in self._held]
@@ -123,13 +131,19 @@ class ViewportLayer:
         self._panel.camera.look_from(pose.position, forward, distance)
 
     def _press(self, button: int, modifiers: Modifiers) -> bool:
+        if button == MouseButton.LEFT and self._panel.cube.is_hovered:
+            self._action, self._button, self._pressed_at = "cube", button, self._pointer
+            return True
         actions: dict[int, _Action] = {MouseButton.MIDDLE: "pan", MouseButton.RIGHT: "fly"}
         if button == MouseButton.LEFT:
-            self._action = "orbit" if modifiers & Modifiers.ALT else "click"
+            self._action = "orbit" if modifiers & Modifiers.ALT else "hold" if self.grabs() else "click"
         else:
             self._action = actions.get(button, "")
         self._button, self._modifiers, self._pressed_at = button, modifiers, self._pointer
+        if self._action == "hold":
+            self._model.session.start(self._take_hold())
         if self._action == "fly":
+            self._panel.camera.is_parallel = False  # where going forward would change nothing
             self._hold_pointer(True)  # else the edge of the screen would end the turn
         return bool(self._action)
 
@@ -140,20 +154,59 @@ class ViewportLayer:
         match self._action:
             case "orbit":
                 camera.orbit(*step)
+            case "cube" if self._has_moved:
+                self._action = "orbit"
             case "pan":
                 camera.pan(*step, height=int(self._panel.rectangle[3]))
             case "fly":
                 camera.look(*step)
+            case "hold":
+                self._drag_body()
+            case "click" if self._has_moved:
+                self._action = "box"
+        if self._action == "box":
+            self._panel.selection_box = (*self._pressed_at, x, y)
         return self._action not in ("", "click")
+
+    @property
+    def _has_moved(self) -> bool:
+        """Whether the pointer is too far from where the button went down for a click."""
+        return max(abs(self._pointer[axis] - self._pressed_at[axis]) for axis in (0, 1)) >= CLICK_DISTANCE
 
     def _release(self) -> bool:
         action, self._action = self._action, ""
         if action == "fly":
             self._hold_pointer(False)
-        moved = max(abs(self._pointer[0] - self._pressed_at[0]), abs(self._pointer[1] - self._pressed_at[1]))
-        if action == "click" and moved < CLICK_DISTANCE:
+        if action == "click" and not self._has_moved:
             self._model.session.start(self._pick(self._modifiers))
+        elif action == "hold":
+            self.hand.let_go()
+        elif action == "cube" and self._panel.cube.pointed_at is not None:
+            self._panel.look_from(self._panel.cube.pointed_at)
+        elif action == "box":
+            self._select_box(self._modifiers)
+        self._panel.selection_box = None
         return True
+
+    def _select_box(self, modifiers: Modifiers) -> None:
+        """Selects what the picture shows between where the button went down and where it came up."""
+        shown, selection = self._panel.stream.shown, self._model.selection
+        if shown is None:
+            return
+        x, y, width, height = self._panel.rectangle
+        ends = np.array((self._pressed_at, self._pointer))
+        across = np.sort(2.0 * (ends[:, 0] - x) / width - 1.0)
+        up = np.sort(1.0 - 2.0 * (ends[:, 1] - y) / height)
+        box = (float(across[0]), float(up[0]), float(across[1]), float(up[1]))
+        found = entities_in_box(self._model.scene, shown.camera, width / height, box)
+        if modifiers & Modifiers.CTRL:
+            kept = [entity for entity in selection if entity not in set(found)]
+            selection.replace((*kept, *(entity for entity in found if entity not in selection)))
+        elif modifiers & Modifiers.SHIFT:
+            selection.add(found)
+        else:
+            selection.replace(found)
+        self._model.request_redraw(0.0)
 
     def _scroll(self, notches: float) -> bool:
         camera = self._panel.camera
@@ -165,23 +218,43 @@ class ViewportLayer:
         camera.zoom(notches, toward, self._panel.aspect)
         return True
 
+    async def _take_hold(self) -> None:
+        """Takes the body where the button went down, if it is still held then."""
+        reply = await self._seen_at_press()
+        if reply is None or not reply.entity or self._action != "hold":
+            return
+        if self.hand.take(reply.entity, np.array(reply.position, dtype=np.float64)):
+            self._drag_body()
+
+    def _drag_body(self) -> None:
+        shown = self._panel.stream.shown
+        if shown is not None:
+            x, y, width, height = self._panel.rectangle
+            at = (2.0 * (self._pointer[0] - x) / width - 1.0, 1.0 - 2.0 * (self._pointer[1] - y) / height)
+            self.hand.drag(shown.camera, width / height, at)
+
     async def _pick(self, modifiers: Modifiers) -> None:
-        """Asks the render node what is under the pointer, and selects it."""
+        """Selects what is seen where the button went down."""
+        reply = await self._seen_at_press()
+        if reply is not None:
+            self._select(reply, modifiers)
+            self._model.request_redraw(0.0)
+
+    async def _seen_at_press(self) -> PickReply | None:
+        """Asks the render node what is seen where the button went down; None, and a line that says why, if it does not answer."""
         shown = self._panel.stream.shown
         if shown is None:
-            return
+            return None
         x, y, width, height = self._panel.rectangle
         pixel_x = int((self._pressed_at[0] - x) / width * shown.width)
         pixel_y = int((self._pressed_at[1] - y) / height * shown.height)
         try:
             marks = self._model.scene.marks
             passed_over = (*marks.own("locked"), *marks.own("hidden"))
-            reply = await self._panel.stream.pick(pixel_x, pixel_y, passed_over=passed_over)
+            return await self._panel.stream.pick(pixel_x, pixel_y, passed_over=passed_over)
         except BusError as error:
             self._model.say("error", f"cannot pick: {error}")
-            return
-        self._select(reply, modifiers)
-        self._model.request_redraw(0.0)
+            return None
 
     def _select(self, reply: PickReply, modifiers: Modifiers) -> None:
         selection, scene = self._model.selection, self._model.scene

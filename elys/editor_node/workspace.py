@@ -41,6 +41,7 @@ from elys.editor_node.panels.save_dialog import SaveDialog
 from elys.editor_node.panels.start_page import StartPage
 from elys.editor_node.panels.toolbar import StatusBar, Toolbar
 from elys.editor_node.panels.viewport import ViewportPanel
+from elys.editor_node.panels.viewport_menus import draw_camera_menu, draw_debug_menu
 from elys.editor_node.preferences import Layout
 from elys.editor_node.shortcuts import ChordCapture
 from elys.editor_node.theme import icons
@@ -326,6 +327,7 @@ class Workspace:
             "edit.duplicate",
             "edit.rename",
             "edit.group",
+            "edit.drop",
             "edit.delete",
         ):
             action_item(self.ui, name)
@@ -347,6 +349,7 @@ class Workspace:
                 self._hidden ^= {name}
         imgui.separator()
         action_item(self.ui, "view.grid")
+        draw_camera_menu(self.ui)
         is_open = imgui.begin_menu(tr_label("Show"))
         if not is_open:
             self.ui.landmarks.note("menu/show")
@@ -355,6 +358,7 @@ class Workspace:
                 action_item(self.ui, f"view.{view}", tr(view.capitalize()))
                 self.ui.landmarks.note(f"show/{view}")
             imgui.end_menu()
+        draw_debug_menu(self.ui)
         if imgui.begin_menu(tr_label("Layout")):
             self.layouts.draw_items(self.ui)
             imgui.end_menu()

@@ -22,9 +22,11 @@ from elys.bus.messages.commands import (
     CommandRecord,
     CommandReply,
     CommandRequest,
+    Grab,
     LoadScene,
     NoteSaved,
     Redo,
+    Release,
     Resume,
     Rewind,
     Seek,
@@ -38,7 +40,7 @@ from elys.bus.messages.plan import PhysicsPlan, PlanRequest
 from elys.bus.messages.scene import SceneDelta, Snapshot, SnapshotRequest
 from elys.bus.messages.session import Event, EventBatch, SessionStatus
 from elys.bus.messages.timeline import Markers, MarkersRequest
-from elys.bus.session import Session
+from elys.bus.session import Node, Session
 from elys.common.clock import FixedStepClock
 from elys.common.errors import EditConflict, ElysError, RequestError
 from elys.sim_node.edit_history import Done, EditHistory
@@ -47,6 +49,7 @@ from elys.sim_node.guard import Guard
 from elys.sim_node.paused_physics import PausedPhysics
 from elys.sim_node.scene.snapshot import take_snapshot
 from elys.sim_node.simulation import Simulation
+from elys.sim_node.systems.apply_commands import apply_command
 from elys.sim_node.systems.apply_edits import EditableSimulation, load_scene
 from elys.sim_node.systems.publish_state import (
     contact_batch,
@@ -139,6 +142,7 @@ class SimulationNode:
         """Serves the session and ticks until the step limit or cancellation."""
         session = self.session
         session.serve(topics.COMMAND, self._take_command)
+        session.on_nodes(self._node_changed)
         session.serve(topics.SNAPSHOT, self._give_snapshot)
         session.serve(topics.HISTORY, self._give_history)
         session.serve(topics.MARKERS, self._give_markers)
@@ -290,6 +294,13 @@ class SimulationNode:
         self._wake.set()
         return await waiting.reply
 
+    def _node_changed(self, node: Node, alive: bool) -> None:
+        """Who is gone holds nothing any more."""
+        if not alive and self.simulation.hands.holds(node.id):
+            request = CommandRequest(origin=node.id, command=Release())
+            self._waiting.append(_Waiting(request, asyncio.get_running_loop().create_future()))
+            self._wake.set()
+
     def _apply_commands(self) -> list[tuple[_Waiting, CommandReply]]:
         replies = []
         for _ in range(min(len(self._waiting), COMMANDS_PER_TICK)):
@@ -347,6 +358,12 @@ class SimulationNode:
                 return Done((), command, {})
             case LoadScene():
                 return self._load(command)
+            case Grab() | Release() if self._is_rewound:
+                raise RequestError("this is the past: go on from here, or return to now, before taking hold of a body")
+            case Grab() | Release():
+                held = msgspec.structs.replace(command, holder=request.origin)
+                apply_command(self.simulation, held)
+                return Done((), held, {})
         if not edits_of(command):
             raise RequestError(f"a running simulation cannot {type(command).__name__}: that is for replays")
         return history.perform(

@@ -40,6 +40,7 @@ from elys.sim_node.scene.edited_values import EditedValues
 from elys.sim_node.scene.loading import load_records
 from elys.sim_node.state import State
 from elys.sim_node.systems.play_animations import Animated, Animations
+from elys.sim_node.systems.pull_grabbed import Hands
 from elys.sim_node.systems.simulate_physics import MovingBodies, RigidBodies
 
 _log = logging.getLogger(__name__)
@@ -83,6 +84,7 @@ class Simulation:
             self.propagate_transforms,
         )
         self.stage_times: dict[str, float] = {}
+        self.hands = Hands(self.physics)
         self._bodies = RigidBodies(self.world, self.physics, self.assets)
         self._animations = Animations(self.world, self.assets)
         self._changes: list[WorldChanges] = []
@@ -134,6 +136,7 @@ class Simulation:
     def simulate_physics(self, world: World) -> None:
         """Moves the bodies by one tick, and their poses and velocities into the components."""
         seconds: dict[str, float] = {}
+        self.hands.pull(1.0 / self.settings.tick_rate)
         self.physics.step(1.0 / self.settings.tick_rate, seconds)
         self.stage_times.update({f"physics.{stage}": 1000.0 * time for stage, time in seconds.items()})
         self._report_problems()

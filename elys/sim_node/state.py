@@ -22,6 +22,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from elys.bus.messages.commands import Grab
 from elys.bus.messages.session import Event
 from elys.common.errors import StateError
 from elys.common.scene import SceneSettings
@@ -50,6 +51,7 @@ RECORDS: Final[Mapping[str, type[Any]]] = {
         EntityReparented,
         WorldChanges,
         Event,
+        Grab,
         SceneSettings,
         PhysicsSettings,
         SceneTraits,

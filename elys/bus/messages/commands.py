@@ -6,6 +6,7 @@ from typing import Any
 
 import msgspec
 
+from elys.common.components import Vec3
 from elys.common.scene import EntityRecord, SceneSettings
 
 
@@ -165,8 +166,28 @@ class Resume(msgspec.Struct, frozen=True, kw_only=True, tag="resume"):
     """Simulation only: go on from here as a fork. What the flight recorder keeps of later is forgotten."""
 
 
+class Grab(msgspec.Struct, frozen=True, kw_only=True, tag="grab"):
+    """Simulation only: a hand holds a body at a point of it and pulls it in every tick, until released or its holder is gone.
+
+    The host fills in the holder: whoever asked. Who grabs again moves the hand, or takes another body instead.
+    """
+
+    entity: int
+    anchor: Vec3  # the point, in the entity's axes from its origin [m]
+    target: Vec3  # where in the world it is pulled [m]
+    stiffness: float = 100.0  # [N/(m kg)] for each kilogram felt at the point
+    holder: str = ""
+
+
+class Release(msgspec.Struct, frozen=True, kw_only=True, tag="release"):
+    """Simulation only: the hand lets go. The host fills in whose."""
+
+    holder: str = ""
+
+
+Hand = Grab | Release  # what changes how a simulation goes on, without being an edit of the scene
 Time = SetPlaying | StepTicks | Seek | SetRate | SetLoop | Rewind | Resume  # what is asked of the clock
-Command = Edit | Batch | Undo | Redo | LoadScene | NoteSaved | Time
+Command = Edit | Batch | Undo | Redo | LoadScene | NoteSaved | Time | Hand
 
 
 class CommandRequest(msgspec.Struct, frozen=True, kw_only=True):

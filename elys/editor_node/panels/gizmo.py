@@ -55,12 +55,14 @@ class Gizmo:
     def draw(self, ui: Ui, camera: ViewCamera, rectangle: tuple[float, float, float, float]) -> None:
         """Draws it over the picture at `rectangle` (x, y, width, height) that was taken with `camera`."""
         targets = self._targets(ui)
-        if not targets or ui.tools.tool == "select" or ui.model.is_replay:
+        if not targets or ui.tools.tool in ("select", "grab") or ui.model.is_replay:
             self._drag, self.is_over = None, False
             return
         tool: Tool = ui.tools.tool
         primary = targets[-1]
         pose = ui.model.scene.world_pose(primary)
+        if ui.tools.pivot == "median":
+            pose = pose._replace(position=self._middle(ui, targets))
         drag = self._drag
         before = drag.world_from_local if drag is not None else _mat4(pose)
         after, changed = self._manipulate(ui, tool, camera, rectangle, before)
@@ -73,6 +75,12 @@ class Gizmo:
         drag.world_from_local = after
         if changed:
             self._send(ui, tool, drag)
+
+    @staticmethod
+    def _middle(ui: Ui, targets: list[int]) -> tuple[float, float, float]:
+        """The mean of where the targets are [m]."""
+        x, y, z = np.mean([ui.model.scene.world_pose(entity).position for entity in targets], axis=0).tolist()
+        return x, y, z
 
     def _targets(self, ui: Ui) -> list[int]:
         """Topmost selected entities with a Transform that are not locked, the primary one (or what is above it) last."""
@@ -111,7 +119,7 @@ class Gizmo:
     ) -> tuple[NDArray[np.float64], bool]:
         guizmo = imguizmo.im_guizmo
         _, _, width, height = rectangle
-        guizmo.set_orthographic(False)
+        guizmo.set_orthographic(camera.ortho_height > 0.0)
         guizmo.set_drawlist(imgui.get_window_draw_list())
         guizmo.set_rect(*rectangle)
         guizmo.set_gizmo_size_clip_space(0.13)
@@ -125,13 +133,13 @@ class Gizmo:
             guizmo.MODE.local if is_local else guizmo.MODE.world,
             manipulated,
             None,
-            self._snap(ui, tool) if imgui.get_io().key_ctrl else None,
+            self._snap(ui, tool) if imgui.get_io().key_ctrl != ui.tools.snaps else None,
         )
         after = np.array(manipulated.values, np.float64).reshape(4, 4).T
         return after, bool(changed)
 
     def _snap(self, ui: Ui, tool: Tool) -> Any:
-        step = {"move": ui.tools.move_snap, "rotate": ui.tools.rotate_snap, "scale": ui.tools.scale_snap}[tool]
+        step = getattr(ui.tools, f"{tool}_snap")
         return imguizmo.im_guizmo.Matrix3([step, step, step])
 
     def _send(self, ui: Ui, tool: Tool, drag: _Drag) -> None:
@@ -152,6 +160,10 @@ class Gizmo:
                 case _:
                     ratio = scale / np.where(np.array(drag.pivot.scale) == 0.0, 1.0, np.array(drag.pivot.scale))
                     values[entity] = {"scale": _rounded(np.array(drag.scales[entity]) * ratio)}
+                    if np.any(np.array(pose.position) != np.array(drag.pivot.position)):
+                        values[entity] |= self._local(
+                            ui, entity, _spread(drag.pivot, ratio, pose), rotation, ("position",)
+                        )
         try:
             ui.model.edit.set_each(values, "Transform", stroke=drag.stroke)
         except ComponentError as error:
@@ -167,6 +179,13 @@ class Gizmo:
             place, turn = local_pose(*ui.model.scene.world_pose(parent), place, turn)
         local = {"position": _rounded(place), "rotation": turn}
         return {name: local[name] for name in fields}
+
+
+def _spread(pivot: WorldPose, ratio: NDArray[np.float64], pose: WorldPose) -> NDArray[np.float64]:
+    """Where something comes to stand when what is around the pivot is scaled along the pivot's axes."""
+    turn = np.array(pivot.rotation)
+    arm = quaternion.rotate(quaternion.conjugate(turn), np.array(pose.position) - np.array(pivot.position))
+    return np.asarray(np.array(pivot.position) + quaternion.rotate(turn, arm * ratio), np.float64)
 
 
 def _mat4(pose: WorldPose) -> NDArray[np.float64]:

@@ -13,6 +13,7 @@ from elys.editor_node.ui import Ui, dim_text
 TITLE: Final = "Keys and mouse###help"
 _MOUSE: Final = (
     ("Alt + left button", "orbit"),
+    ("left button dragged", "select in a rectangle; Shift adds, Ctrl turns it about"),
     ("middle button", "pan"),
     ("wheel", "zoom to the pointer"),
     ("right button + W A S D Q E", "fly; Shift is fast, the wheel sets the speed"),

@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from imgui_bundle import imgui
 
-from elys.editor_node.language import tr
+from elys.editor_node.language import tr, tr_label
 from elys.editor_node.theme import ACCENT, ERROR, GOOD, TEXT_DIM, WARNING, Rgba, icons
-from elys.editor_node.ui import Tool, Ui, color_code, colored_text, dim_text, icon_button, with_keys
+from elys.editor_node.ui import Tool, Ui, action_item, color_code, colored_text, dim_text, icon_button, with_keys
 
 _TOOLS: Final[tuple[tuple[Tool, str, str], ...]] = (
     ("select", icons.ICON_FA_ARROW_POINTER, "Select"),
     ("move", icons.ICON_FA_UP_DOWN_LEFT_RIGHT, "Move; Ctrl snaps"),
     ("rotate", icons.ICON_FA_ROTATE, "Rotate; Ctrl snaps"),
     ("scale", icons.ICON_FA_UP_RIGHT_AND_DOWN_LEFT_FROM_CENTER, "Scale; Ctrl snaps"),
+    ("grab", icons.ICON_FA_HAND, "Drag and throw bodies while time goes on"),
+)
+# Fields of Tools, what they are called, their unit, and the least that handles can do.
+_STEPS: Final = (
+    ("move_snap", "Move", " m", 1e-3),
+    ("rotate_snap", "Rotate", " \N{DEGREE SIGN}", 0.1),
+    ("scale_snap", "Scale", "", 1e-3),
 )
 _RATES: Final = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 0.0)
 _BAR_FLAGS: Final = (
@@ -69,10 +77,39 @@ class Toolbar:
         tooltip = tr("Along the entity's own axes") if tools.is_local else tr("Along the world's axes")
         if icon_button(icon, "space", with_keys(ui, tooltip, "tool.local")):
             tools.is_local = not tools.is_local
+        ui.landmarks.note("toolbar/space")
+        imgui.same_line(0.0, 2.0)
+        is_median = tools.pivot == "median"
+        icon = icons.ICON_FA_ARROWS_TO_DOT if is_median else icons.ICON_FA_CIRCLE_DOT
+        tooltip = tr("About the middle of what is selected") if is_median else tr("About what was selected last")
+        if icon_button(icon, "pivot", with_keys(ui, tooltip, "tool.median")):
+            ui.actions.run("tool.median")
+        ui.landmarks.note("toolbar/pivot")
+        imgui.same_line(0.0, 2.0)
+        self._draw_snapping(ui)
         imgui.same_line(0.0, 2.0)
         tooltip = with_keys(ui, tr("Grid"), "view.grid")
         if icon_button(icons.ICON_FA_BORDER_ALL, "grid", tooltip, active=tools.shows_grid):
             tools.shows_grid = not tools.shows_grid
+
+    def _draw_snapping(self, ui: Ui) -> None:
+        """A button that opens the sizes of the steps."""
+        tools = ui.tools
+        if icon_button(icons.ICON_FA_MAGNET, "snap", tr("Steps of the handles"), active=tools.snaps):
+            imgui.open_popup("snapping")
+        ui.landmarks.note("toolbar/snap")
+        if not imgui.begin_popup("snapping"):
+            return
+        action_item(ui, "tool.snap")
+        imgui.set_item_tooltip(tr("Ctrl turns it about while one drags"))
+        for name, label, unit, least in _STEPS:
+            imgui.set_next_item_width(imgui.get_font_size() * 6.0)
+            value = float(getattr(tools, name))
+            changed, value = imgui.input_float(tr_label(label, name), value, 0.0, 0.0, f"%.3g{unit}")
+            if changed and math.isfinite(value):
+                setattr(tools, name, max(value, least))
+            ui.landmarks.note(f"snap/{name}")
+        imgui.end_popup()
 
     def _draw_time(self, ui: Ui) -> None:
         model, status = ui.model, ui.model.status

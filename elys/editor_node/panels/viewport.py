@@ -5,21 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-import numpy as np
 from imgui_bundle import imgui
 
-from elys.bus.messages.views import ViewCamera
-from elys.common.math import quaternion
 from elys.editor_node.camera import OrbitCamera
 from elys.editor_node.gpu import ViewportPicture
 from elys.editor_node.language import tr, tr_title
 from elys.editor_node.panels.gizmo import Gizmo
-from elys.editor_node.theme import AXES, NOTICE, ON_AXIS, PANEL_LOW, TEXT, TEXT_DIM, WARNING, Rgba, icons
+from elys.editor_node.panels.view_cube import ViewCube
+from elys.editor_node.theme import FILL, NOTICE, PANEL_LOW, TEXT, TEXT_DIM, WARNING, Rgba, icons
 from elys.editor_node.ui import Ui, color_code
 from elys.editor_node.view_stream import View, ViewStream
 
 TITLE: Final = f"{icons.ICON_FA_EXPAND}  Viewport###Viewport"
-_AXIS_NAMES: Final = ("X", "Y", "Z")
 
 
 class ViewportPanel:
@@ -29,8 +26,11 @@ class ViewportPanel:
         self.stream = stream
         self.camera = camera
         self.gizmo = Gizmo()
+        self.cube = ViewCube()
+        self.look_from: Callable[[tuple[float, float, float]], None] = lambda direction: None  # what the cube was asked
         self.rectangle = (0.0, 0.0, 1.0, 1.0)  # x, y, width, height of the picture in the window
         self.is_hovered = False
+        self.selection_box: tuple[float, float, float, float] | None = None  # being dragged: two corners in the window
         self.take_drop: Callable[[Ui], None] = lambda ui: None  # takes what is let go over the picture
         self._picture = picture
 
@@ -67,7 +67,20 @@ class ViewportPanel:
         width, height = int(self.rectangle[2] * scale.x), int(self.rectangle[3] * scale.y)
         selection = ui.model.selection.entities
         hidden = ui.model.scene.marks.own("hidden")
-        self.stream.want(View(self.camera.view, width, height, selection, hidden, ui.tools.shows_grid, ui.tools.shows))
+        self.stream.want(
+            View(
+                self.camera.view,
+                width,
+                height,
+                selection,
+                hidden,
+                ui.tools.shows_grid,
+                ui.tools.shows,
+                # Of a selection of nothing nothing is drawn, and not everything.
+                debug=ui.tools.debug if selection or not ui.tools.debugs_selection else (),
+                debug_entities=selection if ui.tools.debugs_selection else (),
+            )
+        )
         draw_list = imgui.get_window_draw_list()
         high = (low.x + self.rectangle[2], low.y + self.rectangle[3])
         if self.stream.shown is None or not self._picture.name:
@@ -90,7 +103,9 @@ class ViewportPanel:
                 True,
             )
             self.gizmo.draw(ui, shown.camera, self.rectangle)
-            self._draw_axes(shown.camera)
+            self.cube.draw(ui, shown.camera, self.rectangle)
+            if self.selection_box is not None:
+                _draw_selection_box(self.selection_box)
             imgui.pop_clip_rect()
         text, color = self._notice(ui)
         if text:
@@ -120,18 +135,9 @@ class ViewportPanel:
         draw_list.add_rect(low, high, color_code((*color[:3], 0.6)), 6.0)
         draw_list.add_text((left, top), color_code(color), text)
 
-    def _draw_axes(self, camera: ViewCamera) -> None:
-        """The world's axes as this picture sees them, in its corner; those that point away first."""
-        x, y, width, _ = self.rectangle
-        center, length = np.array((x + width - 44.0, y + 44.0)), 26.0
-        view_from_world = quaternion.conjugate(np.array(camera.rotation))
-        ends = [quaternion.rotate(view_from_world, axis) for axis in np.eye(3)]
-        draw_list = imgui.get_window_draw_list()
-        for axis in sorted(range(3), key=lambda axis: float(ends[axis][2])):
-            tip = center + length * np.array((ends[axis][0], -ends[axis][1]))
-            color = color_code((*AXES[axis][:3], 1.0 if ends[axis][2] > -0.01 else 0.55))
-            draw_list.add_line((center[0], center[1]), (tip[0], tip[1]), color, 2.0)
-            draw_list.add_circle_filled((tip[0], tip[1]), 8.0, color)
-            size = imgui.calc_text_size(_AXIS_NAMES[axis])
-            place = (tip[0] - size.x / 2.0, tip[1] - size.y / 2.0)
-            draw_list.add_text(place, color_code(ON_AXIS), _AXIS_NAMES[axis])
+
+def _draw_selection_box(box: tuple[float, float, float, float]) -> None:
+    low, high = (min(box[0], box[2]), min(box[1], box[3])), (max(box[0], box[2]), max(box[1], box[3]))
+    draw_list = imgui.get_window_draw_list()
+    draw_list.add_rect_filled(low, high, color_code((*FILL[:3], 0.18)))
+    draw_list.add_rect(low, high, color_code(FILL))

@@ -42,6 +42,18 @@ def strike(bodies: BodyTable, rows: Array, impulse: Array) -> None:
     table["velocity"][rows] += change
 
 
+def motion_at(bodies: BodyTable, rows: Array, point: Array) -> tuple[Array, Array]:
+    """Velocities (M, 3) [m/s] of points (M, 3) of bodies, and the least mass (M,) [kg] that a force feels there.
+
+    That is 1 / (1/m + r^2 / I) for the arm r and the least moment of inertia I; 0 where nothing moves the body.
+    """
+    table = bodies.rows[rows]
+    arm = point - table["position"]
+    ease = table["inverse_mass"] + (arm * arm).sum(axis=1) * table["inverse_inertia"].max(axis=1)
+    mass = np.divide(1.0, ease, out=np.zeros(len(ease)), where=ease > 0.0)
+    return table["velocity"][:, :3] + np.cross(table["velocity"][:, 3:], arm), mass
+
+
 def spin_changes(bodies: BodyTable, rows: Array, impulse: Array) -> Array:
     """(M, 3) how angular impulses (M, 3) change angular velocities [rad/s]; nothing about locked axes."""
     rotation = bodies.rows["rotation"][rows]

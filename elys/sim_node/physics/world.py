@@ -376,6 +376,11 @@ class PhysicsWorld(WorldJoints):
         self._bodies.update_inverses(rows)
         self._changed()
 
+    def motion_at(self, entities: ArrayLike, point: ArrayLike) -> tuple[Array, Array]:
+        """Velocities (N, 3) [m/s] of points (N, 3) of bodies (N,), in world space, and the least mass (N,) [kg] felt there."""
+        column, where = self._vectors("point", entities, point)
+        return forces.motion_at(self._bodies, self._bodies.rows_of(column), where)
+
     def apply_force(self, entities: ArrayLike, force: ArrayLike, point: ArrayLike | None = None) -> None:
         """Pushes bodies during the next step, and no longer: what shall go on is applied again before each step.
 

@@ -9,6 +9,8 @@ from elys.bus.messages.commands import (
     AddComponent,
     Command,
     Despawn,
+    Grab,
+    Release,
     RemoveComponent,
     Rename,
     Reparent,
@@ -60,6 +62,12 @@ def apply_command(simulation: Simulation, command: Command) -> tuple[int, ...]:
             world.set_enabled(Entity(entity), enabled)
         case SetSettings(settings=settings):
             simulation.change_settings(settings)
+        case Grab(entity=entity):
+            if not world.is_alive(entity):
+                raise EntityError(f"there is no entity {entity} to be held by a hand")
+            simulation.hands.take(command, simulation.named(entity))
+        case Release(holder=holder):
+            simulation.hands.release(holder)
         case _:
             raise RequestError(f"a running simulation cannot {type(command).__name__}: that is for replays")
     return ()

@@ -18,7 +18,9 @@ from elys.bus.messages.commands import (
     Command,
     Despawn,
     Edit,
+    Grab,
     LoadScene,
+    Release,
     RemoveComponent,
     Rename,
     Reparent,
@@ -132,6 +134,8 @@ def apply_again(simulation: Simulation, command: Command) -> None:
     """Does what a command did that was accepted before in a simulation like this; raises as `apply_edits`, `load_scene`."""
     if isinstance(command, LoadScene):
         load_scene(simulation, command)
+    elif isinstance(command, Grab | Release):
+        apply_command(simulation, command)
     else:
         apply_edits(simulation, edits_of(command))
 

@@ -253,6 +253,8 @@ class SceneHost:
                 self.tick += count
             case c.SetRate(rate=rate):
                 self.rate = rate
+            case c.Grab() | c.Release():
+                pass  # nothing moves here
             case _:
                 raise RequestError("that is for replays")
         self.publish_status()
@@ -370,6 +372,7 @@ class PictureSource:
         self.entity = entity
         self.requests: list[ViewRequest] = []
         self.picks: list[PickRequest] = []
+        self.hit = (0.0, 0.0, 0.0)
         self.sent: list[int] = []
         self.tick = 0
         self.state_published_at = 0
@@ -415,7 +418,7 @@ class PictureSource:
 
     async def _pick(self, request: PickRequest, _: str) -> PickReply:
         self.picks.append(request)
-        return PickReply(entity=self.entity)
+        return PickReply(entity=self.entity, position=self.hit)
 
 
 class Stage:
