@@ -5,6 +5,7 @@ Everything else on the screen is drawn by Dear ImGui's backend, the scene by a r
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable, Hashable, Sequence
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -18,12 +19,34 @@ from elys.common.errors import DisplayError
 K = TypeVar("K", bound=Hashable)
 
 
+class _WindowFunctions:
+    """OpenGL's functions as GLFW finds them: right for X11, Wayland and no display alike, whatever other contexts there are."""
+
+    def load_opengl_function(self, name: str) -> int:
+        """The address of a function; 0 where there is none."""
+        import glfw  # loaded with the window, which chose whose library it is
+
+        return ctypes.cast(glfw.get_proc_address(name), ctypes.c_void_p).value or 0
+
+    def __enter__(self) -> None: ...
+
+    def __exit__(self, *_: object) -> None: ...
+
+    def release(self) -> None:
+        """The window ends its context."""
+
+
+def _loader() -> dict[str, Any]:
+    """As moderngl takes it."""
+    return {"context": _WindowFunctions()}
+
+
 class WindowContext:
     """OpenGL 3.3 in the window whose context is current on this thread."""
 
     def __init__(self) -> None:
         try:
-            self._context = moderngl.create_context(require=330)
+            self._context = moderngl.create_context(require=330, **_loader())
         except Exception as error:  # moderngl raises plain Exception
             raise DisplayError(
                 f"the window has no OpenGL 3.3 ({error}): update the graphics driver, or install Mesa's software one "

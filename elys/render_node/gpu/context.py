@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import weakref
 from collections import Counter, deque
 from typing import Any, Final, Literal
@@ -165,10 +166,32 @@ def offscreen_context() -> Context:
         raise DisplayError(_explain("nothing can be drawn offscreen", str(error))) from error
 
 
+class _WindowFunctions:
+    """OpenGL's functions as GLFW finds them: right for X11, Wayland and no display alike, whatever other contexts there are."""
+
+    def load_opengl_function(self, name: str) -> int:
+        """The address of a function; 0 where there is none."""
+        import glfw  # loaded with the window, which chose whose library it is
+
+        return ctypes.cast(glfw.get_proc_address(name), ctypes.c_void_p).value or 0
+
+    def __enter__(self) -> None: ...
+
+    def __exit__(self, *_: object) -> None: ...
+
+    def release(self) -> None:
+        """The window ends its context."""
+
+
+def _loader() -> dict[str, Any]:
+    """As moderngl takes it."""
+    return {"context": _WindowFunctions()}
+
+
 def window_context() -> Context:
     """A context over the window that is current on this thread. Raises DisplayError."""
     try:
-        return Context(moderngl.create_context(require=GL_VERSION))
+        return Context(moderngl.create_context(require=GL_VERSION, **_loader()))
     except Exception as error:  # as above
         raise DisplayError(_explain("the window has no OpenGL 3.3", str(error))) from error
 
