@@ -137,7 +137,7 @@ def _edit_actions(ui: Ui, workspace: Workspace) -> tuple[Action, ...]:
         Action(
             name="edit.drop",
             label="Drop to the ground",
-            keys=("End",),
+            keys=("Ctrl+End",),
             run=lambda: model.edit.drop(selection),
             is_possible=any_selected,
         ),
@@ -170,7 +170,7 @@ def _asset_actions(panel: AssetsPanel) -> tuple[Action, ...]:
     library = panel.library
     return (
         Action(name="assets.search", label="Find an asset", keys=("Ctrl+Shift+A",), run=panel.search),
-        Action(name="assets.import", label="Import files...", keys=("Ctrl+I",), run=panel.dialogs.ask_import),
+        Action(name="assets.import", label="Import files...", keys=("Ctrl+Shift+I",), run=panel.dialogs.ask_import),
         Action(name="assets.folder", label="Choose the folder of assets...", run=panel.dialogs.ask_folder),
         Action(
             name="assets.missing",

@@ -87,6 +87,8 @@ def apply_edits(simulation: Simulation, edits: tuple[Edit, ...]) -> Applied:
     """
     if len(edits) > MAX_EDITS:
         raise RequestError(f"one command may have {MAX_EDITS} edits, not {len(edits)}: send several")
+    if len(edits) > 1:
+        simulation.settle()  # bodies have followed what was edited before: what is refused is taken back alone
     resting, tick = simulation.world.allocator.resting(), simulation.tick
     entities: list[int] = []
     inverses: list[tuple[Edit, ...]] = []
@@ -106,6 +108,7 @@ def apply_edits(simulation: Simulation, edits: tuple[Edit, ...]) -> Applied:
             for edit in back:
                 apply_command(simulation, edit)
         simulation.tick = tick  # another tick rate rounds it
+        _keep_physics(simulation)
         simulation.world.allocator.take_back(resting, np.array(spawned, np.uint32))
         raise
     _note_edited(simulation, edits, entities)
@@ -143,6 +146,13 @@ def apply_again(simulation: Simulation, command: Command) -> None:
 def tops_of(spawn: Spawn, entities: tuple[int, ...]) -> tuple[int, ...]:
     """The topmost of the entities that a Spawn made."""
     return tuple(entity for entity, record in zip(entities, spawn.records, strict=True) if record.parent < 0)
+
+
+def _keep_physics(simulation: Simulation) -> None:
+    """Lets bodies follow what was edited and taken back, and stay what they are: made anew they would come out rounder."""
+    kept = simulation.physics.snapshot()
+    simulation.settle()
+    simulation.take_physics_back(kept)
 
 
 def _inverse_of(simulation: Simulation, edit: Edit) -> tuple[Edit, ...]:

@@ -347,7 +347,7 @@ def test_what_is_dropped_stands_on_what_is_under_it(at_the_editor):
         chosen = [person.stage.named(name) for name in names]
         before = transforms(person, chosen)
         editor.model.selection.replace(chosen)
-        await person.press(Key.END)
+        await person.press(Key.END, CTRL)
         await editor.model.history.settle()
         heights = dict(zip(names, (t.position[1] for t in transforms(person, chosen)), strict=True))
         # The table ends at 1.1, the ground at 0.1; a cube on its edge reaches half its diagonal down.
@@ -359,7 +359,7 @@ def test_what_is_dropped_stands_on_what_is_under_it(at_the_editor):
         await editor.model.history.settle()
         assert transforms(person, chosen) == before
         editor.model.scene.marks.set("locked", chosen, True)
-        await person.press(Key.END)
+        await person.press(Key.END, CTRL)
         await editor.model.history.settle()
         assert transforms(person, chosen) == before
 

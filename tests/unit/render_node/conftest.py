@@ -20,7 +20,7 @@ from elys.render_node.renderer import Renderer
 from elys.render_node.scene_tables import SceneTables, tables_of
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")  # not longer: a window that closes ends the display that all share
 def context() -> Iterator[Context]:
     """OpenGL offscreen; without it there is nothing to test here."""
     try:
@@ -31,7 +31,7 @@ def context() -> Iterator[Context]:
     made.release()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")  # not longer: a window that closes ends the display that all share
 def renderer(context: Context) -> Renderer:
     """A renderer at full quality."""
     return Renderer(context, quality=FULL)
