@@ -8,16 +8,8 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Iterable
 from typing import Final
 
-from elys.bus.messages.commands import (
-    CommandRecord,
-    Resume,
-    Rewind,
-    Seek,
-    SetLoop,
-    SetPlaying,
-    SetRate,
-    StepTicks,
-)
+from elys.bus.edit_parts import edits_of
+from elys.bus.messages.commands import CommandRecord, LoadScene
 from elys.bus.messages.physics import ContactBatch
 from elys.bus.messages.session import EventBatch
 from elys.bus.messages.timeline import Marker, Markers, MarkersRequest
@@ -26,7 +18,6 @@ MOST: Final = 4000  # markers kept; of more the weakest collisions go first
 MOST_OF_A_TICK: Final = 8  # collisions, the strongest
 _ERRORS: Final = ("physics", "animation")
 _QUIET: Final = ("playing", "paused")  # a timeline shows them otherwise
-_TO_TIME: Final = (SetPlaying, StepTicks, Seek, SetRate, SetLoop, Rewind, Resume)
 
 
 class MarkerLog:
@@ -154,11 +145,13 @@ def markers_of_events(batch: EventBatch, time: float) -> list[Marker]:
 
 def markers_of_command(record: CommandRecord, time: float) -> list[Marker]:
     """An edit that was accepted."""
-    command = record.command
-    if not record.accepted or isinstance(command, _TO_TIME):
+    if not record.accepted:
         return []
-    what = str(type(command).__struct_config__.tag).replace("_", " ")
-    entity = getattr(command, "entity", 0)
-    component = getattr(command, "component", "")
-    text = f"{what} {component}".strip()
-    return [Marker(tick=record.tick, time=time, kind="edit", text=text, entity=entity)]
+    is_scene = isinstance(record.command, LoadScene)
+    edits = (record.command,) if is_scene else edits_of(record.command)
+    if not edits:  # to the clock, a hand, a file
+        return []
+    first, more = edits[0], len(edits) - 1
+    what = str(type(first).__struct_config__.tag).replace("_", " ")
+    text = f"{what} {getattr(first, 'component', '')}".strip() + (f" and {more} more" if more else "")
+    return [Marker(tick=record.tick, time=time, kind="edit", text=text, entity=getattr(first, "entity", 0))]

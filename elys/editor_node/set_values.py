@@ -1,7 +1,7 @@
 """What every field was last set to by a hand or by loading: what differs from it now was written by the simulation.
 
     snapshot, Spawned, a component that is new ──▶ set
-    COMMANDS: somebody's accepted SetComponent ──▶ set
+    COMMANDS: somebody's accepted SetComponent ──▶ set, also as one of a Batch
     any other ComponentSet, and state frames   ──▶ written by the simulation: what was set stays
 
 The two topics come in any order, so neither waits for the other: a command sets its values whenever it is heard.
@@ -9,8 +9,10 @@ The two topics come in any order, so neither waits for the other: a command sets
 
 from __future__ import annotations
 
+import contextlib
 from typing import Any
 
+from elys.bus.edit_parts import edits_of
 from elys.bus.messages.commands import AddComponent, CommandRecord, SetComponent
 from elys.bus.messages.scene import ComponentRemoved, ComponentSet, Reparented, Spawned
 from elys.bus.mirror import MirrorUpdate, SceneMirror
@@ -45,18 +47,18 @@ class SetValues:
 
     def command_seen(self, record: CommandRecord) -> None:
         """Takes what somebody set; what was refused sets nothing."""
-        command = record.command
-        if not record.accepted or not isinstance(command, SetComponent | AddComponent):
+        for edit in edits_of(record.command) if record.accepted else ():
+            if isinstance(edit, SetComponent | AddComponent):
+                self._take(edit)
+
+    def _take(self, edit: SetComponent | AddComponent) -> None:
+        owned = self._set.get(edit.entity, {})
+        before = owned.get(edit.component)
+        if before is None or edit.component not in declarations():
             return
-        owned = self._set.get(command.entity, {})
-        before = owned.get(command.component)
-        if before is None or command.component not in declarations():
-            return
-        try:
-            base = before if isinstance(command, SetComponent) else None
-            owned[command.component] = component_from(command.component, command.values, base=base)
-        except ComponentError:  # of another version, which declares it differently
-            return
+        base = before if isinstance(edit, SetComponent) else None
+        with contextlib.suppress(ComponentError):  # of another version, which declares it differently
+            owned[edit.component] = component_from(edit.component, edit.values, base=base)
 
     def _follow(self, update: MirrorUpdate) -> None:
         entities = self._mirror.entities

@@ -357,7 +357,10 @@ def test_what_one_drags_another_may_delete(at_the_editor):
         async def delete(name: str) -> None:
             entity = stage.named(name)
             other.selection.replace([entity])
-            await other.edit.delete()
+            while not (
+                await other.edit.delete()
+            ).accepted:  # refused while it is new there that the first has changed it
+                await person.frames(1)
             await person.until(lambda: entity not in editor.model.scene.mirror.entities)
 
         # A line of the tree, on its way to another.

@@ -22,9 +22,9 @@ class Outcome(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """The one line on stderr that a mistake ends with."""
+        """The one line on stderr that a mistake ends with, after the bar of kernels where they had to be compiled first."""
         assert self.status in (1, 2), (self.status, self.out, self.err)
-        lines = self.err.splitlines()
+        lines = [line for line in self.err.splitlines() if not line.startswith("Compiling kernels")]
         assert len(lines) == 1, self.err
         assert lines[0].startswith("elys: ")
         return lines[0]
