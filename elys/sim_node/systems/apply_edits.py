@@ -108,7 +108,8 @@ def apply_edits(simulation: Simulation, edits: tuple[Edit, ...]) -> Applied:
             for edit in back:
                 apply_command(simulation, edit)
         simulation.tick = tick  # another tick rate rounds it
-        _keep_physics(simulation)
+        if inverses:
+            _keep_physics(simulation)
         simulation.world.allocator.take_back(resting, np.array(spawned, np.uint32))
         raise
     _note_edited(simulation, edits, entities)
