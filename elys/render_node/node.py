@@ -309,7 +309,7 @@ class _ViewServer:
         """Draws what a view shows, and puts it where it is wanted."""
         request, world = view.request, self._follower.world
         if request.shows == "shaded":
-            marks = self._follower.drawing.marks(world, request.debug, request.debug_entities)
+            marks = self._follower.drawing.marks(world, request.debug, request.debug_entities, hidden=request.hidden)
             picture = renderer.draw(
                 world,
                 camera,

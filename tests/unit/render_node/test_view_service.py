@@ -388,5 +388,7 @@ def test_each_view_has_its_own_debug_drawing_and_lines_are_made_only_while_one_i
         while listened():
             await made.picture()
         assert (await made.picture(debug=("labels",), debug_entities=(99,))).jpeg == plain.jpeg
+        nothing = await made.picture(hidden=(BOX,))
+        assert (await made.picture(hidden=(BOX,), debug=("obb", "labels"))).jpeg == nothing.jpeg
 
     run(context, act)
