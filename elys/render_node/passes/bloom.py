@@ -34,8 +34,8 @@ class Glow:
 class BloomPass:
     """Mixes a share of ever smaller, softer pictures of the light into it: energy is spread, none is added.
 
-    Of a picture that is drawn in parts `gather` takes the light of one after the other; when `spread` has softened it, it is mixed
-    into each part.
+    Of a picture that is drawn in parts `gather` takes the light of one after the other; when `spread` has softened it, it is
+    mixed into each part.
     """
 
     def __init__(self, resources: Resources) -> None:
