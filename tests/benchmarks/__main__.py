@@ -14,13 +14,14 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from tests.benchmarks import latency, models, pictures, queries, rigid_bodies, scene_tree, starts, ticks
+from tests.benchmarks import latency, models, pictures, queries, rigid_bodies, scene_tree, starts, ticks, view_streams
 from tests.benchmarks.machine import machine
 
 ROOT = Path(__file__).parents[2]
 SUITES: dict[str, Callable[[], list[tuple[str, str]]]] = {
     "ticks": ticks.measure,
     "latency": latency.measure,
+    "views": view_streams.measure,
     "starts": starts.measure,
     "tree": scene_tree.measure,
     "rigid": rigid_bodies.measure,
