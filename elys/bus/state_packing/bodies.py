@@ -30,8 +30,10 @@ class Bodies(NamedTuple):
 
     def rows(self, rows: Rows) -> Bodies:
         """Some of them."""
-        change = None if self.change is None else self.change[:, rows]
-        columns = (column[:, rows] for column in self[:4])
+        if isinstance(rows, slice):
+            return self
+        change = None if self.change is None else self.change.take(rows, axis=1)
+        columns = (column.take(rows, axis=1) for column in self[:4])
         return Bodies(*columns, self.entity[rows], change)  # type: ignore[arg-type]
 
     def replaced(self, rows: Rows, told: Bodies) -> Bodies:

@@ -22,7 +22,6 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from elys.bus.messages.state_frame import BODY_SIZE
 from elys.bus.state_packing.bodies import Bodies, Rows, rows_before
 from elys.bus.state_packing.numbers import folded, unfolded
 from elys.bus.state_packing.planes import PlaneReader, PlaneWriter
@@ -35,8 +34,11 @@ POSITION_ERROR: Final = 0.5 / POSITION_STEPS * 3.0**0.5  # [m]
 ROTATION_ERROR: Final = 0.0086  # [degrees]: 2 sqrt(3) steps / 2 at worst, where all four components are 1/2
 LINEAR_ERROR: Final = 0.5 / LINEAR_STEPS * 3.0**0.5  # [m/s]
 ANGULAR_ERROR: Final = 0.5 / ANGULAR_STEPS * 3.0**0.5  # [rad/s]
-_MOST: Final = float((1 << 30) - 1)  # steps; a body farther or faster is kept exactly, with all of its frame
-_OTHERS: Final = np.array(((1, 2, 3), (0, 2, 3), (0, 1, 3), (0, 1, 2)))
+_MOST: Final = float((1 << 29) - 1)  # steps; a body farther or faster is kept exactly, with all of its frame
+_OTHERS: Final = np.array(((1, 0, 0, 0), (2, 2, 1, 1), (3, 3, 3, 2)), np.uint8)  # [3, 4] which they are, by the largest
+# [4, 4] where each component stands among (the others, the largest), by the largest
+_PLACE: Final = np.array(((3, 0, 0, 0), (0, 3, 1, 1), (1, 1, 3, 2), (2, 2, 2, 3)), np.uint8)
+F4: Final = np.float32
 
 
 class Codes(NamedTuple):
@@ -56,7 +58,9 @@ class Codes(NamedTuple):
 
     def rows(self, rows: Rows) -> Codes:
         """Some of them."""
-        return Codes(*(column[..., rows] for column in self))  # type: ignore[arg-type]
+        if isinstance(rows, slice):
+            return self
+        return Codes(*(column.take(rows, axis=-1) for column in self))  # type: ignore[arg-type]
 
     def replaced(self, rows: Rows, told: Codes) -> Codes:
         """The same with other rows in these places."""
@@ -84,24 +88,28 @@ def codes_of(bodies: Bodies) -> Codes | None:
             (bodies.angular, ANGULAR_STEPS),
         )
     )
-    rotation = bodies.rotation.astype(np.float64)
-    length = np.sqrt(_squares(rotation))
-    if position is None or linear is None or angular is None or not np.all(np.abs(length - 1.0) < 0.1):
+    length = np.sqrt(_squares(bodies.rotation))
+    if position is None or linear is None or angular is None or not np.all(np.abs(length - F4(1.0)) < 0.1):
         return None
-    rotation /= length
-    largest = np.argmax(np.abs(rotation), axis=0)
-    negative = np.take_along_axis(rotation, largest[None], axis=0)[0] < 0.0
+    rotation = bodies.rotation / length
+    size = np.abs(rotation)
+    largest = np.where(size[1] > size[0], np.uint8(1), np.uint8(0))
+    size[0] = np.maximum(size[0], size[1])
+    for component in (2, 3):
+        largest[size[component] > size[0]] = component
+        size[0] = np.maximum(size[0], size[component])
+    negative = _at(rotation, largest) < 0.0
     codes = _rotation_codes(rotation, largest)
-    return Codes(position, (largest + 4 * negative).astype(np.uint8), codes, linear, angular, bodies.entity)
+    return Codes(position, largest + np.uint8(4) * negative, codes, linear, angular, bodies.entity)
 
 
 def bodies_from(codes: Codes) -> Bodies:
     """What a reader gets to see of them."""
     return Bodies(
         codes.position * (1.0 / POSITION_STEPS),
-        _rotation_of(codes).astype(np.float32),
-        (codes.linear * (1.0 / LINEAR_STEPS)).astype(np.float32),
-        (codes.angular * (1.0 / ANGULAR_STEPS)).astype(np.float32),
+        _rotation_of(codes),
+        (codes.linear * (1.0 / LINEAR_STEPS)).astype(F4),
+        (codes.angular * (1.0 / ANGULAR_STEPS)).astype(F4),
         codes.entity,
     )
 
@@ -161,32 +169,42 @@ def unpack_codes(packed: PlaneReader, before: Codes, elapsed: float) -> Codes:
 
 
 def _in_steps(column: NDArray[np.floating], steps: float) -> NDArray[np.int32] | None:
-    scaled = np.rint(column.astype(np.float64) * steps)
-    return scaled.astype(np.int32) if np.all(np.abs(scaled) <= _MOST) else None
+    scaled = column * column.dtype.type(steps)
+    np.rint(scaled, out=scaled)
+    return scaled.astype(np.int32) if max(scaled.max(initial=0.0), -scaled.min(initial=0.0)) <= _MOST else None
 
 
-def _squares(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
+def _squares(rotation: NDArray[np.float32]) -> NDArray[np.float32]:
     x, y, z, w = rotation
     return ((x * x + y * y) + z * z) + w * w
 
 
-def _rotation_codes(rotation: NDArray[np.float64], largest: NDArray[np.intp]) -> NDArray[np.int16]:
+def _at(rotation: NDArray[np.float32], component: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """The `component` [n] or [k, n] of each rotation."""
+    count = rotation.shape[1]
+    place = component.astype(np.intp)
+    place *= count
+    place += np.arange(count)
+    return rotation.reshape(-1).take(place)
+
+
+def _rotation_codes(rotation: NDArray[np.float32], largest: NDArray[np.uint8]) -> NDArray[np.int16]:
     """[3, n] the components that are not the `largest`, divided by its sign."""
-    others = np.take_along_axis(rotation, _OTHERS[largest].T, axis=0)
-    sign = np.where(np.take_along_axis(rotation, largest[None], axis=0) < 0.0, -ROTATION_STEPS, ROTATION_STEPS)
-    return np.rint(others * sign).astype(np.int16)
+    others = _at(rotation, _OTHERS.take(largest, axis=1))
+    others *= np.where(_at(rotation, largest) < 0.0, F4(-ROTATION_STEPS), F4(ROTATION_STEPS))
+    return np.rint(others, out=others).astype(np.int16)
 
 
-def _rotation_of(codes: Codes) -> NDArray[np.float64]:
+def _rotation_of(codes: Codes) -> NDArray[np.float32]:
     """[4, n] unit quaternions."""
-    others = codes.rotation * (1.0 / ROTATION_STEPS)
+    others = codes.rotation * F4(1.0 / ROTATION_STEPS)
     x, y, z = others
-    rest = 1.0 - ((x * x + y * y) + z * z)
-    rotation = np.empty((4, codes.count))
-    largest = (codes.largest & np.uint8(3)).astype(np.intp)
-    np.put_along_axis(rotation, _OTHERS[largest].T, others, axis=0)
-    np.put_along_axis(rotation, largest[None], np.sqrt(np.where(rest > 0.0, rest, 0.0))[None], axis=0)
-    return np.where(codes.largest & np.uint8(4), -rotation, rotation)
+    rest = F4(1.0) - ((x * x + y * y) + z * z)
+    components = np.empty((4, codes.count), F4)
+    components[:3] = others
+    components[3] = np.sqrt(np.maximum(rest, F4(0.0)))
+    components *= np.where(codes.largest & np.uint8(4), F4(-1.0), F4(1.0))
+    return _at(components, _PLACE.take(codes.largest & np.uint8(3), axis=1)).reshape(4, codes.count)
 
 
 def _guessed_rotation(
@@ -196,19 +214,19 @@ def _guessed_rotation(
     if not elapsed:
         return before.rotation
     x, y, z, w = _rotation_of(before)
-    wx, wy, wz = (before.angular.astype(np.float64) + angular) * (elapsed * 0.25 / ANGULAR_STEPS)
-    guess = np.empty((4, before.count))
+    wx, wy, wz = (before.angular + angular) * F4(elapsed * 0.25 / ANGULAR_STEPS)
+    guess = np.empty((4, before.count), F4)
     guess[0] = x + ((wx * w + wy * z) - wz * y)
     guess[1] = y + ((wy * w + wz * x) - wx * z)
     guess[2] = z + ((wz * w + wx * y) - wy * x)
     guess[3] = w - ((wx * x + wy * y) + wz * z)
     guess /= np.sqrt(_squares(guess))
-    return _rotation_codes(guess, (largest & np.uint8(3)).astype(np.intp))
+    return _rotation_codes(guess, largest & np.uint8(3))
 
 
 def _guessed_position(before: Codes, linear: NDArray[np.int32], elapsed: float) -> NDArray[np.int32]:
     """[3, n] codes of where the mean of both linear velocities leads."""
     if not elapsed:
         return before.position
-    way = (before.linear.astype(np.float64) + linear) * (elapsed * 0.5 * POSITION_STEPS / LINEAR_STEPS)
-    return before.position + np.rint(way).astype(np.int64).astype(np.int32)
+    way = (before.linear + linear) * (elapsed * 0.5 * POSITION_STEPS / LINEAR_STEPS)
+    return before.position + np.rint(way).astype(np.int32)

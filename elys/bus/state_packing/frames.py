@@ -46,6 +46,7 @@ HEAD_SIZE: Final = HEADER.size + _HEAD.size
 _IDS, _ROWS, _SOME, _TAIL = 1, 2, 4, 8
 _TAIL_HEAD: Final = struct.Struct("<BI")  # whether it is told against the tail before, words
 MOST_TAIL: Final = 1 << 24  # [words] of a tail that is packed
+_MOSTLY: Final = 0.8  # of the rows: who counts the few that did not change pays more than they cost
 _LONGEST: Final = 1.0  # [s] between frames, above which where a body went says nothing
 
 
@@ -126,27 +127,34 @@ def pack_verbatim(body: bytes | memoryview, *, number: int) -> bytes:
 
 
 def pack_told(
-    out: PlaneWriter, body: bytes | memoryview, rows: Bodies | Codes, *, number: int, kind: Kind, base: Told | None
+    out: PlaneWriter,
+    body: bytes | memoryview,
+    rows: Bodies | Codes | None,
+    *,
+    number: int,
+    kind: Kind,
+    base: Told | None,
 ) -> tuple[bytes, Told]:
     """A whole frame of at most MOST_BODIES, told against `base`, which is None for a key; and what others are told against.
 
-    `rows` are its bodies, as codes in a compact recording; those of the base have to be of the same sort.
+    `rows` are its bodies, as codes in a compact recording, and of the same sort as the base's; None if it `is_same` as the base.
     """
-    told, kept = 0, rows
-    with np.errstate(all="ignore"):
-        if base is not None and base.rows is not None and _is_same(body, base.body):
-            kept = base.rows.without_change()
-        else:
+    told = 0
+    if rows is None:
+        assert base is not None and base.rows is not None
+        kept: Bodies | Codes = base.rows.without_change()
+    else:
+        with np.errstate(all="ignore"):
             elapsed = _elapsed(body, base if kind is Kind.DIFFERENCE else None)
             told, kept = _pack_rows(out, rows, None if base is None else base.rows, elapsed)
             told |= _pack_tail(out, Told(number, body, None).tail, b"" if base is None else base.tail)
-    code = kind | (COMPACT if isinstance(rows, Codes) else 0)
+    code = kind | (COMPACT if isinstance(kept, Codes) else 0)
     head = _HEAD.pack(code, told, 0, number, number if base is None else base.number)
     stored = b"".join((memoryview(body)[: HEADER.size], head, out.take()))
     return stored, Told(number, body, kept)
 
 
-def _is_same(body: bytes | memoryview, other: bytes | memoryview) -> bool:
+def is_same(body: bytes | memoryview, other: bytes | memoryview) -> bool:
     """Whether all but the header is, bit for bit."""
     if len(body) != len(other):
         return False
@@ -177,7 +185,7 @@ def _pack_rows(out: PlaneWriter, now: Any, base: Any, elapsed: float) -> tuple[i
     if not count:
         return told, before.without_change()
     rows: Any = slice(None)
-    if count < now.count:
+    if count < _MOSTLY * now.count:
         told |= _SOME
         out.bits(changed)
         rows = np.flatnonzero(changed)
@@ -212,7 +220,9 @@ def unpack_told(stored: bytes | memoryview, base: Told | None) -> Told:
     if head.kind is Kind.KEY:
         base = None
     elif base is None or base.number != head.base or not isinstance(base.rows, Codes if head.is_compact else Bodies):
-        raise RecordingError(f"frame {head.number} cannot be read: frame {head.base}, which it is told against, is not there")
+        raise RecordingError(
+            f"frame {head.number} cannot be read: frame {head.base}, which it is told against, is not there"
+        )
     with np.errstate(all="ignore"):
         return _unpack(memoryview(stored), head, base)
 

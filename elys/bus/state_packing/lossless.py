@@ -30,7 +30,9 @@ SHORT: Final = 0  # positions that moved by a float32: the solver's displacement
 LONG: Final = 1
 MIXED: Final = 2
 
-_NOISE_BITS: Final = 24.5  # of a difference, above which the number itself is shorter: its exponent packs, its sign does not
+_NOISE_BITS: Final = (
+    24.5  # of a difference, above which the number itself is shorter: its exponent packs, its sign does not
+)
 _LOOKED_AT: Final = 1500  # numbers by which a mode is chosen
 F4: Final = np.float32
 

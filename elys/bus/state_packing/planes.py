@@ -19,8 +19,15 @@ from elys.common.errors import RecordingError
 ZERO: Final = 0
 PLAIN: Final = 1
 PACKED: Final = 2
-_SMALLEST_PACKED: Final = 128  # [bytes] below it a plane is not worth a frame of its own; a chunk's compression finds the rest
-_LEVEL: Final = 1  # of zstd: higher ones find nothing more in such planes, and take longer
+_SMALLEST_PACKED: Final = (
+    128  # [bytes] below it a plane is not worth a frame of its own; a chunk's compression finds the rest
+)
+_LOOKED_AT: Final = 1024  # bytes of a plane by which it is told whether it is noise
+_NOISE: Final = 1.15 / 256.0  # how often two of them are equal, of those that do not pack: a little above chance
+# Planes hold no words to be found again, but few values among many: the shorter the search, the smaller and the sooner.
+_SEARCH: Final = zstandard.ZstdCompressionParameters.from_level(
+    1, strategy=zstandard.STRATEGY_FAST, window_log=17, hash_log=8, min_match=7, target_length=0
+)
 _LENGTH: Final = struct.Struct("<BI")
 
 
@@ -29,7 +36,7 @@ class PlaneWriter:
 
     def __init__(self) -> None:
         self._parts: list[bytes | memoryview] = []
-        self._compressor = zstandard.ZstdCompressor(level=_LEVEL, write_content_size=True)
+        self._compressor = zstandard.ZstdCompressor(compression_params=_SEARCH)
 
     def byte(self, value: int) -> None:
         """Adds one byte."""
@@ -42,9 +49,9 @@ class PlaneWriter:
     def words(self, values: NDArray[Any]) -> None:
         """Adds unsigned integers of 1, 2, 4 or 8 bytes each, plane by plane, rows of a table one after the other."""
         width = values.itemsize
-        flat = np.ascontiguousarray(values).reshape(-1).view(np.uint8).reshape(-1, width)
+        flat = values.reshape(-1)
         for place in reversed(range(width)):
-            self._plane(np.ascontiguousarray(flat[:, place]))
+            self._plane((flat >> flat.dtype.type(8 * place)).astype(np.uint8))
 
     def bits(self, flags: NDArray[np.bool_]) -> None:
         """Adds booleans, eight in a byte, the first in the lowest bit."""
@@ -61,7 +68,7 @@ class PlaneWriter:
         if not plane.any():
             self.byte(ZERO)
             return
-        if len(plane) >= _SMALLEST_PACKED:
+        if len(plane) >= _SMALLEST_PACKED and not _is_noise(plane):
             packed = self._compressor.compress(plane.data)
             if len(packed) + 4 < len(plane):
                 self._parts.append(_LENGTH.pack(PACKED, len(packed)))
@@ -69,6 +76,14 @@ class PlaneWriter:
                 return
         self.byte(PLAIN)
         self._parts.append(plane.data)
+
+
+def _is_noise(plane: NDArray[np.uint8]) -> bool:
+    """Whether the bytes of a plane are spread so evenly that packing them would be in vain."""
+    sample = plane[:: max(1, len(plane) // _LOOKED_AT)]
+    counts = np.bincount(sample, minlength=256)
+    size = len(sample)
+    return bool(counts @ counts - size <= _NOISE * size * (size - 1))
 
 
 class PlaneReader:

@@ -9,7 +9,7 @@ import numpy as np
 from elys.bus.messages.state_frame import BODY_SIZE, HEADER, is_whole
 from elys.bus.state_packing.bodies import Bodies, bodies_of, changed_rows
 from elys.bus.state_packing.compact import Codes, changed_codes, codes_of
-from elys.bus.state_packing.frames import MOST_BODIES, MOST_TAIL, Kind, Told, pack_told, pack_verbatim
+from elys.bus.state_packing.frames import MOST_BODIES, MOST_TAIL, Kind, Told, is_same, pack_told, pack_verbatim
 from elys.bus.state_packing.planes import PlaneWriter
 
 MOST_DIFFERENCES: Final = 60  # in a row, so that no frame is far from one that can be had by itself
@@ -40,8 +40,7 @@ class FramePacker:
         tail = len(body) - HEADER.size - count * BODY_SIZE
         if not is_whole(body) or count > MOST_BODIES or tail > 4 * MOST_TAIL:
             return pack_verbatim(body, number=number)
-        with np.errstate(all="ignore"):
-            kind, rows, base = self._decide(body, count, is_entry)
+        kind, rows, base = self._decide(body, count, is_entry)
         stored, told = pack_told(self._out, body, rows, number=number, kind=kind, base=base)
         self._last = told
         self._differences = self._differences + 1 if kind is Kind.DIFFERENCE else 0
@@ -49,13 +48,21 @@ class FramePacker:
             self._key = told
         return stored
 
-    def _decide(self, body: bytes | memoryview, count: int, is_entry: bool) -> tuple[Kind, Bodies | Codes, Told | None]:
-        bodies = bodies_of(body, count)
-        rows = (codes_of(bodies) if self._compact else None) or bodies
-        if not is_entry and self._differences < MOST_DIFFERENCES and _is_alike(rows, self._last):
-            return Kind.DIFFERENCE, rows, self._last
-        if self._key is not None and _is_alike(rows, self._key) and _is_near(rows, self._key):
-            return Kind.REFRESH, rows, self._key
+    def _decide(
+        self, body: bytes | memoryview, count: int, is_entry: bool
+    ) -> tuple[Kind, Bodies | Codes | None, Told | None]:
+        """What a frame is told against, and its rows; None where they are those."""
+        may_differ = not is_entry and self._differences < MOST_DIFFERENCES
+        kind, base = (Kind.DIFFERENCE, self._last) if may_differ else (Kind.REFRESH, self._key)
+        if base is not None and base.rows is not None and is_same(body, base.body):
+            return kind, None, base
+        with np.errstate(all="ignore"):
+            bodies = bodies_of(body, count)
+            rows = (codes_of(bodies) if self._compact else None) or bodies
+            if may_differ and _is_alike(rows, self._last):
+                return Kind.DIFFERENCE, rows, self._last
+            if self._key is not None and _is_alike(rows, self._key) and _is_near(rows, self._key):
+                return Kind.REFRESH, rows, self._key
         return Kind.KEY, rows, None
 
 
