@@ -74,7 +74,7 @@ class IndexBuilder:
         if not (is_whole(body) and math.isfinite(time)):
             return
         frames = self._told_again if flags & TOLD_AGAIN else self._frames
-        while flags & FORKED and frames and frames[-1][0] == epoch and frames[-1][1] > tick:
+        while flags & FORKED and frames and frames[-1][0] == epoch and frames[-1][2] > time:
             frames.pop()
         frames.append((epoch, tick, time, sequence, count, chunk, message))
 
