@@ -49,15 +49,15 @@ def compared(frame: StateFrame, simulation: Simulation, bounds: Mapping[str, flo
         theirs, ours = getattr(frame, rows), here[rows]
         if not np.array_equal(theirs, ours):
             return _other_rows(frame, simulation, theirs, ours)
-    found: Difference | None = None
     for column, (_, _, rows) in SHOWN.items():
         theirs, ours = getattr(frame, column), here[column]
         bad = _differing(column, theirs, ours, bounds.get(column, 0.0))
         if bad.any():
-            row = int(np.flatnonzero(bad)[0])
-            found = _of_row(frame, simulation, column, int(here[rows][row]), theirs[row], ours[row])
-            break
-    return found
+            # The one that is farthest off is the likeliest to have moved the others.
+            amounts = [difference_of(column, theirs[row], ours[row]) for row in np.flatnonzero(bad)]
+            row = int(np.flatnonzero(bad)[int(np.nanargmax([*amounts, -1.0])) % len(amounts)])
+            return _of_row(frame, simulation, column, int(here[rows][row]), theirs[row], ours[row])
+    return None
 
 
 def of_hash(frame: StateFrame, simulation: Simulation) -> Difference:

@@ -107,7 +107,7 @@ class _Run:
                 return
         unplaced = self._missing.get(-1)
         if unplaced is not None:
-            self.difference = self._lacks(unplaced, "by the end")
+            self.difference = self._lacks(unplaced)
 
     def _through_run(self, run: Recording, progress: Progress | None) -> None:
         start = self.first_time
@@ -147,7 +147,7 @@ class _Run:
         again = self.again
         missing = self._missing.get(again.instant + 1)
         if missing is not None:
-            self.difference = self._lacks(missing, f"at tick {again.simulation.tick}")
+            self.difference = self._lacks(missing)
             return False
         try:
             again.advance()
@@ -197,20 +197,25 @@ class _Run:
         return self.again.instant == head.instant and (when, tick) < (head.time, head.tick)
 
     def _differs(self, difference: Difference) -> None:
+        missing = self._missing.get(self.again.instant + 1)
+        if missing is not None:
+            self.difference = self._lacks(missing)
+            return
         unplaced = self._missing.get(-1)
         if unplaced is not None:
             text = f"{difference.text}; change {unplaced.number} is not in the recording"
             difference = msgspec.structs.replace(difference, text=text, missing_command=unplaced.number)
         self.difference = difference
 
-    def _lacks(self, missing: Missing, where: str) -> Difference:
+    def _lacks(self, missing: Missing) -> Difference:
         simulation = self.again.simulation
+        where = "that was made there" if missing.beat >= 0 else "that was made before the end"
         return Difference(
             tick=simulation.tick,
             time=simulation.time,
             text=(
-                f"tick {simulation.tick} ({simulation.time:.3f} s): command {missing.number} of those that changed the simulation"
-                f", applied {where}, is not in the recording: it was taken out, or lost by a recorder that could not keep up"
+                f"tick {simulation.tick} ({simulation.time:.3f} s): change {missing.number} {where} is not in the recording: its "
+                "command was taken out, or lost by a recorder that could not keep up"
             ),
             missing_command=missing.number,
         )

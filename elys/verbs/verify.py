@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import math
 import sys
 from collections.abc import Callable, Iterator
@@ -29,6 +30,9 @@ def verify(recording: Path, *, first: float, last: float, threads: int, json: bo
     from elys.sim_node.verification import verify as verified
 
     start_logging()
+    logging.getLogger("elys.sim_node.simulation").setLevel(
+        logging.CRITICAL
+    )  # what physics found was told when it was recorded
     try:
         load_kernels(recording, threads=threads)
         with progress_bar("Running again", is_shown=not json) as progress:
