@@ -100,6 +100,10 @@ class Chronicle:
         """Whether commands have changed the simulation since the last instant."""
         return any(record.number > 0 for record in self._waiting)
 
+    def leads_to(self, *, steps: bool) -> int:
+        """The instant to which the beat leads that is under way, and that ends with a step or not."""
+        return self.instant + bool(steps or self._done or self.is_broken)
+
     # --- what happens ------------------------------------------------------------------------------------------------
 
     def forked(self) -> None:

@@ -40,6 +40,7 @@ from elys.bus.messages.history import HistoryReply, HistoryRequest
 from elys.bus.messages.plan import PhysicsPlan, PlanRequest
 from elys.bus.messages.scene import SceneDelta, Snapshot, SnapshotRequest
 from elys.bus.messages.session import Event, EventBatch, SessionStatus
+from elys.bus.messages.state_frame import INSTANTS
 from elys.bus.messages.timeline import Markers, MarkersRequest
 from elys.bus.session import Node, Session
 from elys.common.clock import FixedStepClock
@@ -199,7 +200,7 @@ class SimulationNode:
         self.chronicle.tell(steps=stepping, physics_of=-1 if self._is_whole else self._paused_physics.instant)
         is_told = self._publish_changes()
         if replies or (stepping and is_heard(self.session, topics.STATE)):
-            self._publish_frame()
+            self._publish_frame(steps=stepping and not self._repeated)
         if stepping and (found := publish_diagnostics(self.session, self.simulation)) and self.guard is not None:
             self._events += self.guard.look(found)
         events = self._publish_events()
@@ -499,7 +500,7 @@ class SimulationNode:
             topics.DELTA, SceneDelta(epoch=self.session.epoch, sequence=self._sequence, tick=tick, resync=True)
         )
 
-    def _publish_frame(self) -> None:
+    def _publish_frame(self, *, steps: bool = False) -> None:
         frame = state_frame(
             self.simulation,
             epoch=self.session.epoch,
@@ -507,6 +508,7 @@ class SimulationNode:
             playing=self.playing,
             is_told_again=self._is_rewound,
             is_forked=self.simulation.time <= self._forked_until,
+            instant=self.chronicle.leads_to(steps=steps) % INSTANTS,
         )
         self.session.publish(topics.STATE, frame)
 

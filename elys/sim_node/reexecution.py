@@ -48,14 +48,6 @@ class Reexecution:
         """What is told of the beat that comes next; None where it is a step and nothing else."""
         return self.course.beats.get(self.instant + 1)
 
-    @property
-    def next_steps(self) -> bool:
-        """Whether the next beat lets time go on."""
-        there = self.course.states.get(self.instant + 1)
-        if there is not None and there.head.is_unexplained and there.head.tick == self.simulation.tick:
-            return False
-        return self.next_beat is None or self.next_beat.steps
-
     def advance(self) -> None:
         """Does the next beat.
 

@@ -15,7 +15,7 @@ from typing import Literal
 import msgspec
 
 from elys.bus.course import Course, KeptState, Missing, build_of, read_course
-from elys.bus.messages.state_frame import StateFrame
+from elys.bus.messages.state_frame import INSTANTS, StateFrame
 from elys.bus.recording import Recording
 from elys.common.errors import ElysError, RecordingError
 from elys.sim_node.build_facts import build_facts, differences
@@ -24,7 +24,6 @@ from elys.sim_node.reexecution import Reexecution, simulation_for
 
 Cause = Literal["equal", "altered", "other build", "not deterministic"]
 Progress = Callable[[float, float], None]  # seconds of simulation done, and in all
-_SLACK = 0.75  # ticks: another tick rate rounds the time
 _REPORT = 30  # frames between two tellings of progress
 
 
@@ -116,9 +115,12 @@ class _Run:
             when = float(run.time[position])
             if when > self._last:
                 return
-            if self._is_before_beginning(when, int(run.tick[position])):
+            if when < self._begun.head.time:
                 continue
-            if not self._follow(run.frame(position)):
+            frame = run.frame(position)
+            if self.again.instant == self._begun.head.instant and self._ahead(frame) < 0:
+                continue  # from before the state with which it begins
+            if not self._follow(frame):
                 return
             if when >= self._first:
                 self.ticks += int(position == 0 or run.tick[position] != run.tick[position - 1])
@@ -128,22 +130,33 @@ class _Run:
 
     def _follow(self, frame: StateFrame) -> bool:
         """Goes on to the instant that a frame shows; returns whether it is as recorded, and the frames after it can be."""
-        simulation = self.again.simulation
-        while self.difference is None:
-            is_at_tick = simulation.tick == frame.tick and simulation.time == frame.simulation_time
-            if is_at_tick and simulation.state_hash() == frame.state_hash:
-                self.difference = compared(frame, simulation, frame_bounds(self._recording))
-                return self.difference is None
-            if is_at_tick and self.again.next_steps:
-                self._differs(compared(frame, simulation, frame_bounds(self._recording)) or of_hash(frame, simulation))
-            elif simulation.time > frame.simulation_time + _SLACK / simulation.settings.tick_rate:
+        if frame.instant < 0 or self._ahead(frame) < 0:
+            self._differs(_lacking(frame))
+        while self.difference is None and self._ahead(frame) > 0:
+            if self.again.simulation.time > frame.simulation_time + 1.0:
                 self._differs(_lacking(frame))
-            elif not self._advance(frame):
-                return self.difference is None
-        return False
+            elif not self._advance():
+                return False
+        if self.difference is None and self._ahead(frame) == 0:
+            self._compare(frame)
+        return self.difference is None
 
-    def _advance(self, frame: StateFrame) -> bool:
-        """Does the next beat; returns whether the frame can still be met."""
+    def _ahead(self, frame: StateFrame) -> int:
+        """How many beats lead to a frame; negative if it is of the past."""
+        ahead = (frame.instant - self.again.instant) % INSTANTS
+        return ahead if ahead < INSTANTS // 2 else ahead - INSTANTS
+
+    def _compare(self, frame: StateFrame) -> None:
+        simulation = self.again.simulation
+        if (simulation.tick, simulation.time) != (frame.tick, frame.simulation_time):
+            self._differs(_lacking(frame))
+        elif (found := compared(frame, simulation, frame_bounds(self._recording))) is not None:
+            self._differs(found)
+        elif simulation.state_hash() != frame.state_hash:
+            self._differs(of_hash(frame, simulation))
+
+    def _advance(self) -> bool:
+        """Does the next beat, or where it cannot be done again goes to where the recording tells how it goes on."""
         again = self.again
         missing = self._missing.get(again.instant + 1)
         if missing is not None:
@@ -158,7 +171,7 @@ class _Run:
                 self._last = -math.inf
                 return False
             self._begin(later)
-            return not self._is_before_beginning(frame.simulation_time, frame.tick)
+            return True
         if again.problem:
             self.notes.append(again.problem)
             again.problem = ""
@@ -191,16 +204,7 @@ class _Run:
             computed=f"{computed:016x}",
         )
 
-    def _is_before_beginning(self, when: float, tick: int) -> bool:
-        """Whether a frame is older than the state from which it is run again."""
-        head = self._begun.head
-        return self.again.instant == head.instant and (when, tick) < (head.time, head.tick)
-
     def _differs(self, difference: Difference) -> None:
-        missing = self._missing.get(self.again.instant + 1)
-        if missing is not None:
-            self.difference = self._lacks(missing)
-            return
         unplaced = self._missing.get(-1)
         if unplaced is not None:
             text = f"{difference.text}; change {unplaced.number} is not in the recording"
