@@ -93,6 +93,7 @@ class EditorModel:
         )
         self.status: SessionStatus | None = None
         self.connected = session.connected
+        self.scenes_opened = 0  # in the place of another, since this editor listens
         self._known_session = (session.name, session.epoch)  # of which the mirror tells
         self._wanted_paths: list[tuple[str, ...]] = []  # of what was selected before the host started anew
         self._told_stroke: object = None
@@ -322,6 +323,7 @@ class EditorModel:
     def _command_seen(self, record: CommandRecord, _: str) -> None:
         self.set_values.command_seen(record)
         if record.accepted and isinstance(record.command, LoadScene):
+            self.scenes_opened += 1
             self.history.forget()
         if record.accepted and isinstance(record.command, NoteSaved):
             self.file.saved_content = record.command.content
