@@ -52,7 +52,7 @@ class SessionState(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SceneLook(msgspec.Struct, frozen=True, kw_only=True):
-    """What this editor shows of a scene, and leaves alone: entities by the names that lead to them, and lines over the picture."""
+    """What this editor shows of a scene, and leaves alone: entities by the names that lead to them; lines over the picture."""
 
     locked: tuple[tuple[str, ...], ...] = ()
     hidden: tuple[tuple[str, ...], ...] = ()
