@@ -36,6 +36,7 @@ from elys.bus.messages.scene import SceneDelta, Snapshot, SnapshotRequest
 from elys.bus.messages.session import SessionStatus
 from elys.bus.messages.state_frame import HEADER, PLAYING
 from elys.bus.messages.timeline import Marker, Markers, MarkersRequest
+from elys.bus.prefab_service import serve_prefabs
 from elys.bus.recording import Recording
 from elys.bus.session import Session
 from elys.bus.topics import Encoding
@@ -97,6 +98,7 @@ class Player:
         """Serves the session and plays."""
         self.session.serve(topics.SNAPSHOT, self._give_snapshot)
         self.session.serve(topics.PLAN, self._refuse_plan)
+        serve_prefabs(self.session, self._has_instance_of)
         self.session.serve(topics.ASSET, self._give_asset)
         self.session.serve(topics.MARKERS, self._give_markers)
         self.session.serve(topics.COMMAND, self._take_command)
@@ -256,6 +258,9 @@ class Player:
         self.session.publish(topics.STATUS, status)
 
     # --- answering -------------------------------------------------------------------------------------------------
+
+    def _has_instance_of(self, prefab: str) -> bool:
+        return any(entity.prefab == prefab for entity in self._mirror.entities.values())
 
     async def _give_snapshot(self, request: SnapshotRequest, key: str) -> Snapshot:
         snapshot = self._mirror.to_snapshot(frame=self.recording.frame(self.position))

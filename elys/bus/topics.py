@@ -185,6 +185,12 @@ HISTORY: Final = Query(
     reply=history.HistoryReply,
     text="what somebody can undo and redo here, and as whom",
 )
+PREFAB: Final = Query(
+    name="prefab",
+    request=scene.PrefabRequest,
+    reply=scene.PrefabContent,
+    text="what stands in a prefab's file, which is on the host's disk",
+)
 MARKERS: Final = Query(
     name="markers",
     request=timeline.MarkersRequest,
@@ -244,6 +250,7 @@ TOPICS: Final[tuple[Topic[Any], ...]] = (
 QUERIES: Final[tuple[Query[Any, Any], ...]] = (
     HELLO,
     SNAPSHOT,
+    PREFAB,
     COMMAND,
     HISTORY,
     MARKERS,

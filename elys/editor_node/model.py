@@ -75,7 +75,7 @@ class EditorModel:
         self.timeline = Timeline(self, clock=clock)
         self.scene = EditorScene(session, on_change=self._scene_changed, on_state=self._state_arrived)
         self.set_values = SetValues(self.scene.mirror)
-        self.prefabs = PrefabValues(self.scene, start=session.start, on_change=lambda: self.request_redraw(0.0))
+        self.prefabs = PrefabValues(self.scene, session, on_change=lambda: self.request_redraw(0.0), clock=clock)
         self.history = History(
             self._ask,
             self._ask_for_history,

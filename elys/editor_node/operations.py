@@ -156,7 +156,7 @@ class Operations:
     def lay_over(self, label: str, changes_of_entity: Mapping[int, ComponentChanges], **named: object) -> Done | None:
         """Lays changes over entities' components, as an instance's are laid over its prefab's: one edit, whatever it takes.
 
-        A component that an entity lacks is added, None takes one away. `label` is a `sentence` of `named` and of `what` it is for.
+        A component that an entity lacks is added, None takes one away. `label` is a `sentence` of `named` and of `what` it is to.
         """
         commands: list[Edit] = []
         for entity, changes in changes_of_entity.items():

@@ -40,6 +40,7 @@ from elys.bus.messages.plan import PhysicsPlan, PlanRequest
 from elys.bus.messages.scene import SceneDelta, Snapshot, SnapshotRequest
 from elys.bus.messages.session import Event, EventBatch, SessionStatus
 from elys.bus.messages.timeline import Markers, MarkersRequest
+from elys.bus.prefab_service import serve_prefabs
 from elys.bus.session import Node, Session
 from elys.common.clock import FixedStepClock
 from elys.common.errors import EditConflict, ElysError, RequestError
@@ -148,6 +149,7 @@ class SimulationNode:
         session.serve(topics.MARKERS, self._give_markers)
         session.serve(topics.PLAN, self._give_plan)
         serve_assets(session, self.simulation.assets)
+        serve_prefabs(session, self.simulation.world.hierarchy.has_instance_of)
         self._publish_status()
         self._publish_frame()  # who subscribes before the first tick sees the scene as it was loaded
         async with asyncio.TaskGroup() as group:
