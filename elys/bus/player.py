@@ -31,6 +31,7 @@ from elys.bus.messages.commands import (
     StepTicks,
 )
 from elys.bus.messages.history import HistoryReply, HistoryRequest
+from elys.bus.messages.physics import Touching, TouchingRequest
 from elys.bus.messages.plan import PhysicsPlan, PlanRequest
 from elys.bus.messages.scene import SceneDelta, Snapshot, SnapshotRequest
 from elys.bus.messages.session import SessionStatus
@@ -98,6 +99,7 @@ class Player:
         """Serves the session and plays."""
         self.session.serve(topics.SNAPSHOT, self._give_snapshot)
         self.session.serve(topics.PLAN, self._refuse_plan)
+        self.session.serve(topics.TOUCHING, self._refuse_touching)
         serve_prefabs(self.session, self._has_instance_of)
         self.session.serve(topics.ASSET, self._give_asset)
         self.session.serve(topics.MARKERS, self._give_markers)
@@ -303,6 +305,9 @@ class Player:
 
     async def _refuse_plan(self, request: PlanRequest, key: str) -> PhysicsPlan:
         raise RequestError("a recording is played, nothing is simulated: there is no plan of steps")
+
+    async def _refuse_touching(self, request: TouchingRequest, key: str) -> Touching:
+        raise RequestError("a recording is played: it holds which contacts began and ended, not which go on")
 
     async def _take_command(self, request: CommandRequest, key: str) -> CommandReply:
         try:

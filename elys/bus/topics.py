@@ -179,6 +179,12 @@ PLAN: Final = Query(
     reply=plan.PhysicsPlan,
     text="which stages a step of physics has, and why the others are off",
 )
+TOUCHING: Final = Query(
+    name="touching",
+    request=physics.TouchingRequest,
+    reply=physics.Touching,
+    text="all contacts that go on; the topic contacts tells what begins and ends from then on",
+)
 HISTORY: Final = Query(
     name="history",
     request=history.HistoryRequest,
@@ -255,6 +261,7 @@ QUERIES: Final[tuple[Query[Any, Any], ...]] = (
     HISTORY,
     MARKERS,
     PLAN,
+    TOUCHING,
     PICK,
     THUMBNAIL,
     ASSET,

@@ -36,6 +36,7 @@ from elys.bus.messages.commands import (
     Undo,
 )
 from elys.bus.messages.history import HistoryReply, HistoryRequest
+from elys.bus.messages.physics import Touching, TouchingRequest
 from elys.bus.messages.plan import PhysicsPlan, PlanRequest
 from elys.bus.messages.scene import SceneDelta, Snapshot, SnapshotRequest
 from elys.bus.messages.session import Event, EventBatch, SessionStatus
@@ -61,6 +62,7 @@ from elys.sim_node.systems.publish_state import (
     publish_profile,
     scene_delta,
     state_frame,
+    touching,
 )
 from elys.sim_node.timing import StageTimes, process_age
 
@@ -148,6 +150,7 @@ class SimulationNode:
         session.serve(topics.HISTORY, self._give_history)
         session.serve(topics.MARKERS, self._give_markers)
         session.serve(topics.PLAN, self._give_plan)
+        session.serve(topics.TOUCHING, self._give_touching)
         serve_assets(session, self.simulation.assets)
         serve_prefabs(session, self.simulation.world.hierarchy.has_instance_of)
         self._publish_status()
@@ -440,6 +443,11 @@ class SimulationNode:
 
     async def _give_plan(self, request: PlanRequest, key: str) -> PhysicsPlan:
         return physics_plan(self.simulation)
+
+    async def _give_touching(self, request: TouchingRequest, key: str) -> Touching:
+        if not self.simulation.physics.settings.events:
+            raise RequestError("contacts are not told: events are switched off by the scene's settings")
+        return touching(self.simulation, epoch=self.session.epoch)
 
     async def _give_snapshot(self, request: SnapshotRequest, key: str) -> Snapshot:
         return self.snapshot(as_edited=request.as_edited)
