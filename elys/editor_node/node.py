@@ -127,7 +127,7 @@ class Editor:
             self.attachments,
             LinkMeter(self.seat, on_change=redraw),
         )
-        self.scene_memory = SceneMemory(self.model, self.ui.tools, self.preferences)
+        self.scene_memory = SceneMemory(self.model, self.preferences, lines=lambda: self.ui.tools)
         capture = ChordCapture()
         self.assets = AssetLibrary(self.model)
         self._shelf: TextureShelf[object] = TextureShelf(self.context.texture_of)

@@ -6,7 +6,8 @@ of one name the first is found.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final, NamedTuple, get_args
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final, NamedTuple, Protocol, get_args
 
 from elys.bus.messages.views import Debug
 from elys.editor_node.entity_marks import Mark
@@ -15,12 +16,18 @@ from elys.editor_node.preferences import SceneLook, keep_scene
 if TYPE_CHECKING:
     from elys.editor_node.model import EditorModel
     from elys.editor_node.preferences import Preferences
-    from elys.editor_node.ui import Tools
 
 MOST_MARKED: Final = 500  # entities of each mark that are kept, the newest
 _MARKS: Final[tuple[Mark, ...]] = get_args(Mark)
 
 NamePath = tuple[str, ...]
+
+
+class DebugLines(Protocol):
+    """What is drawn over the picture: see `messages.views.ViewRequest`."""
+
+    debug: tuple[Debug, ...]
+    debugs_selection: bool
 
 
 class _Occasion(NamedTuple):
@@ -34,9 +41,10 @@ class _Occasion(NamedTuple):
 class SceneMemory:
     """Works for one editor; call `follow` each frame."""
 
-    def __init__(self, model: EditorModel, tools: Tools, preferences: Preferences) -> None:
+    def __init__(self, model: EditorModel, preferences: Preferences, *, lines: Callable[[], DebugLines]) -> None:
+        """`lines` tells where it stands what is drawn over the picture."""
         self._model = model
-        self._tools = tools
+        self._lines = lines
         self._preferences = preferences
         self._occasion: _Occasion | None = None
         self._seen: tuple[object, ...] = ()  # when what is kept was last brought up to date
@@ -50,8 +58,8 @@ class SceneMemory:
             return  # whose scene this is will be known in a moment
         if occasion != self._occasion:
             self._come_to(occasion)
-        scene, tools = self._model.scene, self._tools
-        now = (scene.marks.version, scene.structure_version, tools.debug, tools.debugs_selection)
+        scene, lines = self._model.scene, self._lines()
+        now = (scene.marks.version, scene.structure_version, lines.debug, lines.debugs_selection)
         if now != self._seen:
             self._find()
             self._keep(occasion.owner)
@@ -75,8 +83,9 @@ class SceneMemory:
             self._paths[mark].clear()
             self._wanted[mark] = list(getattr(look, mark)) if look is not None else []
         if look is not None:
-            self._tools.debug = tuple(kind for kind in get_args(Debug) if kind in look.debug)
-            self._tools.debugs_selection = look.debugs_selection
+            lines = self._lines()
+            lines.debug = tuple(kind for kind in get_args(Debug) if kind in look.debug)
+            lines.debugs_selection = look.debugs_selection
 
     def _find(self) -> None:
         """Marks those that are there by now: a large scene comes in parts."""
@@ -88,7 +97,7 @@ class SceneMemory:
                 scene.marks.set(mark, found.values(), True)
 
     def _keep(self, owner: str) -> None:
-        scene, tools = self._model.scene, self._tools
+        scene, lines = self._model.scene, self._lines()
         for mark in _MARKS:
             known = self._paths[mark]
             # Who is gone may come back by undo, and is kept by the names that led to it last.
@@ -101,7 +110,7 @@ class SceneMemory:
         look = SceneLook(
             locked=kept["locked"][-MOST_MARKED:],
             hidden=kept["hidden"][-MOST_MARKED:],
-            debug=tuple(tools.debug),
-            debugs_selection=tools.debugs_selection,
+            debug=tuple(lines.debug),
+            debugs_selection=lines.debugs_selection,
         )
         keep_scene(self._preferences, owner, look)
