@@ -137,9 +137,7 @@ class ZenohTransport:
             _log.error("nothing could be sent on %s: %s", key, _cause(error))
 
     def _put(self, key: str, payload: bytes, delivery: Delivery) -> None:
-        self._session.put(
-            key, payload, congestion_control=zenoh.CongestionControl.DROP, priority=_PRIORITIES[delivery]
-        )
+        self._session.put(key, payload, congestion_control=zenoh.CongestionControl.DROP, priority=_PRIORITIES[delivery])
 
     def has_listener(self, key: str) -> bool:
         """Whether anybody subscribes to a key now; the first question about a key comes too early to know of others' nodes."""
