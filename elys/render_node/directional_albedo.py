@@ -2,8 +2,7 @@
 
     specular = f0 * scale + bias        E(n.v, roughness) of the GGX lobe for Fresnel by Schlick, Karis (2013)
     diffuse  = 1 - f0 - (1 - f0) * lost        what Fresnel leaves to the layer below, over light from everywhere
-    axis     = mix(normal, mirrored, share)    the mean direction of the light that is mirrored: lobes of rough surfaces lie nearer
-                                               to the normal than the mirrored direction
+    axis     = mix(normal, mirrored, share)    the mean direction of mirrored light: of rough surfaces nearer to the normal
 
 Integrated with visible normals (Heitz, "Sampling the GGX Distribution of Visible Normals", 2018), whose weights are so even
 that a regular grid is exact to less than a hundredth.
@@ -55,8 +54,8 @@ def lobe_share(cos_view: NDArray[np.float64], roughness: float) -> NDArray[np.fl
 
 
 def _lobe(cos_view: NDArray[np.float64], roughness: float) -> tuple[NDArray[np.float64], ...]:
-    """Samples (N, K, K) of the light that is mirrored: weights, v.h, and the light's direction in the plane of incidence, in which
-    the view is (sine, cosine).
+    """Samples (N, K, K) of the light that is mirrored: weights, v.h, and the light's direction in the plane of incidence,
+    where the view is (sine, cosine).
     """
     alpha = max(roughness * roughness, _LEAST_ALPHA)
     middles = (np.arange(_STEPS) + 0.5) / _STEPS
