@@ -277,9 +277,13 @@ class Renderer:
         world.surroundings(None)
         end = time.monotonic() + timeout
         # What has been decoded goes to the card while others are decoded still.
-        while world.assets.wait_for_one(end - time.monotonic()):
+        is_waiting = True
+        while is_waiting:
+            is_waiting = world.assets.wait_for_one(end - time.monotonic())
             for look in looks:
                 self.resources.bind_textures(world, look)
+            # Two looks may want the same image, which is decoded for each.
+            is_waiting = is_waiting or (world.assets.is_busy and time.monotonic() < end)
         world.place_if_assets_came()
 
     def _show(self, plan: PicturePlan, targets: Targets, picture: Framebuffer) -> None:
