@@ -371,6 +371,26 @@ def info(recording: Recording, json: Json = False) -> None:
 
 
 @app.command()
+def verify(
+    recording: Recording,
+    first: Annotated[
+        float, typer.Option("--from", min=0.0, help="simulation time from which on it is compared [s]")
+    ] = 0.0,
+    last: Annotated[float, typer.Option("--to", min=0.0, help="up to which it is [s]; 0: to the end")] = 0.0,
+    threads: Threads = 1,
+    json: Json = False,
+) -> None:
+    """Run a recorded session again and compare every tick, to the bit.
+
+    Ends with 0: equal. 1: the recording was altered, or the machine that made it erred. 2: it cannot be read or run again.
+    3: different, and here is another build or kind of machine. 4: not deterministic: run twice, it differs from itself.
+    """
+    from elys.verbs import verify as verb
+
+    raise typer.Exit(verb.verify(recording, first=first, last=last, threads=threads, json=json))
+
+
+@app.command()
 def export(
     recording: Recording,
     output: Annotated[Path, typer.Argument(help="out.npz: time, name, position, rotation, velocities as arrays")],

@@ -11,7 +11,18 @@ import re
 from dataclasses import dataclass
 from typing import Any, Final, Generic, TypeVar
 
-from elys.bus.messages import commands, history, physics, plan, scene, session, state_frame, timeline, views
+from elys.bus.messages import (
+    commands,
+    exact_state,
+    history,
+    physics,
+    plan,
+    scene,
+    session,
+    state_frame,
+    timeline,
+    views,
+)
 from elys.common.errors import BusError
 
 M = TypeVar("M")
@@ -167,6 +178,13 @@ SNAPSHOT: Final = Query(
     reply=scene.Snapshot,
     text="the whole scene as it is",
 )
+EXACT: Final = Query(
+    name="exact",
+    request=exact_state.ExactRequest,
+    reply=exact_state.ExactReply,
+    text="all that decides how a simulation goes on, at one instant, for recordings",
+    reply_encoding=Encoding.MSGPACK,
+)
 COMMAND: Final = Query(
     name="command",
     request=commands.CommandRequest,
@@ -256,6 +274,7 @@ TOPICS: Final[tuple[Topic[Any], ...]] = (
 QUERIES: Final[tuple[Query[Any, Any], ...]] = (
     HELLO,
     SNAPSHOT,
+    EXACT,
     PREFAB,
     COMMAND,
     HISTORY,

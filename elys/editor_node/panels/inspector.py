@@ -41,6 +41,8 @@ class InspectorPanel:
         self._search = ""
         self._focuses_search = False
         self._shown: tuple[int, ...] = ()  # what the rows are of
+        self._entities: list[int] = []  # those of the selection that live
+        self._living_of: tuple[int, ...] = ()  # when that was found
         self._comparison: Comparison | None = None
         self._starts: tuple[object, dict[int, Any]] = (None, {})  # a stroke, and the values from before it
         self._waiting: tuple[ComponentDeclaration, FieldDeclaration, tuple[int, ...], FieldChange] | None = None
@@ -76,7 +78,7 @@ class InspectorPanel:
             if ui.model.is_replay:
                 dim_text(f"{icons.ICON_FA_FILM}  {tr('this is a recording: it cannot be edited')}")
                 ui.landmarks.note("inspector/recording")
-            entities = [e for e in ui.model.selection if ui.model.scene.exists(e)]
+            entities = self._living(ui)
             if entities:
                 self._draw_header(ui, entities)
                 self._draw_search(ui)
@@ -88,6 +90,15 @@ class InspectorPanel:
                 imgui.dummy((0.0, imgui.get_frame_height()))
                 centered_text(tr("Waiting for the scene"), imgui.get_content_region_avail().x)
         imgui.end()
+
+    def _living(self, ui: Ui) -> Sequence[int]:
+        """Those of the selection that live; of fifty thousand looked for when one may have gone, not each frame."""
+        selection, scene = ui.model.selection, ui.model.scene
+        key = (selection.version, scene.structure_version, scene.mirror.epoch)
+        if key != self._living_of:
+            self._living_of, living = key, scene.mirror.entities
+            self._entities = [entity for entity in selection if entity in living]
+        return self._entities
 
     def _begin_frame(self, ui: Ui) -> None:
         selection = ui.model.selection

@@ -35,6 +35,7 @@ def state_frame(
     playing: bool,
     is_told_again: bool = False,
     is_forked: bool = False,
+    instant: int = -1,
 ) -> StateFrame:
     """Where the moving bodies are now, and what animations make of others."""
     bodies, animated = simulation.moving_bodies(), simulation.animated()
@@ -48,6 +49,7 @@ def state_frame(
         playing=playing,
         is_told_again=is_told_again,
         is_forked=is_forked,
+        instant=instant,
         position=bodies.position,
         rotation=bodies.rotation,
         linear_velocity=bodies.linear_velocity,
@@ -139,6 +141,7 @@ def debug_lines(simulation: Simulation, kind: str, *, epoch: int) -> DebugLines:
         positions=lines.positions.astype("<f4").tobytes(),
         colors=lines.colors.tobytes(),
         values=lines.values.astype("<f4").tobytes(),
+        entities=lines.entities.astype("<u4").tobytes(),
     )
 
 
