@@ -29,6 +29,7 @@ from elys.editor_node.events import (
     WindowFocused,
 )
 from elys.editor_node.keys import Key
+from elys.editor_node.language import tr
 from elys.editor_node.model import EditorModel
 from elys.editor_node.panels.viewport import ViewportPanel
 
@@ -253,7 +254,7 @@ class ViewportLayer:
             passed_over = (*marks.own("locked"), *marks.own("hidden"))
             return await self._panel.stream.pick(pixel_x, pixel_y, passed_over=passed_over)
         except BusError as error:
-            self._model.say("error", f"cannot pick: {error}")
+            self._model.say("error", tr("What is under the pointer is not known: {error}", error=error))
             return None
 
     def _select(self, reply: PickReply, modifiers: Modifiers) -> None:

@@ -12,8 +12,8 @@ from elys.common.scene import EntityRecord
 from elys.editor_node.events import CursorEntered
 from elys.editor_node.keys import Key
 from elys.editor_node.preferences import SceneLook, load_preferences
-from tests.unit.editor_node.conftest import open_stage, yard_records
 from tests.unit.editor_node.person import CTRL, SHIFT, Person
+from tests.unit.editor_node.stage import open_stage, yard_records
 
 pytestmark = pytest.mark.gl
 
