@@ -507,7 +507,7 @@ class SimulationNode:
             is_told_again=self._is_rewound,
             is_forked=self.simulation.time <= self._forked_until,
         )
-        self.session.publish(topics.STATE, frame)
+        self.session.publish_large(topics.STATE, frame)
 
     def _publish_events(self) -> tuple[Event, ...]:
         events = (*self._events, *self.simulation.take_events())
