@@ -6,6 +6,7 @@ python -m tests.benchmarks.editor_child
     detach            leaves it
     begin             forgets the frames and the processor time until now
     report            tells of both since `begin`
+    rest              turns it no more
     turn              turns the camera a little in each frame from now on, as somebody does who looks around
     end               closes the window
 """
@@ -77,6 +78,9 @@ class Child:
             case "turn":
                 self._clock.turns = True
                 editor.application.keep_awake(1.0)
+            case "rest":
+                self._clock.turns = False
+                await asyncio.sleep(2.0)  # what was asked for until now is drawn
             case "begin":
                 self._clock.times.clear()
                 self._began = (time.monotonic(), time.process_time(), time.thread_time())

@@ -66,14 +66,17 @@ def test_pictures_that_nobody_sees_are_not_gathered():
     from elys.editor_node.preferences import Preferences
     from elys.editor_node.window import Window
 
-    window = Window("many pictures", (800, 500), null_platform=True)
+    window = Window("many pictures", (1600, 900), null_platform=True)
     context = WindowContext()
-    textures = [context.texture_of(np.full((64, 64, 4), shade, np.uint8)) for shade in range(40)]
+    textures = [context.texture_of(np.full((128, 128, 4), shade, np.uint8)) for shade in range(40)]
 
     def draw(elapsed: float) -> None:
+        imgui.set_next_window_size((1500.0, 800.0))
         imgui.begin("pictures")
-        for texture in textures:
-            imgui.image(imgui.ImTextureRef(texture.glo), (40.0, 40.0))
+        for number, texture in enumerate(textures):
+            imgui.image(imgui.ImTextureRef(texture.glo), (100.0, 100.0))
+            if number % 12 < 11:
+                imgui.same_line()
         imgui.end()
 
     widgets = ImGuiLayer(
@@ -90,4 +93,4 @@ def test_pictures_that_nobody_sees_are_not_gathered():
         texture.release()
     context.release()
     window.close()
-    assert grown < 40e6
+    assert grown < 50e6
