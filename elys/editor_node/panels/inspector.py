@@ -24,6 +24,7 @@ from elys.editor_node.panels.component_menus import AddComponentPopup, component
 from elys.editor_node.panels.field_rows import FieldActions, FieldRows, FieldState
 from elys.editor_node.panels.scene_settings import draw_scene_settings
 from elys.editor_node.prefab_values import PrefabEntity
+from elys.editor_node.sentences import tr_sentence
 from elys.editor_node.theme import ACCENT, icons
 from elys.editor_node.ui import Ui, centered_text, color_code, dim_text
 
@@ -68,7 +69,7 @@ class InspectorPanel:
             prefab = ui.model.prefabs.of(entity)
             if prefab is not None:
                 changes[entity] = prefab.changes(_as_set(ui, entity))
-        ui.model.edit.lay_over("Revert to the prefab:", changes)
+        ui.model.edit.lay_over("Revert to the prefab: {what}", changes)
 
     def draw(self, ui: Ui) -> None:
         """Draws the panel."""
@@ -314,7 +315,7 @@ class InspectorPanel:
         try:
             chosen = values_of_each(declaration, declared, own, change)
         except ComponentError as error:
-            self.rows.refuse(path, str(error))
+            self.rows.refuse(path, tr_sentence(str(error)))
             return
         if change.entry is not None or change.keeps_proportions:
             self.rows.show(path, next(reversed(chosen.values())))
@@ -342,7 +343,7 @@ class InspectorPanel:
             prefab = ui.model.prefabs.of(entity)
             if prefab is not None and component in prefab.components:
                 changes[entity] = {component: {field: getattr(prefab.components[component], field)}}
-        ui.model.edit.lay_over("Revert to the prefab:", changes)
+        ui.model.edit.lay_over("Revert to the prefab: {what}", changes)
 
 
 def entity_label(entity: int) -> str:
