@@ -520,7 +520,7 @@ class SimulationNode:
             is_forked=self.simulation.time <= self._forked_until,
             instant=self.chronicle.leads_to(steps=steps) % INSTANTS,
         )
-        self.session.publish(topics.STATE, frame)
+        self.session.publish_large(topics.STATE, frame)
 
     def _publish_events(self) -> tuple[Event, ...]:
         events = (*self._events, *self.simulation.take_events())
