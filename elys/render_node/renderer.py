@@ -185,7 +185,7 @@ class Renderer:
             return 0, (0.0, 0.0, 0.0)
         view = View.of(camera, width, height).of_pixel(x, y)
         plan = plan_picture(world, view, hidden=passed_over)
-        self.resources.instances.write(plan.instances)
+        self.resources.placing.place(plan)
         self.resources.show_poses(plan.world)
         if self._picking is None:
             self._picking = PickingPass(self.resources)
@@ -279,7 +279,7 @@ class Renderer:
         )
 
     def _upload(self, plan: PicturePlan) -> None:
-        self.resources.instances.write(plan.instances)
+        self.resources.placing.place(plan)
         self.resources.show_poses(plan.world)
         self.resources.forget_unused(plan.world)
         self.resources.frame.write(frame_block(plan, self._environment.harmonics, mirror_tiles()))

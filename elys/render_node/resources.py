@@ -14,8 +14,10 @@ from elys.common.assets.tangents import with_tangents
 from elys.common.assets.texture import Sampling, split_texture
 from elys.render_node.gpu import TEXTURE_UNITS, Buffer, Context, Format, Program, ProgramCache, Texture, VertexArray
 from elys.render_node.images import decode_image
+from elys.render_node.instance_placing import InstancePlacing
+from elys.render_node.instances import Batch
 from elys.render_node.look import TEXTURE_FIELDS, Look, texture_of, variant_of
-from elys.render_node.render_world import Batch, RenderWorld
+from elys.render_node.render_world import RenderWorld
 from elys.render_node.welding import welded
 
 _log = logging.getLogger(__name__)
@@ -108,7 +110,6 @@ class Resources:
 
     def __init__(self, context: Context) -> None:
         self.context = context
-        self.instances = Buffer(context, size=1 << 16)
         self.frame = Buffer(context, size=1 << 10)
         self._used_by: tuple[RenderWorld, int] | None = None  # a world and its scene, whose names are in use
         self._poses: Texture | None = None
@@ -117,6 +118,7 @@ class Resources:
         self._textures: dict[tuple[str, bool, Sampling], Texture] = {}
         self._checker: Texture | None = None
         self.programs = ProgramCache(context)
+        self.placing = InstancePlacing(context, self.programs)
 
     def program(self, vertex: str, fragment: str, defines: tuple[str, ...] = ()) -> Program:
         """The program of two shader files, compiled with `defines` at its first use."""

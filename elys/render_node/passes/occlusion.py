@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from elys.render_node.gpu import TEXTURE_UNITS, Framebuffer, Program
+from elys.render_node.instances import Batch
 from elys.render_node.passes.backdrop import ScreenShader
 from elys.render_node.passes.drawing import depth_program, draw_calls
 from elys.render_node.picture_plan import PicturePlan
-from elys.render_node.render_world import Batch
 from elys.render_node.resources import Geometry, Resources
 
 
