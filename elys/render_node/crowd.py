@@ -32,6 +32,7 @@ class Crowd:
     Attributes:
         batch, size: [G]. casts: [G] whether they throw shadows. centre: [3, G] f64 m. radius: [G] f32 m, of spheres that hold all
             of a group.
+        item_centre: [M, 3] f64 m, of all instances where they were measured. item_radius: [M] f32 m.
         slack: [m] by which anything may be elsewhere than where it was measured; contained in `radius`.
         limit: [m] of slack from which on they should be measured anew.
         notes: what others have worked out of where things were measured; none once they are measured anew.

@@ -26,37 +26,36 @@ class RowCollector:
 
     def __init__(self, world: RenderWorld, crowd: Crowd, left_out: Rows) -> None:
         self._world, self._crowd = world, crowd
-        self._is_left_out: NDArray[np.bool_] | None = None
-        if len(left_out):
-            self._is_left_out = np.zeros(world.instance_count, np.bool_)
-            self._is_left_out[left_out] = True
+        self._left_out = left_out
         self._parts: list[NDArray[np.uint32]] = []
         self._known: list[tuple[Rows, list[DrawCall]]] = []
         self._count = 0
 
-    def add_groups(self, groups: Rows, depth: NDArray[np.float32] | None = None) -> list[DrawCall]:
-        """Ascending groups, one call a batch, of which the least deep come first where the `depth` of all groups is given: what
-        is hidden by something drawn before is not shaded. Groups that stand there already, as of casters that are all seen,
-        are used again.
+    def add_seen(self, groups: Rows, depth: NDArray[np.float32], outside: Rows) -> list[DrawCall]:
+        """Groups without those of their instances that are `outside` of the view, one call a batch. The least deep come first, by
+        the `depth` of all groups: what is hidden by something drawn before is not shaded.
         """
+        batch = self._crowd.batch[groups]
+        order = np.argsort(depth[groups], kind="stable")
+        if (batch != batch[:1]).any():
+            order = order[np.argsort(batch[order], kind="stable")]
+        calls = self._calls_of(groups[order], outside)
+        if not len(outside):
+            self._known.append((groups, calls))
+        return calls
+
+    def add_groups(self, groups: Rows) -> list[DrawCall]:
+        """Ascending groups, one call a batch; those that stand there already, as of casters that are all seen, are used again."""
         for known, calls in self._known:
             if np.array_equal(known, groups):
                 return calls
-        batch = self._crowd.batch[groups]
-        if depth is not None:
-            order = np.argsort(depth[groups], kind="stable")
-            if len(groups) and batch[0] != batch[-1]:
-                order = order[np.argsort(batch[order], kind="stable")]
-            ordered = groups[order]
-        else:
-            ordered = groups[np.argsort(batch, kind="stable")]
-        calls = self._calls(self._crowd.batch[ordered], self._crowd.listed(ordered), self._crowd.size[ordered])
+        calls = self._calls_of(groups[np.argsort(self._crowd.batch[groups], kind="stable")], groups[:0])
         self._known.append((groups, calls))
         return calls
 
     def add_rows(self, rows: Rows) -> list[DrawCall]:
         """Ascending instances, one call a batch."""
-        return self._calls(self._world.instances.batch_of[rows], rows.astype(np.uint32))
+        return self._calls(self._world.instances.batch_of[rows], rows.astype(np.uint32), None)
 
     def add_sorted(self, rows: Rows, distance: NDArray[np.float32]) -> list[DrawCall]:
         """Instances (N,) farthest first by their distances, a call for each run of one batch."""
@@ -68,23 +67,26 @@ class RowCollector:
             return self._parts[0]
         return np.concatenate(self._parts) if self._parts else np.zeros(0, np.uint32)
 
-    def _calls(self, batch: Rows, rows: NDArray[np.uint32], size: Rows | None = None) -> list[DrawCall]:
-        """Calls for the runs of one batch among rows that come in portions, one each by default, of a batch and a size."""
-        if self._is_left_out is not None:
-            kept = ~self._is_left_out[rows]
-            batch, rows, size = (batch if size is None else np.repeat(batch, size))[kept], rows[kept], None
+    def _calls_of(self, groups: Rows, outside: Rows) -> list[DrawCall]:
+        rows, batch, size = self._crowd.listed(groups), self._crowd.batch[groups], self._crowd.size[groups]
+        if not len(self._left_out) and not len(outside):
+            return self._calls(batch, rows, size)
+        is_drawn = np.ones(self._world.instance_count, np.bool_)
+        is_drawn[self._left_out] = False
+        is_drawn[outside] = False
+        kept = is_drawn[rows]
+        return self._calls(np.repeat(batch, size)[kept], rows[kept], None)
+
+    def _calls(self, batch: Rows, rows: NDArray[np.uint32], size: Rows | None) -> list[DrawCall]:
+        """Calls for the runs of one batch among rows that come in portions of a batch and a size; None for one row each."""
         if not len(rows):
             return []
-        begins = np.append(0, np.flatnonzero(batch[1:] != batch[:-1]) + 1)
-        ends = np.append(begins[1:], len(batch))
-        if size is not None:
-            reached = np.append(0, np.cumsum(size))
-            starts, stops = reached[begins], reached[ends]
-        else:
-            starts, stops = begins, ends
+        turns = np.flatnonzero(batch[1:] != batch[:-1]) + 1
+        begins = [0, *turns.tolist()]
+        starts = begins if size is None or not len(turns) else [0, *np.cumsum(size)[turns - 1].tolist()]
         calls = [
-            DrawCall(self._world.batches[number], self._count + start, stop - start)
-            for number, start, stop in zip(batch[begins].tolist(), starts.tolist(), stops.tolist(), strict=True)
+            DrawCall(self._world.batches[batch[begin]], self._count + start, stop - start)
+            for begin, start, stop in zip(begins, starts, [*starts[1:], len(rows)], strict=True)
         ]
         self._parts.append(rows)
         self._count += len(rows)

@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from elys.bus.messages.state_frame import StateFrame
 from elys.render_node.timeline import Timeline, rows_in
+
+
+class _Gone(NamedTuple):
+    """[m] at the most, by which any body has moved, and what turns may add for what rides on one."""
+
+    moved: float
+    turned: float
+
+
+_NOWHERE = _Gone(0.0, 0.0)
 
 
 class Drift:
@@ -19,13 +29,15 @@ class Drift:
         self._origin: StateFrame | None = None
         self._arm = 0.0
         self._ends: tuple[StateFrame | None, StateFrame | None] = (None, None)
-        self._far = (0.0, 0.0)
-        self._gone = np.zeros((0, 3))
+        self._far = (_NOWHERE, _NOWHERE)
+        self._has_new = False
+        self._difference = np.zeros((0, 3))
 
     def start(self, origin: StateFrame | None, arm: float) -> None:
         """Counts from a frame on; nothing that rides on a body is farther from it than `arm` [m]."""
         self._origin, self._arm = origin, arm
         self._ends = (None, None)
+        self._has_new = False
 
     def at(self, timeline: Timeline, fraction: float) -> float:
         """How far [m] anything may be from where it was at the start, `fraction` of the way to the newest frame."""
@@ -35,48 +47,53 @@ class Drift:
         if self._ends[1] is not newest or self._ends[0] is not before:
             now = self._distance(newest)
             was = now
-            if before is not None:
-                was = self._far[1] if before is self._ends[1] else self._distance_before(before)
+            if before is not None and before is self._ends[1]:
+                was, self._has_new = self._far[1], False
+            elif before is not None:
+                was = self._distance_before(before)
             self._ends, self._far = (before, newest), (was, now)
         was, now = self._far
         if before is None or fraction == 1.0:
-            return now
-        beyond = max(fraction - 1.0, 0.0)
-        far = max(was, now) + beyond * (was + now)
-        return far + (2.0 * self._arm if timeline.spins else 0.0)
+            return now.moved + now.turned
+        if timeline.spins:
+            turned = 2.0 * self._arm
+        else:
+            turned = max(was.turned, now.turned) + max(fraction - 1.0, 0.0) * (was.turned + now.turned)
+        # Distances to one place are convex along a straight way. Those who came with the newest frame are there already.
+        moved = max(abs(1.0 - fraction) * was.moved + fraction * now.moved, now.moved if self._has_new else 0.0)
+        return moved + turned
 
-    def _distance_before(self, frame: StateFrame) -> float:
+    def _distance_before(self, frame: StateFrame) -> _Gone:
         """Of a frame that may tell of others: those who came since stand where the newest one says."""
         origin = self._origin
         assert origin is not None
-        if np.array_equal(frame.entity, origin.entity):
+        self._has_new = not np.array_equal(frame.entity, origin.entity)
+        if not self._has_new:
             return self._distance(frame)
         rows, known = rows_in(frame.entity, origin.entity)
-        if not known.any():
-            return 0.0
-        turned = frame.rotation[rows[known]] - origin.rotation[known] if self._arm > 0.0 else None
-        return self._farthest(frame.position[rows[known]] - origin.position[known], turned)
+        rows = rows[known]
+        return self._gone(frame.position[rows] - origin.position[known], frame.rotation[rows] - origin.rotation[known])
 
-    def _distance(self, frame: StateFrame) -> float:
+    def _distance(self, frame: StateFrame) -> _Gone:
         origin = self._origin
         assert origin is not None
         if frame is origin or not len(frame.position):
-            return 0.0
-        if len(self._gone) != len(origin.position):
-            self._gone = np.empty_like(origin.position)  # kept: fresh memory costs more than what is written to it
-        gone = np.subtract(frame.position, origin.position, out=self._gone)
-        return self._farthest(gone, frame.rotation - origin.rotation if self._arm > 0.0 else None)
+            return _NOWHERE
+        if len(self._difference) != len(origin.position):
+            self._has_new = False
+        self._difference = np.empty_like(origin.position)  # kept: fresh memory costs more than what is written to it
+        moved = np.subtract(frame.position, origin.position, out=self._difference)
+        return self._gone(moved, frame.rotation - origin.rotation if self._arm > 0.0 else None)
 
-    def _farthest(self, gone: NDArray[np.float64], turned: NDArray[np.float32] | None) -> float:
-        """How far anything got whose bodies have gone so far, and whose rotations differ by so much."""
-        far = math.sqrt(3.0) * _largest(gone)
+    def _gone(self, moved: NDArray[np.float64], turned: NDArray[np.float32] | None) -> _Gone:
+        squared = float(np.einsum("ij,ij->i", moved, moved).max(initial=0.0))
+        if not math.isfinite(squared):  # what is no number has gone nowhere
+            moved = np.nan_to_num(moved, nan=0.0, posinf=0.0, neginf=0.0)
+            squared = float(np.einsum("ij,ij->i", moved, moved).max(initial=0.0))
+        if turned is None or self._arm == 0.0:
+            return _Gone(math.sqrt(squared), 0.0)
         # A turn by an angle takes the arm's end 2 sin(angle / 2) arms away; the quaternion goes 2 sin(angle / 4).
-        return far if turned is None else far + min(4.0 * _largest(turned), 2.0) * self._arm
-
-
-def _largest(differences: NDArray[np.floating[Any]]) -> float:
-    """Of their sizes; what is no number has gone nowhere."""
-    far = max(float(differences.max()), -float(differences.min()))
-    if math.isfinite(far):
-        return far
-    return float(np.abs(np.nan_to_num(differences, nan=0.0, posinf=0.0, neginf=0.0)).max())
+        chord = float(np.einsum("ij,ij->i", turned, turned).max(initial=0.0))
+        return _Gone(
+            math.sqrt(squared), 2.0 * self._arm * min(math.sqrt(chord), 1.0) if chord >= 0.0 else 2.0 * self._arm
+        )

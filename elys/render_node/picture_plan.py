@@ -92,13 +92,16 @@ def plan_picture(
     left_out, crowd = world.instances_of(hidden), world.crowd
     planes = frustum_planes(view.clip_from_relative)
     relative = (crowd.centre - view.eye[:, None]).astype(np.float32)
-    seen = np.flatnonzero(_within(planes, relative, crowd.radius))
+    margin = _margin(planes, relative)
+    seen = np.flatnonzero(margin > -crowd.radius)
     lights = world.lights()
     sun = _brightest_sun(lights)
     cascades = _cascades(world, view, sun, shadow_size, MOST_CASCADES if long_views else 1) if shadow_size else ()
     stale = _stale(shadow_states(world, cascades, hidden), drawn_cascades)
     rows = RowCollector(world, crowd, left_out)
-    opaque = rows.add_groups(seen, _depth(view, relative))
+    opaque = rows.add_seen(
+        seen, _depth(view, relative), _outside(crowd, view, planes, seen[_is_cut(crowd, margin, seen)])
+    )
     blended, blended_places = _blended(world, view, planes, left_out)
     transparent = rows.add_sorted(blended, _distance(view, blended_places))
     all_casters = np.flatnonzero(crowd.casts) if stale or lamp_shadow_size else seen[:0]
@@ -109,7 +112,8 @@ def plan_picture(
         world.scene_version, world.pose_version, around.key, hidden
     )
     lamp_casters = [rows.add_groups(found) for found in around.casters] if around is not None and not holds else []
-    selected = rows.add_rows(_selected(world, crowd, selection, seen, blended)) if selection else []
+    chosen = np.setdiff1d(_selected(world, crowd, selection, seen, blended), left_out) if selection else seen[:0]
+    selected = rows.add_rows(chosen)
     return PicturePlan(
         view=view,
         world=world,
@@ -146,11 +150,29 @@ def _distance(view: View, relative_centre: NDArray[np.float32]) -> NDArray[np.fl
     return np.asarray(np.einsum("ij,ij->j", relative_centre, relative_centre))
 
 
-def _within(planes: NDArray[np.float64], centre: NDArray[np.float32], radius: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Which spheres, of centres (3, N), reach into the space that six planes enclose."""
+def _margin(planes: NDArray[np.float64], centre: NDArray[np.float32]) -> NDArray[np.float32]:
+    """How far (N,) places (3, N) are within the space that six planes enclose [m]; spheres reach into it while that is more than
+    minus their radius.
+    """
     distance = planes[:, :3].astype(np.float32) @ centre
     distance += planes[:, 3:].astype(np.float32)
-    return np.asarray(distance.min(axis=0) > -radius)
+    return np.asarray(distance.min(axis=0))
+
+
+def _is_cut(crowd: Crowd, margin: NDArray[np.float32], groups: Rows) -> NDArray[np.bool_]:
+    """Which of some groups reach out of the view, given how far all are within, and may have members that are not seen."""
+    return np.asarray((margin[groups] < crowd.radius[groups]) & (crowd.size[groups] > 1))
+
+
+def _outside(crowd: Crowd, view: View, planes: NDArray[np.float64], cut: Rows) -> Rows:
+    """The instances of some groups that are not in the view."""
+    if not len(cut):
+        return cut
+    rows = crowd.listed(cut)
+    relative = (crowd.item_centre.T[:, rows] - view.eye[:, None]).astype(np.float32)
+    return rows[_margin(planes, relative) <= -crowd.item_radius[rows] - np.float32(crowd.slack * (1.0 + 1e-6))].astype(
+        np.intp
+    )
 
 
 def _blended(
@@ -163,7 +185,7 @@ def _blended(
     if not len(rows):
         return rows, np.zeros((3, 0), np.float32)
     relative = (standing.led_centre[first:].T - view.eye[:, None]).astype(np.float32)
-    seen = _within(planes, relative, world.radius[rows])
+    seen = _margin(planes, relative) > -world.radius[rows]
     if len(left_out):
         seen &= ~np.isin(rows, left_out)
     return rows[seen], relative[:, seen]
