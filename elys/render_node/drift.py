@@ -39,6 +39,11 @@ class Drift:
         self._ends = (None, None)
         self._has_new = False
 
+    @property
+    def origin(self) -> StateFrame | None:
+        """The frame at the start."""
+        return self._origin
+
     def at(self, timeline: Timeline, fraction: float) -> float:
         """How far [m] anything may be from where it was at the start, `fraction` of the way to the newest frame."""
         newest, before = timeline.newest, timeline.previous

@@ -102,7 +102,8 @@ class Standing:
             self._is_spread = True
             slack = self._drift.at(timeline, self.fraction)
             is_at_rest = timeline.is_still or timeline.previous is None
-            if slack > crowd.limit or (slack > 0.0 and (exact or is_at_rest)):
+            is_loose = slack > crowd.limit or (slack > 0.0 and (exact or is_at_rest))
+            if is_loose and self._drift.origin is not timeline.newest:
                 slack = self._measure()
             crowd.spread(slack)
             solid = int(np.searchsorted(self.led, self._instances.first_blended))
