@@ -20,7 +20,7 @@ from elys.render_node.scene_tables import Rows
 
 MOST_GROUPS: Final = 512  # about; scenes of fewer instances have one a group, where all is as exact as can be
 GIANT: Final = 1.6  # times larger than all smaller things together: neither cameras nor shadow maps are fitted to it
-LOOSE: Final = 0.02  # of the size of the whole, by which things may have gone before they are measured anew
+LOOSE: Final = 0.01  # of the size of the whole, by which things may have gone before they are measured anew
 _STEPS: Final = 1023  # along each axis, by which neighbours are told
 
 

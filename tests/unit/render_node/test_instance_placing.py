@@ -210,3 +210,40 @@ def test_many_bodies_fill_many_rows_of_texels(stage: Any, renderer: Renderer) ->
     rows = placed_rows(renderer, world, camera)
     np.testing.assert_allclose(rows["affine"][:, :, 3], world.position - np.array(camera.position), atol=2e-5)
     np.testing.assert_allclose(rows["affine"][:, :, :3], world.linear, atol=2e-5)
+
+
+@pytest.mark.parametrize(("fraction", "shadows"), [(0.4, False), (1.0, True)])
+def test_a_moving_scene_looks_as_a_still_one_that_stands_so(
+    stage: Any, renderer: Renderer, fraction: float, shadows: bool
+) -> None:
+    """The same picture from scene files that say where everything is at that moment. Maps of shadows are alike at ticks."""
+    random = np.random.default_rng(6)
+    looks = [
+        (
+            MeshRenderer(mesh=("box", "cone", "sphere")[i % 3]),
+            Material(base_color=tuple(random.uniform(0.2, 1.0, 3).tolist()), roughness=float(random.uniform(0.2, 1.0))),
+        )
+        for i in range(40)
+    ]
+    entities = [stage.add(Transform(), *look) for look in looks]
+    sun = (Transform(rotation=(-0.5, 0.2, 0.1, 0.83)), Light(cast_shadows=shadows))
+    stage.add(*sun)
+    world = stage.world()
+    for frame in moving_frames(entities, np.zeros(3), turn=1.2):
+        world.take_state(frame, frame.simulation_time)
+    world.place(GAP * (1.0 + fraction))
+    still = type(stage)()
+    for entity, look in zip(entities, looks, strict=True):
+        row = int(np.flatnonzero(world.entity == entity)[0])
+        rotation = Rotation.from_matrix(world.linear[row].astype(np.float64)).as_quat()
+        still.add(Transform(position=tuple(world.position[row].tolist()), rotation=tuple(rotation.tolist())), *look)
+    still.add(*sun)
+    camera = framing_camera((-5,) * 3, (5,) * 3, aspect=1.5)
+    pictures = [
+        renderer.read_pixels(renderer.draw(shown, camera, 240, 160, selection=(3,))).astype(int)
+        for shown in (world, still.world())
+    ]
+    apart = np.abs(pictures[0] - pictures[1]).max(axis=-1)
+    assert pictures[0][..., :3].max() > 100
+    assert np.percentile(apart, 99.5) <= 1
+    assert (apart > 8).mean() < 2e-3  # a sample at an edge here and there
