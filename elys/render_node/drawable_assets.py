@@ -150,6 +150,7 @@ class DrawableAssets:
                 self._pool = ThreadPoolExecutor(THREAD_COUNT, thread_name_prefix="elys-assets")
             self._pending[reference] = self._pool.submit(self._load, reference, take)
 
+    # What has come is no longer pending in the same moment: an image that is given away then is asked for anew by the next one.
     def _load(self, reference: str, take: Callable[[str, bytes], None]) -> None:
         try:
             if self._fetch is None:
@@ -162,14 +163,13 @@ class DrawableAssets:
             _log.exception("drawn without %s", reference)
             self._fail(reference, str(error))
         finally:
-            with self._lock:
-                self._pending.pop(reference, None)
             self._on_ready()
 
     def _take_mesh(self, reference: str, data: bytes) -> None:
         mesh = decode_mesh(data)
         extent = _extent(mesh)  # here, where other threads go on
         with self._lock:
+            self._pending.pop(reference, None)
             self._meshes[reference] = mesh
             self._extents[reference] = extent
             self.version += 1
@@ -177,22 +177,26 @@ class DrawableAssets:
     def _take_skin(self, reference: str, data: bytes) -> None:
         skin = decode_skin(data)
         with self._lock:
+            self._pending.pop(reference, None)
             self._skins[reference] = skin
             self.version += 1
 
     def _take_image(self, reference: str, data: bytes) -> None:
         pixels = decode_image(data)
         with self._lock:
+            self._pending.pop(reference, None)
             self._images[reference] = pixels
 
     def _take_radiance(self, reference: str, data: bytes) -> None:
         radiance = decode_radiance(data)
         with self._lock:
+            self._pending.pop(reference, None)
             self._radiances[reference] = radiance
             self.version += 1
 
     def _fail(self, reference: str, reason: str) -> None:
         with self._lock:
+            self._pending.pop(reference, None)
             self.failed[reference] = reason
             self.version += 1
 

@@ -231,15 +231,16 @@ class Renderer:
         """Waits for the meshes and images that the world's batches name, so that the next picture shows all of them."""
         looks = dict.fromkeys(batch.look for batch in world.batches if batch.look.is_textured)
         for look in looks:
-            self.resources.bind_textures(world, look)  # images take longest: they are asked for first
+            self.resources.takes_textures(world, look)  # images take longest: they are asked for first
         for batch in world.batches:
             self.resources.geometry(world, batch)
         world.surroundings(None)
         end = time.monotonic() + timeout
-        # What has been decoded goes to the card while others are decoded still.
-        while world.assets.wait_for_one(end - time.monotonic()):
-            for look in looks:
-                self.resources.bind_textures(world, look)
+        # What has been decoded goes to the card while others are decoded still. An image that is sampled in two ways is asked for
+        # once more when the first has taken it.
+        while [look for look in looks if not self.resources.takes_textures(world, look)] and time.monotonic() < end:
+            world.assets.wait_for_one(end - time.monotonic())
+        world.assets.settle(max(end - time.monotonic(), 0.0))
         world.place_if_assets_came()
 
     def _show(self, plan: PicturePlan, targets: Targets, picture: Framebuffer) -> None:

@@ -159,6 +159,16 @@ class Resources:
             return ()
         return variant_of(look, self._present(world, look) if look.is_textured else ())[0]
 
+    def takes_textures(self, world: RenderWorld, look: Look) -> bool:
+        """Puts the images of a look that have come onto the card; whether all are there that can be had."""
+        present = self._present(world, look)
+        missing = [
+            named.image
+            for field, text in zip(TEXTURE_FIELDS, look.textures, strict=True)
+            if field not in present and (named := texture_of(text)) is not None
+        ]
+        return all(image in world.assets.failed for image in missing)
+
     def set_look(self, program: Program, look: Look, defines: tuple[str, ...]) -> None:
         """Gives a program the numbers of a look that was bound, with the definitions that came of it."""
         if not defines:
