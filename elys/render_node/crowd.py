@@ -21,6 +21,7 @@ from elys.render_node.scene_tables import Rows
 MOST_GROUPS: Final = 512  # about; scenes of fewer instances have one a group, where all is as exact as can be
 GIANT: Final = 1.6  # times larger than all smaller things together: neither cameras nor shadow maps are fitted to it
 LOOSE: Final = 0.01  # of the size of the whole, by which things may have gone before they are measured anew
+KEPT_LISTS: Final = 16  # of instances, for what is drawn again and again
 _STEPS: Final = 1023  # along each axis, by which neighbours are told
 
 
@@ -60,7 +61,7 @@ class Crowd:
         self._group_of[self._members] = np.repeat(np.arange(len(self.size)), self.size)
         self.slack, self.limit = 0.0, 0.0
         self.notes: dict[str | bytes, Any] = {}
-        self._lists: dict[bytes, NDArray[np.uint32]] = {}
+        self._lists: dict[tuple[bytes, bytes], tuple[NDArray[np.uint32], Rows]] = {}
 
     def measure(
         self,
@@ -119,16 +120,28 @@ class Crowd:
 
     def listed(self, groups: Rows) -> NDArray[np.uint32]:
         """The instances of these groups, one behind the other; the same array while the same are asked for."""
-        key = groups.tobytes()
+        return self.listed_without(groups, groups[:0])[0]
+
+    def listed_without(self, groups: Rows, removed: Rows) -> tuple[NDArray[np.uint32], Rows]:
+        """The same without some instances, and how many are left of each group."""
+        key = (groups.tobytes(), removed.tobytes())
         found = self._lists.get(key)
         if found is None:
-            if len(self._lists) >= 8:
-                self._lists.clear()
-            size = self.size[groups]
-            end = np.cumsum(size)
-            step = np.repeat(self._first[groups] - end + size, size)
-            found = self._lists[key] = self._members[step + np.arange(len(step))]
+            if len(self._lists) >= KEPT_LISTS:
+                del self._lists[next(iter(self._lists))]
+            found = self._lists[key] = self._list(groups, removed)
         return found
+
+    def _list(self, groups: Rows, removed: Rows) -> tuple[NDArray[np.uint32], Rows]:
+        size = self.size[groups]
+        end = np.cumsum(size)
+        rows = self._members[np.repeat(self._first[groups] - end + size, size) + np.arange(int(size.sum()))]
+        if not len(removed) or not len(rows):
+            return rows, size
+        is_removed = np.zeros(len(self._group_of), np.bool_)
+        is_removed[removed] = True
+        kept = ~is_removed[rows]
+        return rows[kept], np.add.reduceat(kept, end - size, dtype=np.intp)
 
     def groups_of(self, rows: Rows) -> Rows:
         """The groups of instances, -1 for those that are see-through."""

@@ -68,14 +68,9 @@ class RowCollector:
         return np.concatenate(self._parts) if self._parts else np.zeros(0, np.uint32)
 
     def _calls_of(self, groups: Rows, outside: Rows) -> list[DrawCall]:
-        rows, batch, size = self._crowd.listed(groups), self._crowd.batch[groups], self._crowd.size[groups]
-        if not len(self._left_out) and not len(outside):
-            return self._calls(batch, rows, size)
-        is_drawn = np.ones(self._world.instance_count, np.bool_)
-        is_drawn[self._left_out] = False
-        is_drawn[outside] = False
-        kept = is_drawn[rows]
-        return self._calls(np.repeat(batch, size)[kept], rows[kept], None)
+        removed = outside if not len(self._left_out) else np.concatenate([self._left_out, outside])
+        rows, size = self._crowd.listed_without(groups, removed)
+        return self._calls(self._crowd.batch[groups], rows, size)
 
     def _calls(self, batch: Rows, rows: NDArray[np.uint32], size: Rows | None) -> list[DrawCall]:
         """Calls for the runs of one batch among rows that come in portions of a batch and a size; None for one row each."""
@@ -87,6 +82,7 @@ class RowCollector:
         calls = [
             DrawCall(self._world.batches[batch[begin]], self._count + start, stop - start)
             for begin, start, stop in zip(begins, starts, [*starts[1:], len(rows)], strict=True)
+            if stop > start
         ]
         self._parts.append(rows)
         self._count += len(rows)
