@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,13 +31,17 @@ class Drift:
         self._ends: tuple[StateFrame | None, StateFrame | None] = (None, None)
         self._far = (_NOWHERE, _NOWHERE)
         self._has_new = False
-        self._difference = np.zeros((0, 3))
+        self._places = self._difference = np.zeros((3, 0))
 
     def start(self, origin: StateFrame | None, arm: float) -> None:
         """Counts from a frame on; nothing that rides on a body is farther from it than `arm` [m]."""
         self._origin, self._arm = origin, arm
         self._ends = (None, None)
         self._has_new = False
+        if origin is not None:
+            # As columns, along which numpy is quick, and memory that is kept: fresh one costs more than what is written to it.
+            self._places = np.ascontiguousarray(origin.position.T)
+            self._difference = np.empty_like(self._places)
 
     @property
     def origin(self) -> StateFrame | None:
@@ -77,28 +81,29 @@ class Drift:
             return self._distance(frame)
         rows, known = rows_in(frame.entity, origin.entity)
         rows = rows[known]
-        return self._gone(frame.position[rows] - origin.position[known], frame.rotation[rows] - origin.rotation[known])
+        moved = (frame.position[rows] - origin.position[known]).T
+        return self._gone(moved, frame.rotation[rows] - origin.rotation[known])
 
     def _distance(self, frame: StateFrame) -> _Gone:
         origin = self._origin
         assert origin is not None
         if frame is origin or not len(frame.position):
             return _NOWHERE
-        if len(self._difference) != len(origin.position):
-            self._has_new = False
-        self._difference = np.empty_like(origin.position)  # kept: fresh memory costs more than what is written to it
-        moved = np.subtract(frame.position, origin.position, out=self._difference)
+        moved = np.subtract(frame.position.T, self._places, out=self._difference)
         return self._gone(moved, frame.rotation - origin.rotation if self._arm > 0.0 else None)
 
     def _gone(self, moved: NDArray[np.float64], turned: NDArray[np.float32] | None) -> _Gone:
-        squared = float(np.einsum("ij,ij->i", moved, moved).max(initial=0.0))
-        if not math.isfinite(squared):  # what is no number has gone nowhere
-            moved = np.nan_to_num(moved, nan=0.0, posinf=0.0, neginf=0.0)
-            squared = float(np.einsum("ij,ij->i", moved, moved).max(initial=0.0))
+        """Of differences of positions (3, N) and of rotations (N, 4)."""
+        far = _reach(moved)
+        if not math.isfinite(far):  # what is no number has gone nowhere
+            far = _reach(np.nan_to_num(moved, nan=0.0, posinf=0.0, neginf=0.0))
         if turned is None or self._arm == 0.0:
-            return _Gone(math.sqrt(squared), 0.0)
+            return _Gone(far, 0.0)
         # A turn by an angle takes the arm's end 2 sin(angle / 2) arms away; the quaternion goes 2 sin(angle / 4).
-        chord = float(np.einsum("ij,ij->i", turned, turned).max(initial=0.0))
-        return _Gone(
-            math.sqrt(squared), 2.0 * self._arm * min(math.sqrt(chord), 1.0) if chord >= 0.0 else 2.0 * self._arm
-        )
+        chord = _reach(turned.T)
+        return _Gone(far, 2.0 * self._arm * (min(chord, 1.0) if math.isfinite(chord) else 1.0))
+
+
+def _reach(columns: NDArray[np.floating[Any]]) -> float:
+    """No vector (K, N) is longer than this, which takes the largest component along each axis: quicker than all lengths."""
+    return math.hypot(*np.maximum(columns.max(axis=1, initial=0.0), -columns.min(axis=1, initial=0.0)).tolist())

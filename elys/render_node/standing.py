@@ -7,6 +7,9 @@ crowd     bounds of groups of them, which hold while nothing has gone far
 
 from __future__ import annotations
 
+import math
+from typing import Final
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,6 +23,8 @@ from elys.render_node.instances import Instances
 from elys.render_node.placement import Placement
 from elys.render_node.scene_tables import Rows, SceneTables
 from elys.render_node.timeline import Timeline
+
+SLACK_STEPS: Final = 4  # by which bounds are widened until things are measured anew
 
 
 class Standing:
@@ -105,6 +110,9 @@ class Standing:
             is_loose = slack > crowd.limit or (slack > 0.0 and (exact or is_at_rest))
             if is_loose and self._drift.origin is not timeline.newest:
                 slack = self._measure()
+            if not exact and 0.0 < slack <= crowd.limit:
+                step = crowd.limit / SLACK_STEPS  # so that the same are seen, and maps stay, for some pictures
+                slack = math.ceil(slack / step) * step
             crowd.spread(slack)
             solid = int(np.searchsorted(self.led, self._instances.first_blended))
             crowd.follow_known(self.led_centre[:solid], self.extents.radius[self.led[:solid]])
