@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -256,9 +257,11 @@ class DrawableAssets:
 
     def _take_mesh(self, reference: str, data: bytes) -> None:
         mesh = decode_mesh(data)
+        extent = _extent(mesh)  # here, where other threads go on
         with self._lock:
             self._meshes[reference] = mesh
             self._pending.pop(reference, None)
+            self._extents[reference] = extent
             self.version += 1
 
     def _take_skin(self, reference: str, data: bytes) -> None:
@@ -286,5 +289,6 @@ def _extent(mesh: Mesh) -> Extent:
     if not mesh.vertex_count:
         return Extent((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)
     lower, upper = (corner.astype(np.float64) for corner in mesh.bounds)
-    radius = np.sqrt(((mesh.positions - (lower + upper) / 2) ** 2).sum(axis=1).max())
-    return Extent(tuple(lower.tolist()), tuple(upper.tolist()), float(radius))
+    offset = mesh.positions - (lower + upper) / 2
+    radius = math.sqrt(float(np.einsum("ij,ij->i", offset, offset).max()))
+    return Extent(tuple(lower.tolist()), tuple(upper.tolist()), radius)
