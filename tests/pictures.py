@@ -280,7 +280,7 @@ async def draw_viewport(path: Path) -> None:
                 await asyncio.sleep(0.05)
             boxes = [e.id for e in scene.mirror.entities.values() if e.name.startswith("Box ")]
             editor.model.selection.replace(boxes[5:8])
-            editor.ui.tools.tool, editor.ui.tools.debug = "select", ("aabb", "velocity")
+            editor.ui.tools.tool, panel.look.debug = "select", ("aabb", "velocity")
             await frames_of(editor, 4)
             x, y, width, height = panel.rectangle
             start, end = (x + 0.3 * width, y + 0.3 * height), (x + 0.62 * width, y + 0.75 * height)
