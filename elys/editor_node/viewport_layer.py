@@ -17,6 +17,7 @@ from elys.common.errors import BusError
 from elys.common.math import quaternion
 from elys.editor_node.body_hand import BodyHand
 from elys.editor_node.box_selection import entities_in_box
+from elys.editor_node.camera import project
 from elys.editor_node.events import (
     Event,
     KeyPressed,
@@ -102,6 +103,7 @@ class ViewportLayer:
                 self._model.request_redraw(0.0)
         if self._action and self._panel not in self._viewports:
             self._release()
+        self._panel.hand_line = self._hand_line()
         if not self.is_flying:
             return
         steps = [step for key, step in _FLY_KEYS.items() if key in self._held]
@@ -245,6 +247,23 @@ class ViewportLayer:
             x, y, width, height = self._panel.rectangle
             at = (2.0 * (self._pointer[0] - x) / width - 1.0, 1.0 - 2.0 * (self._pointer[1] - y) / height)
             self.hand.drag(shown.camera, width / height, at)
+
+    def _hand_line(self) -> tuple[float, float, float, float] | None:
+        """From the held point to where it is pulled, in the window; None where nothing is held, or it is behind the camera."""
+        shown, held, target = self._panel.stream.shown, self.hand.held_point, self.hand.target
+        if shown is None or held is None or target is None:
+            return None
+        x, y, width, height = self._panel.rectangle
+        ends = [project(shown.camera, width / height, point) for point in (held, target)]
+        if ends[0] is None or ends[1] is None:
+            return None
+        (a, b), (c, d) = ends[0], ends[1]
+        return (
+            x + (1 + a) / 2 * width,
+            y + (1 - b) / 2 * height,
+            x + (1 + c) / 2 * width,
+            y + (1 - d) / 2 * height,
+        )
 
     async def _pick(self, modifiers: Modifiers) -> None:
         """Selects what is seen where the button went down."""

@@ -35,6 +35,9 @@ class ViewportPanel:
         self.rectangle = (0.0, 0.0, 1.0, 1.0)  # x, y, width, height of the picture in the window
         self.is_hovered = False
         self.selection_box: tuple[float, float, float, float] | None = None  # being dragged: two corners in the window
+        self.hand_line: tuple[float, float, float, float] | None = (
+            None  # of a body being dragged: held point and target
+        )
         self.is_seen = False  # in the last frame
         self.was_focused = False  # its window got the keyboard in the last frame
         self.is_marked = False  # as the one of several that keys mean
@@ -136,6 +139,8 @@ class ViewportPanel:
             if not self.is_played:  # what belongs to the editor would only stand in the way
                 self.gizmo.draw(ui, shown.camera, self.rectangle)
                 self.cube.draw(ui, shown.camera, self.rectangle, self.landmark("cube"))
+            if self.hand_line is not None:
+                _draw_hand_line(self.hand_line)
             if self.selection_box is not None:
                 _draw_selection_box(self.selection_box)
             imgui.pop_clip_rect()
@@ -174,6 +179,14 @@ class ViewportPanel:
         draw_list.add_rect_filled(low, high, color_code(NOTICE), 6.0)
         draw_list.add_rect(low, high, color_code((*color[:3], 0.6)), 6.0)
         draw_list.add_text((left, top), color_code(color), text)
+
+
+def _draw_hand_line(line: tuple[float, float, float, float]) -> None:
+    """A line from a ring around the held point to a dot where it is pulled."""
+    draw_list, color = imgui.get_window_draw_list(), color_code(WARNING)
+    draw_list.add_line(line[:2], line[2:], color, 2.0)
+    draw_list.add_circle(line[:2], 6.0, color, thickness=2.0)
+    draw_list.add_circle_filled(line[2:], 4.0, color)
 
 
 def _draw_selection_box(box: tuple[float, float, float, float]) -> None:

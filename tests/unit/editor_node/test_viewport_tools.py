@@ -411,6 +411,10 @@ def test_a_hand_drags_a_body_and_lets_it_go(at_the_editor):
         await person.until(lambda: isinstance(host.received[-1], Grab) and host.received[-1].target == wanted)
         assert host.received[-1].entity == crate
         assert host.received[-1].anchor == pytest.approx((0.2, 0.4, 0.1))
+        await person.frames(2)
+        assert editor.panel.hand_line == pytest.approx(
+            (*start, *end), abs=0.1
+        )  # from the crate, which nothing moves here
         await person.do(MouseReleased(MouseButton.LEFT))
         await person.until(lambda: isinstance(host.received[-1], Release))
         source.entity, count = ground, len(host.received)
@@ -419,5 +423,6 @@ def test_a_hand_drags_a_body_and_lets_it_go(at_the_editor):
         await person.do(MouseReleased(MouseButton.LEFT))
         assert len(host.received) == count
         assert not editor.model.selection
+        assert editor.panel.hand_line is None
 
     at_the_editor(scenario)
