@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from imgui_bundle import imgui
 
-from elys.editor_node.language import tr, tr_label
+from elys.editor_node.language import tr_label
 from elys.editor_node.panels.hierarchy_menus import draw_select_menu
+from elys.editor_node.sentences import tr_sentence
 from elys.editor_node.ui import Ui, action_item
 
 
@@ -38,8 +39,8 @@ def draw_edit_menu(ui: Ui) -> None:
     ui.landmarks.note("menu/edit")
     if not imgui.begin_menu(tr_label("Edit")):
         return
-    action_item(ui, "edit.undo", f"{tr('Undo')} {history.undo_label}")
-    action_item(ui, "edit.redo", f"{tr('Redo')} {history.redo_label}")
+    action_item(ui, "edit.undo", tr_sentence(f"Undo {history.undo_label}".strip()))
+    action_item(ui, "edit.redo", tr_sentence(f"Redo {history.redo_label}".strip()))
     action_item(ui, "edit.history")
     imgui.separator()
     for name in (
