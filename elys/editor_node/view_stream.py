@@ -25,6 +25,7 @@ from elys.editor_node.gpu import ViewportPicture
 
 ANSWER_TIMEOUT: Final = 1.5  # [s] after which a picture that was asked for is asked for again
 WAIT_TIMEOUT: Final = 3.0  # [s] the same for one that may wait for a later tick
+EARLINESS: Final = 1.5  # [s] before that, at which a frame that is drawn anyway asks again: several views do so together
 _log = logging.getLogger(__name__)
 
 
@@ -153,7 +154,7 @@ class ViewStream:
     def _ask_if_useful(self) -> None:
         if self.renderer is None or self._wanted is None:
             return
-        is_overdue = time.monotonic() >= self.next_deadline
+        is_overdue = time.monotonic() >= self.next_deadline - (EARLINESS if self._is_waiting else 0.0)
         if self._asked is not None and not is_overdue and (not self._is_waiting or self._wanted == self._asked):
             return
         newest = self._arrived or self.shown
