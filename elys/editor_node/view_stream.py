@@ -25,7 +25,9 @@ from elys.editor_node.gpu import ViewportPicture
 
 ANSWER_TIMEOUT: Final = 1.5  # [s] after which a picture that was asked for is asked for again
 WAIT_TIMEOUT: Final = 3.0  # [s] the same for one that may wait for a later tick
-EARLINESS: Final = 1.5  # [s] before that, at which a frame that is drawn anyway asks again: several views do so together
+EARLINESS: Final = (
+    1.5  # [s] before that, at which a frame that is drawn anyway asks again: several views do so together
+)
 _log = logging.getLogger(__name__)
 
 

@@ -80,17 +80,19 @@ class InputIntake:
                 )
             check_input(command)
         except RequestError as error:
-            self._refuse(node, str(error))
+            self._refuse(node, command, str(error))
         else:
             self._put(CommandRequest(origin=node, command=command))
 
-    def _refuse(self, node: str, reason: str) -> None:
+    def _refuse(self, node: str, command: Input, reason: str) -> None:
         now = time.monotonic()
         if now - self._told_at.get(node, -REFUSAL_INTERVAL) < REFUSAL_INTERVAL:
             return
         self._told_at = {other: at for other, at in self._told_at.items() if now - at < REFUSAL_INTERVAL} | {node: now}
         _log.warning("input of %s: %s", node, reason)
-        refused = CommandRecord(tick=self._simulation.tick, origin=node, command=Input(), accepted=False, reason=reason)
+        refused = CommandRecord(
+            tick=self._simulation.tick, origin=node, command=Input(player=command.player), accepted=False, reason=reason
+        )
         self._session.publish(topics.COMMANDS, refused)
 
     def _node_changed(self, node: Node, alive: bool) -> None:

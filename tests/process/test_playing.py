@@ -74,7 +74,9 @@ def test_keys_of_the_editor_move_a_body_and_the_same_ticks_come_again(game, tmp_
             offer(MouseMoved(200.0, 200.0), MouseMoved(203.0, 200.0))
             await until(editor, lambda: any(r.command.moved for r in records if isinstance(r.command, Input)))
             offer(KeyPressed(Key.ESCAPE), KeyReleased(Key.ESCAPE))
-            await until(editor, lambda: records[-1].command == Input(lets_go=True, source=editor.seat.node.id))
+            await until(
+                editor, lambda: records[-1].command == Input(player=1, lets_go=True, source=editor.seat.node.id)
+            )
             assert all(record.accepted for record in records)
             played = [record for record in records if isinstance(record.command, Input)]
             assert {record.origin for record in played} == {editor.seat.node.id}

@@ -199,7 +199,7 @@ class Input(msgspec.Struct, frozen=True, kw_only=True, tag="input"):
     fills in who: its node.
     """
 
-    player: int = 1
+    player: int
     lets_go: bool = False  # of all that is held, before anything else
     changes: tuple[tuple[str, bool], ...] = ()  # keys and buttons that went down (true) or up, in order
     moved: dict[str, float] = {}  # how far, by MOTIONS
