@@ -62,6 +62,7 @@ def test_keys_of_the_editor_move_a_body_and_the_same_ticks_come_again(game, tmp_
                 for event in events:
                     editor.application.offer(event)
 
+            await until(editor, lambda: editor.game.is_possible)  # the host has said what it is
             offer(KeyPressed(Key.F5), KeyReleased(Key.F5))
             assert editor.game.is_on
             offer(KeyPressed(Key.D))
