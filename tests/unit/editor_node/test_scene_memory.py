@@ -76,7 +76,7 @@ def test_marks_and_debug_lines_are_there_in_the_next_run(tmp_path):
 
     async def find(person) -> None:
         assert marked(person, "locked") == ["Crate"] and marked(person, "hidden") == ["Böx ✦"]
-        assert person.editor.ui.tools.debug == ("contacts",)
+        assert person.editor.panel.look.debug == ("contacts",)
         await person.press(Key.L, CTRL | SHIFT)
         await person.frames(2)
 
