@@ -27,9 +27,9 @@ _log = logging.getLogger(__name__)
 class Recorder:
     """Writes a session's messages and assets into a recording, in the order in which they come."""
 
-    def __init__(self, path: Path, *, session: str, scene: str) -> None:
+    def __init__(self, path: Path, *, session: str, scene: str, compact: bool = False) -> None:
         """Raises RecordingError if the file cannot be written."""
-        self._writer = McapWriter(path, session=session, scene=scene)
+        self._writer = McapWriter(path, session=session, scene=scene, compact=compact)
         self._assets: set[str] = set()
         self.message_count = 0
 
@@ -68,7 +68,7 @@ class Recorder:
 # --- beside a simulation -------------------------------------------------------------------------------------------
 
 
-def record_pipe(descriptor: int, path: Path) -> int:
+def record_pipe(descriptor: int, path: Path, *, compact: bool = False) -> int:
     """Writes what comes through a pipe (see `recording_pipe`) until it ends, then finishes the file; returns the messages.
 
     Raises:
@@ -80,7 +80,7 @@ def record_pipe(descriptor: int, path: Path) -> int:
         while not reader.ended:
             for frame in reader.read(1.0 if recorder is None else recorder.seconds_until_due()):
                 if frame.kind is FrameKind.BEGIN and recorder is None:
-                    recorder = Recorder(path, session=frame.name, scene=frame.content.decode(errors="replace"))
+                    recorder = Recorder(path, session=frame.name, scene=frame.content.decode(errors="replace"), compact=compact)
                 elif recorder is not None:
                     _take_frame(recorder, frame)
             if recorder is not None:
