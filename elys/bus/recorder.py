@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from elys.bus import codec, topics
 from elys.bus.asset_service import AssetClient
+from elys.bus.message_sieve import MessageSieve
 from elys.bus.messages.scene import SceneDelta, Snapshot, SnapshotRequest
 from elys.bus.recording_pipe import FrameKind, PipeFrame, PipeReader
 from elys.bus.session import Session
@@ -30,12 +31,16 @@ class Recorder:
     def __init__(self, path: Path, *, session: str, scene: str, compact: bool = False) -> None:
         """Raises RecordingError if the file cannot be written."""
         self._writer = McapWriter(path, session=session, scene=scene, compact=compact)
+        self._sieve = MessageSieve(compact=compact)
         self._assets: set[str] = set()
         self.message_count = 0
 
     def message(self, channel: str, body: bytes, *, time_ns: int) -> None:
-        """Adds a message without its protocol prefix."""
-        self._writer.write(channel, body, log_time=time_ns)
+        """Adds a message without its protocol prefix, if it says something new."""
+        kept = self._sieve.kept(channel, body, time_ns)
+        if kept is None:
+            return
+        self._writer.write(channel, kept, log_time=time_ns)
         self.message_count += 1
 
     def add_video(self, channel: str) -> None:
