@@ -18,8 +18,8 @@ from elys.bus.messages.state_frame import HEADER
 PROFILE_INTERVAL: Final = 250_000_000  # [ns] between those of ticks in which nothing moves
 SLOW: Final = 2.0  # times as long as the tick whose profile was kept last
 _PIECE: Final = 24 << 10  # [bytes]
-# What is kept of contacts in a compact recording, up to which column: 1 mm of points, 0.01 of normals, then 0.00001 of depths [m],
-# impulses [N s] and speeds [m/s], or of what stands before an exponent.
+# What is kept of contacts in a compact recording, up to which column: 1 mm of points, 0.01 of normals, then 0.00001 of depths
+# [m], impulses [N s] and speeds [m/s], or of what stands before an exponent.
 _DECIMALS: Final = ((b'"normal":', 3), (b'"depth":', 2), (None, 5))
 _TICK: Final = b'{"tick":'
 
@@ -102,4 +102,4 @@ def _cut_off(text: NDArray[np.uint8], most: int) -> bytes:
     place = np.arange(len(text), dtype=np.uint16)
     before = np.maximum.accumulate(np.where(is_digit, np.uint16(0), place))  # the last that is no digit
     is_decimal = text[before] == np.uint8(ord("."))
-    return text[~(is_digit & is_decimal & (place - before > most))].tobytes()
+    return bytes(text[~(is_digit & is_decimal & (place - before > most))])

@@ -85,7 +85,9 @@ def record_pipe(descriptor: int, path: Path, *, compact: bool = False) -> int:
         while not reader.ended:
             for frame in reader.read(1.0 if recorder is None else recorder.seconds_until_due()):
                 if frame.kind is FrameKind.BEGIN and recorder is None:
-                    recorder = Recorder(path, session=frame.name, scene=frame.content.decode(errors="replace"), compact=compact)
+                    recorder = Recorder(
+                        path, session=frame.name, scene=frame.content.decode(errors="replace"), compact=compact
+                    )
                 elif recorder is not None:
                     _take_frame(recorder, frame)
             if recorder is not None:

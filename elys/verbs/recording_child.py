@@ -15,6 +15,7 @@ from elys.common.assets.store import AssetStore
 from elys.common.errors import RecordingError
 from elys.sim_node.node import SimulationNode
 
+
 def require_recordable(path: Path) -> None:
     """Raises RecordingError unless a recording can be written there; makes the directories that lack."""
     if path.suffix != ".mcap":

@@ -1,4 +1,4 @@
-"""What recording costs: `python -m tests.benchmarks.recording` prints sizes, rates and processor times, and writes them into the docs.
+"""What recording costs: `python -m tests.benchmarks.recording` prints sizes, rates and processor times for the docs.
 
 A pile of 10,000 cubes is simulated once in a session of its own, and all that it says is kept: while it settles, and when it
 sleeps. That is told to a recorder process at 60 ticks a second, as the session would; its processor time is what the system
@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import asyncio
 import os
-import re
 import statistics
 import subprocess
 import sys
@@ -19,20 +18,15 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
 import zstandard
 
 from elys.bus import codec, topics
 from elys.bus.messages.state_frame import HEADER
-from elys.bus.recording import Recording
 from elys.bus.recording_pipe import FrameKind, frame_head
 from elys.bus.session import Session
 from elys.bus.topics import Encoding
 from elys.bus.transports.loopback import LoopbackBroker
-from elys.bus.transports.mcap import McapWriter
-from elys.sim_node.guard import Guard
 from elys.sim_node.node import SimulationNode
-from tests.benchmarks.machine import machine
 from tests.benchmarks.rewinding import load
 
 RATE: Final = 60.0  # [Hz]

@@ -35,7 +35,6 @@ from elys.bus.state_packing.schema import state_schema
 from elys.bus.state_packing.stream import FramePacker
 from elys.bus.topics import PROTOCOL_VERSION, Encoding
 from elys.bus.transports.mcap_frames import STATE_KEYS, STATE_KEYS_NAME
-from elys.bus.transports.mcap_writing import ChunkedWriter
 from elys.bus.transports.mcap_index import (
     SCENE_INDEX_NAME,
     SNAPSHOT_CHANNEL,
@@ -43,6 +42,7 @@ from elys.bus.transports.mcap_index import (
     STATE_INDEX_NAME,
     IndexBuilder,
 )
+from elys.bus.transports.mcap_writing import ChunkedWriter
 from elys.common.components import declarations
 from elys.common.components.schema import component_schema
 from elys.common.errors import RecordingError
@@ -91,7 +91,7 @@ class McapWriter:
             raise
 
     def write(self, channel: str, body: bytes | memoryview, *, log_time: int) -> None:
-        """Adds a message in the order of the calls; `body` is without the protocol prefix, a state frame's as it was on the bus."""
+        """Adds a message in the order of the calls; `body` is without the protocol prefix, a state frame as on the bus."""
         self._index.add(channel, body, self._chunk_number, self._message_number)
         if channel == STATE_CHANNEL:
             packed = self._pack(body)

@@ -39,7 +39,7 @@ _FOOTER: Final = struct.Struct("<BQQQ")
 
 
 class ChunkedWriter:
-    """An MCAP file; whoever writes decides when a chunk ends (`flush`). `size` is what stands in it [bytes], the open chunk left out."""
+    """An MCAP file; whoever writes decides when a chunk ends (`flush`). `size` [bytes] is without the open chunk."""
 
     def __init__(self, file: BinaryIO, *, profile: str, library: str) -> None:
         self._file = file
@@ -63,7 +63,7 @@ class ChunkedWriter:
         schema = Schema(id=len(self._schemas) + 1, data=data, encoding=encoding, name=name)
         self._schemas.append(schema)
         self._add(_bytes(schema))
-        return schema.id
+        return len(self._schemas)
 
     def add_channel(self, topic: str, encoding: str, schema: int) -> int:
         """Makes a channel for messages of a schema, and returns its number."""
