@@ -115,7 +115,7 @@ def sizes_and_times(folder: Path) -> list[tuple[str, str]]:
     asleep = [tick for tick, awake in enumerate(told.awake) if not awake][-60:]
     plain = statistics.mean(len(zstandard.compress(frame)) for frame in told.frames(moving))
     rows = [("raw frames, plain zstd, moving", f"{plain * HOUR / 1e9:.0f} GB/h")]
-    for name, options in (("lossless", ()), ("compact", ("--compact",))):
+    for name, options in (("lossless", ()), ("compact", ("--plan", '{"compact":true}'))):
         idle, empty = recorded(told, [], folder / "empty.mcap", *options)
         repeats = 8
         used, size = recorded(told, moving, folder / "moving.mcap", *options, repeats=repeats)

@@ -133,6 +133,13 @@ class McapWriter:
             now = time.time_ns()
             self._writer.add_attachment(name, data, media_type=media_type, time=now, created=now)
 
+    @property
+    def expected_size(self) -> int:
+        """How large the file would be, were it closed now [bytes]; the open chunk counts as if it did not pack."""
+        return (
+            self._writer.size + self._chunk_bytes + self._writer.summary_size + self._index.size + 12 * len(self._keys)
+        )
+
     def seconds_until_due(self) -> float:
         """How long `keep_time` may wait."""
         due = self._synced + _SYNC_SECONDS

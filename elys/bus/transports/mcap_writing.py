@@ -58,6 +58,13 @@ class ChunkedWriter:
         self._open_index: dict[int, list[tuple[int, int]]] = {}  # time and place of messages by channel
         self._put(MAGIC, _bytes(Header(profile=profile, library=library)))
 
+    @property
+    def summary_size(self) -> int:
+        """About what `finish` adds [bytes]."""
+        known = sum(len(schema.data) + 100 for schema in self._schemas)
+        indexed = 80 + 12 * len(self._channels)
+        return known + 1000 + indexed * len(self._chunks) + 150 * len(self._attachments)
+
     def add_schema(self, name: str, encoding: str, data: bytes) -> int:
         """Makes a schema known and returns its number."""
         schema = Schema(id=len(self._schemas) + 1, data=data, encoding=encoding, name=name)
