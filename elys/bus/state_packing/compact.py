@@ -216,7 +216,7 @@ def _guessed_rotation(
     if not elapsed:
         return before.rotation
     x, y, z, w = _rotation_of(before)
-    wx, wy, wz = (before.angular + angular) * F4(elapsed * 0.25 / ANGULAR_STEPS)
+    wx, wy, wz = (before.angular + angular).astype(F4) * F4(elapsed * 0.25 / ANGULAR_STEPS)
     guess = np.empty((4, before.body_count), F4)
     guess[0] = x + ((wx * w + wy * z) - wz * y)
     guess[1] = y + ((wy * w + wz * x) - wx * z)
