@@ -51,7 +51,7 @@ PROFILE: Final = "elys"
 METADATA_NAME: Final = "elys"
 COMPONENTS_NAME: Final = "elys/components.schema.json"
 
-_CHUNK_SECONDS: Final = 0.2
+_CHUNK_SECONDS: Final = 0.15  # a kill costs this, and the time it takes to pack and write a chunk
 _CHUNK_SIZE: Final = 4 << 20  # [bytes]
 _SYNC_SECONDS: Final = 1.0
 _log = logging.getLogger(__name__)
