@@ -56,7 +56,7 @@ class RecordingTap:
         self._lossless = lossless
         self._limit = queue_size
         self._sent_assets: set[str] = set()
-        self._queue: deque[bytes] = deque()
+        self._queue: deque[bytes | memoryview] = deque()
         self._queued = 0  # [bytes]
         self._ending = False
         self._has_gap = False  # a delta was left out: the scene has to be told anew
@@ -75,14 +75,16 @@ class RecordingTap:
         """Takes what the session has just published."""
         if not topic.recorded or not self.alive:
             return
-        body = payload[codec.PREFIX.size :]
+        # A frame of many bodies is not worth a copy in the tick.
+        body = memoryview(payload)[codec.PREFIX.size :] if topic is topics.STATE else payload[codec.PREFIX.size :]
         if topic is topics.DELTA:
+            assert isinstance(body, bytes)
             self._send_assets(body)
         if not self._lossless and self._is_too_long(topic.delivery):
             self._leave_out(topic)
             return
         self._send(FrameKind.MESSAGE, topic.name, body)
-        if (topic is topics.DELTA and _RESYNC in body) or self._has_gap:
+        if (topic is topics.DELTA and _RESYNC in payload) or self._has_gap:
             self._has_gap = False
             self._send_snapshot(self._take_snapshot())
 
@@ -125,7 +127,7 @@ class RecordingTap:
                 continue
             self._send(FrameKind.ASSET, reference, data)
 
-    def _send(self, kind: FrameKind, name: str, content: bytes) -> None:
+    def _send(self, kind: FrameKind, name: str, content: bytes | memoryview) -> None:
         head = frame_head(kind, name, len(content), time.time_ns())
         with self._changed:
             if not self.alive:
@@ -162,7 +164,7 @@ class RecordingTap:
         finally:
             os.close(self._descriptor)
 
-    def _next_batch(self) -> list[bytes] | None:
+    def _next_batch(self) -> list[bytes | memoryview] | None:
         with self._changed:
             while not self._queue:
                 if self._ending:
@@ -179,7 +181,7 @@ class RecordingTap:
                 self._loop.call_soon_threadsafe(self._room.set)
 
 
-def _write_all(descriptor: int, pieces: list[bytes]) -> None:
+def _write_all(descriptor: int, pieces: list[bytes | memoryview]) -> None:
     views = [memoryview(piece) for piece in pieces if piece]
     while views:
         written = os.writev(descriptor, views)

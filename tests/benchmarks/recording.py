@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import re
 import statistics
 import subprocess
 import sys
@@ -18,15 +19,24 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 import zstandard
 
 from elys.bus import codec, topics
+from elys.bus.last_seconds import LastSeconds
 from elys.bus.messages.state_frame import HEADER
+from elys.bus.recording import Recording
 from elys.bus.recording_pipe import FrameKind, frame_head
 from elys.bus.session import Session
+from elys.bus.state_packing.stream import FramePacker
 from elys.bus.topics import Encoding
 from elys.bus.transports.loopback import LoopbackBroker
+from elys.bus.transports.mcap import McapWriter
+from elys.sim_node.guard import Guard
 from elys.sim_node.node import SimulationNode
+from elys.verbs.recording_child import RecordingChild
+from tests.benchmarks.figures import percentiles
+from tests.benchmarks.machine import machine
 from tests.benchmarks.rewinding import load
 
 RATE: Final = 60.0  # [Hz]
@@ -122,13 +132,13 @@ def sizes_and_times(folder: Path) -> list[tuple[str, str]]:
         count = repeats * len(moving)
         rows += [
             (f"{name}, all channels, moving", f"{(size - empty) / count * HOUR / 1e9:.1f} GB/h"),
-            (f"{name}, frames against plain zstd", f"{_frame_size(told, moving, name, folder) / plain:.3f}"),
+            (f"{name}, frames alone, moving", f"{_frame_size(told, moving, name) * HOUR / 1e9:.1f} GB/h"),
             (f"{name}, recorder, moving", f"{100.0 * (used - idle) / (count / RATE):.1f} % of a core"),
         ]
         repeats = 20
         used, size = recorded(told, asleep, folder / "asleep.mcap", *options, repeats=repeats)
         count = repeats * len(asleep)
-        first = _first_frame(told, asleep[0], name, folder)
+        first = _first_frame(told, asleep[0], name)
         rows += [
             (f"{name}, all channels, asleep", f"{(size - empty - first) / count * HOUR / 1e6:.1f} MB/h"),
             (f"{name}, recorder, asleep", f"{100.0 * (used - idle) / (count / RATE):.1f} % of a core"),
@@ -136,26 +146,96 @@ def sizes_and_times(folder: Path) -> list[tuple[str, str]]:
     return rows
 
 
-def _frame_size(told: Told, ticks: list[int], name: str, folder: Path) -> float:
-    """Bytes in the file for each frame of these ticks, told in chunks of a fifth of a second."""
-    from elys.bus.state_packing.stream import FramePacker
-
+def _frame_size(told: Told, ticks: list[int], name: str) -> float:
+    """Bytes in the file for each frame of these ticks, told in chunks of a seventh of a second."""
     packer = FramePacker(compact=name == "compact")
-    sizes = [len(packer.pack(body, is_entry=n % 12 == 0) or b"") for n, body in enumerate(told.frames(ticks))]
+    sizes = [len(packer.pack(body, is_entry=n % 9 == 0) or b"") for n, body in enumerate(told.frames(ticks))]
     return statistics.mean(sizes)
 
 
-def _first_frame(told: Told, tick: int, name: str, folder: Path) -> int:
-    from elys.bus.state_packing.stream import FramePacker
-
+def _first_frame(told: Told, tick: int, name: str) -> int:
     return len(FramePacker(compact=name == "compact").pack(next(told.frames([tick])), is_entry=True) or b"")
 
 
+def seeks(folder: Path) -> list[tuple[str, str]]:
+    """Rows about a recording of ten minutes of 1000 bodies, of which half of the time something moves."""
+    told = Told(1000, 160)
+    moving = [tick for tick, awake in enumerate(told.awake) if awake and tick > 18]
+    asleep = [tick for tick, awake in enumerate(told.awake) if not awake][-60:]
+    path = folder / "minutes.mcap"
+    writer = McapWriter(path, session="pile")
+    writer.write(topics.SNAPSHOT.name, told.snapshot, log_time=1)
+    count = int(600 * RATE)
+    kinds = {True: list(told.frames(moving)), False: list(told.frames(asleep))}
+    for number in range(count):
+        bodies = kinds[number // 1800 % 2 == 0]
+        writer.write(topics.STATE.name, _renumbered(bodies[number % len(bodies)], number), log_time=number)
+        if number % 9 == 8:
+            writer._flush()  # as time would, every 0.15 s
+    writer.close()
+    chance, times = np.random.default_rng(1), []
+    began = time.perf_counter()
+    with Recording(path) as recording:
+        opened = time.perf_counter() - began
+        for position in chance.integers(0, count, 400).tolist():
+            began = time.perf_counter()
+            assert recording.frame(position).tick == position
+            times.append(1e3 * (time.perf_counter() - began))
+    return [
+        ("10 minutes of 1000 bodies, to open", f"{1e3 * opened:.0f} ms"),
+        ("any frame of it, p50 / p99", percentiles(times)),
+    ]
+
+
+def tick_cost(folder: Path) -> list[tuple[str, str]]:
+    """What the tick's thread spends with a recorder beside what it spends without, the best of several runs of each tick."""
+    best: dict[bool, list[float]] = {}
+    for run in range(8):
+        times = asyncio.run(_ticked(folder / "tick.mcap" if run % 2 else None))
+        known = best.setdefault(bool(run % 2), times)
+        best[bool(run % 2)] = [min(pair) for pair in zip(known, times, strict=True)]
+    alone, beside = (statistics.mean(best[recorded]) for recorded in (False, True))
+    return [
+        ("tick of 10,000 bodies, processor time", f"{1e3 * alone:.2f} ms"),
+        ("the same while it is recorded", f"{100.0 * (beside / alone - 1.0):+.1f} %"),
+    ]
+
+
+async def _ticked(path: Path | None) -> list[float]:
+    """Processor time of the thread [s] for each tick in which the pile settles."""
+    simulation = load(10_000)
+    session = await Session.host(LoopbackBroker().listen(), name="pile", kind="simulation", epoch=1)
+    node = SimulationNode(simulation, session, realtime=False, keep=0.0)
+    last = LastSeconds(session, take_snapshot=node.snapshot, assets=simulation.assets)
+    node.guard = Guard(simulation, last, lambda tick: Path(f"problem-{tick}.mcap"))
+    child = RecordingChild(path) if path is not None else None
+    if child is not None:
+        child.attach(session, node, simulation.assets, lossless=True)
+    times = []
+    for tick in range(66):
+        if node.recorder is not None:
+            await node.recorder.ready()
+        began = time.thread_time()
+        node.tick()
+        if tick >= 32:
+            times.append(time.thread_time() - began)
+        await asyncio.sleep(0.0)
+    if child is not None:
+        await child.finish()
+    node.guard.close()
+    await session.close()
+    return times
+
+
 def main() -> None:
-    with tempfile.TemporaryDirectory() as folder:
-        rows = sizes_and_times(Path(folder))
-    for what, figure in rows:
-        print(f"{what:50} {figure}")
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        rows = sizes_and_times(folder) + tick_cost(folder) + seeks(folder)
+    table = "\n".join(["| measure | figure |", "| --- | --- |", *(f"| {what} | {figure} |" for what, figure in rows)])
+    print(f"{machine()}\n\n{table}")
+    marked = re.compile(r"(<!-- recording bench -->\n).*?(<!-- /recording bench -->)", re.DOTALL)
+    text = f"A pile of 10,000 cubes at 60 ticks a second; {machine()}.\n\n{table}\n"
+    DOCS.write_text(marked.sub(lambda match: f"{match[1]}{text}{match[2]}", DOCS.read_text()))
 
 
 if __name__ == "__main__":

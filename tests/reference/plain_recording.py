@@ -150,7 +150,11 @@ class Frame:
             w1 = floats({1: w0})
             x, y, z, w = q0
             wx, wy, wz = (w0 + w1) * F32(dt * 0.25)
-            turned = [x + ((wx * w + wy * z) - wz * y), y + ((wy * w + wz * x) - wx * z), z + ((wz * w + wx * y) - wy * x)]
+            turned = [
+                x + ((wx * w + wy * z) - wz * y),
+                y + ((wy * w + wz * x) - wx * z),
+                z + ((wz * w + wx * y) - wy * x),
+            ]
             xyz = floats({1: q0[:3], 3: np.stack(turned)})
             a, b, c = xyz.astype(F64)
             rest = 1.0 - ((a * a + b * b) + c * c)
