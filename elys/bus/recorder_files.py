@@ -33,6 +33,7 @@ class Recorder:
         self._files: list[Path] = []
         self._size = 0  # of the files before this one [bytes]
         self._assets: set[str] = set()
+        self._facts: dict[str, dict[str, str]] = {}
         self._views: set[str] = set()
         self._sieve = MessageSieve(compact=plan.compact)
         self._mirror: SceneMirror | None = None  # the scene as it is, for the next file to begin with
@@ -67,6 +68,12 @@ class Recorder:
         if reference not in self._assets and not self.is_full:
             self._assets.add(reference)
             self._writer.attach(reference, data, media_type=_ASSET_TYPE)
+
+    def facts(self, name: str, values: dict[str, str]) -> None:
+        """Adds metadata, once under each name."""
+        if name not in self._facts and not self.is_full:
+            self._facts[name] = values
+            self._writer.add_metadata(name, values)
 
     def lacking(self, body: bytes) -> list[str]:
         """The assets that a snapshot's or a delta's body names and that are not in the recording yet."""
@@ -126,6 +133,8 @@ class Recorder:
         self._writer = self._new_file()
         self._begun = time_ns
         self._sieve = MessageSieve(compact=self._plan.compact)
+        for name, values in self._facts.items():
+            self._writer.add_metadata(name, values)
         for channel in self._views:
             self._writer.add_video(channel)
         # All of them: a change to come may name one that the scene does not name now, and nobody sends it twice.

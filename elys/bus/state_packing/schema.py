@@ -26,7 +26,7 @@ _TEXTS: Final = {
     "published_at": "ns, wall clock",
     "delta_sequence": "the deltas that must have been applied before",
     "state_hash": "of the exact state, also where the frame is compact",
-    "flags": "1 playing, 2 a tail follows, 4 told again, 8 of a fork",
+    "flags": "1 playing, 2 a tail follows, 4 told again, 8 of a fork; bits 4 to 31: the instant that it shows, plus 1",
     "position": "m, world",
     "rotation": "x y z w, world",
     "linear_velocity": "m/s",

@@ -5,6 +5,7 @@
     log_time    wall clock of the recorder [ns]; tick and simulation time stand in the messages themselves
     video/NAME  pictures of views, where they were asked for: foxglove.CompressedVideo
     attachment  every asset the scene names, by its reference; at the end indexes of state frames, keys and the scene
+    exact       now and then the whole state of a simulation, so that it can be run again: see `elys.bus.messages.exact_state`
     metadata    "elys": versions of protocol and program, session, start
 
 Chunks close by time as well as by size and reach the disk once a second, so that a kill of everything at once loses no more
@@ -28,6 +29,7 @@ import numpy as np
 import elys
 from elys.bus import topics
 from elys.bus.compressed_video import SCHEMA_NAME, video_schema
+from elys.bus.messages.exact_state import EXACT_HEADER
 from elys.bus.messages.scene import Snapshot
 from elys.bus.state_packing import compact as steps
 from elys.bus.state_packing.frames import STATE_ENCODING, Kind, head_of
@@ -49,6 +51,8 @@ from elys.common.errors import RecordingError
 
 PROFILE: Final = "elys"
 METADATA_NAME: Final = "elys"
+EXACT_ENCODING: Final = "elys.exact.v1"
+EXACT_CHANNEL: Final = topics.EXACT.name
 COMPONENTS_NAME: Final = "elys/components.schema.json"
 
 _CHUNK_SECONDS: Final = 0.15  # a kill costs this, and the time it takes to pack and write a chunk
@@ -140,6 +144,11 @@ class McapWriter:
             self._writer.size + self._chunk_bytes + self._writer.summary_size + self._index.size + 12 * len(self._keys)
         )
 
+    def add_metadata(self, name: str, values: dict[str, str]) -> None:
+        """Adds facts by name."""
+        with _disk_errors(self.path):
+            self._writer.add_metadata(name, values)
+
     def seconds_until_due(self) -> float:
         """How long `keep_time` may wait."""
         due = self._synced + _SYNC_SECONDS
@@ -198,16 +207,19 @@ class McapWriter:
         if name == STATE_CHANNEL:
             schema = self._writer.add_schema("elys.StateFrame", "jsonschema", state_schema())
             return self._writer.add_channel(name, STATE_ENCODING, schema)
+        if name == EXACT_CHANNEL:
+            schema = self._writer.add_schema("elys.ExactState", EXACT_ENCODING, _exact_layout())
+            return self._writer.add_channel(name, EXACT_ENCODING, schema)
         struct = Snapshot if name == SNAPSHOT_CHANNEL else topics.topic_named(name).message
         schema = self._writer.add_schema(f"elys.{struct.__name__}", "jsonschema", _json_schema(struct))
         return self._writer.add_channel(name, "json", schema)
 
 
 def recorded_channels() -> tuple[str, ...]:
-    """The channels of a recording: the snapshot and every recorded topic."""
+    """The channels of a recording: the snapshot, the exact state and every recorded topic."""
     recorded = tuple(topic.name for topic in topics.TOPICS if topic.recorded)
     assert all(topic.encoding in (Encoding.JSON, Encoding.STATE) for topic in topics.TOPICS if topic.recorded)
-    return (SNAPSHOT_CHANNEL, *recorded)
+    return (SNAPSHOT_CHANNEL, EXACT_CHANNEL, *recorded)
 
 
 def open_alone(path: Path) -> BinaryIO:
@@ -261,3 +273,14 @@ def _json_schema(struct: type[Any]) -> bytes:
 
 def _component_schemas() -> bytes:
     return msgspec.json.encode({name: component_schema(name) for name in declarations()})
+
+
+def _exact_layout() -> bytes:
+    names = ["epoch", "instant", "changes", "tick", "simulation_time", "state_hash", "fork", "flags"]
+    return msgspec.json.encode(
+        {
+            "description": "little-endian: the header, then the state of a simulation as ELYS of the same version reads it",
+            "header": {"format": EXACT_HEADER.format, "names": names, "bytes": EXACT_HEADER.size},
+            "flags": {"1": "what led here is not in commands and steps"},
+        }
+    )

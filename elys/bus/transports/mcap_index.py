@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elys.bus import topics
-from elys.bus.messages.state_frame import FORKED, HEADER, TOLD_AGAIN, is_whole
+from elys.bus.messages.state_frame import FORKED, HEADER, TOLD_AGAIN, instant_of, is_whole
 from elys.bus.state_packing.frames import HEAD_SIZE, Kind, head_of
 from elys.common.errors import RecordingError
 
@@ -54,6 +54,7 @@ class IndexBuilder:
 
     def __init__(self) -> None:
         self._frames: list[tuple[int, int, float, int, int, int, int]] = []
+        self._instants: list[int] = []  # of each of them
         self._told_again: list[tuple[int, int, float, int, int, int, int]] = []
         self._scene: list[tuple[int, int, bool, int, int]] = []
 
@@ -88,10 +89,24 @@ class IndexBuilder:
         epoch, tick, time, _, sequence, _, count, flags = HEADER.unpack_from(body)
         if not math.isfinite(time):
             return
-        frames = self._told_again if flags & TOLD_AGAIN else self._frames
-        while flags & FORKED and frames and frames[-1][0] == epoch and frames[-1][1] > tick:
+        if flags & TOLD_AGAIN:
+            self._told_again.append((epoch, tick, time, sequence, count, chunk, message))
+            return
+        instant = instant_of(flags)
+        if flags & FORKED:
+            self._drop_void(epoch, tick, instant)
+        self._frames.append((epoch, tick, time, sequence, count, chunk, message))
+        self._instants.append(instant)
+
+    def _drop_void(self, epoch: int, tick: int, instant: int) -> None:
+        """Drops what a fork made void by a frame of this instant; ticks count where instants are not told."""
+        frames, instants = self._frames, self._instants
+        while frames and frames[-1][0] == epoch:
+            is_told = instant >= 0 and instants[-1] >= 0
+            if not (instants[-1] >= instant if is_told else frames[-1][1] > tick):
+                return
             frames.pop()
-        frames.append((epoch, tick, time, sequence, count, chunk, message))
+            instants.pop()
 
     @property
     def size(self) -> int:
