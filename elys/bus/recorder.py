@@ -97,7 +97,9 @@ async def record_session(
 class _OutsideRecording:
     """Subscribes to everything, and asks for the scene at the start, at a gap, at a resync and after a new start of the host."""
 
-    def __init__(self, session: Session, path: Path, views: Sequence[RecordedView], plan: RecordingPlan) -> None:
+    def __init__(
+        self, session: Session, path: Path, views: Sequence[RecordedView], plan: RecordingPlan = PLAIN
+    ) -> None:
         self.recorder = Recorder(path, session=session.name, scene="", plan=plan)
         self._views = [ViewRecording(session, view, self._keep_picture) for view in views]
         self._session = session
