@@ -234,7 +234,7 @@ def main() -> None:
     table = "\n".join(["| measure | figure |", "| --- | --- |", *(f"| {what} | {figure} |" for what, figure in rows)])
     print(f"{machine()}\n\n{table}")
     marked = re.compile(r"(<!-- recording bench -->\n).*?(<!-- /recording bench -->)", re.DOTALL)
-    text = f"A pile of 10,000 cubes at 60 ticks a second; {machine()}.\n\n{table}\n"
+    text = f"A pile of 10,000 cubes at 60 ticks a second; {machine()}\n\n{table}\n"
     DOCS.write_text(marked.sub(lambda match: f"{match[1]}{text}{match[2]}", DOCS.read_text()))
 
 
