@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from elys.bus.recording_plan import PLAIN, RecordingPlan, to_json
 from elys.common.errors import LaunchError
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ def run(
     guarded: bool,
     keep: float,
     json: bool,
+    plan: RecordingPlan = PLAIN,
 ) -> None:
     """Simulates a scene: with an editor, or headless; headless with a step limit runs as fast as it can."""
     from elys.bus.discovery import complete_endpoint
@@ -47,6 +49,7 @@ def run(
             guarded=guarded,
             keep=keep,
             json=json,
+            plan=plan,
         )
         return
     from elys.render_node.window import probe_display
@@ -62,7 +65,7 @@ def run(
     if not kernels_are_warm(needed_kernels(opened, threads=threads)):
         compile_with_progress(opened, threads=threads)  # the bar needs this terminal; a node's own lines are prefixed
     options = ["--steps", str(step_limit)] if step_limit else []
-    options += ["--record", str(record)] if record else []
+    options += ["--record", str(record), "--recording-plan", to_json(plan)] if record else []
     options += ["--paused"] if paused else []
     options += ["--name", name] if name else []
     options += [] if guarded else ["--no-guard"]
@@ -143,6 +146,7 @@ def _run_headless(
     guarded: bool,
     keep: float,
     json: bool,
+    plan: RecordingPlan = PLAIN,
 ) -> None:
     from elys.bus.log import start_logging
     from elys.verbs.nodes import run_until_asked
@@ -164,6 +168,7 @@ def _run_headless(
             name=name,
             guarded=guarded,
             keep=keep,
+            plan=plan,
             on_end=reports.append,
         )
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import platformdirs
 
+from elys.bus.recording_plan import PLAIN, RecordingPlan
 from elys.common.assets.store import AssetStore
 from elys.verbs.nodes import hosted, session_name
 from elys.verbs.output import size_text
@@ -84,6 +85,7 @@ async def simulate(
     name: str,
     guarded: bool = True,
     keep: float = 60.0,
+    plan: RecordingPlan = PLAIN,
     on_end: Callable[[RunReport], None] | None = None,
 ) -> None:
     """Runs a simulation in a session of its own, of which the last `keep` seconds can be gone back to.
@@ -100,7 +102,7 @@ async def simulate(
         node = SimulationNode(
             simulation, session, realtime=realtime, playing=not paused, step_limit=step_limit, keep=keep
         )
-        recorder = RecordingChild(record) if record else None
+        recorder = RecordingChild(record, plan) if record else None
         if recorder is not None:
             recorder.attach(session, node, simulation.assets, lossless=not realtime)
         if guarded:
