@@ -56,6 +56,7 @@ Threads = Annotated[
     int, typer.Option("--threads", min=1, max=64, help="threads for large steps of physics; what comes out is the same")
 ]
 Keep = Annotated[float, typer.Option(min=0.0, max=3600.0, help="simulated seconds that can be gone back to (0: none)")]
+At = Annotated[str, typer.Option(help="go on with a recording (.mcap) from this simulation time, as 12.5s")]
 NoGuard = Annotated[bool, typer.Option("--no-guard", help="do not keep the last 5 s for when something goes wrong")]
 Json = Annotated[bool, typer.Option("--json", help="print facts as JSON")]
 DebugKinds = Annotated[
@@ -107,6 +108,7 @@ def run(
     threads: Threads = 1,
     no_guard: NoGuard = False,
     keep: Keep = 60.0,
+    at: At = "",
     json: Json = False,
 ) -> None:
     """Simulate a scene, with an editor attached; or --headless, for a server or a script."""
@@ -125,6 +127,7 @@ def run(
         guarded=not no_guard,
         keep=keep,
         json=json,
+        at=at,
     )
 
 
@@ -380,6 +383,44 @@ def verify(
 
 
 @app.command()
+def fork(
+    recording: Recording,
+    output: Annotated[Path, typer.Option("--output", "-o", help="the .mcap to write")],
+    at: Annotated[str, typer.Option(help="simulation time from which on it becomes another, as 12.5s")],
+    edit: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(help="JSON list of commands to begin with (elys schema edits); entities may be called by name"),
+    ] = None,
+    seconds: Annotated[
+        float, typer.Option(min=0.0, max=360000.0, help="simulated seconds to run on; 0: to the end of the recording")
+    ] = 0.0,
+    repeat: Annotated[
+        bool, typer.Option("--repeat/--no-repeat", help="do again what was done in the recording from there on")
+    ] = True,
+    listen: Listen = None,
+    threads: Threads = 1,
+    json: Json = False,
+) -> None:
+    """Go on from any instant of a recording with another future, as fast as it can. With no edit it comes out the same.
+
+    To go on from there by hand, with the editor: elys run RECORDING.mcap --at TIME
+    """
+    from elys.verbs import fork as verb
+
+    verb.fork(
+        recording,
+        at=at,
+        edits=edit,
+        output=output,
+        seconds=seconds,
+        repeats=repeat,
+        listen=listen,
+        threads=threads,
+        json=json,
+    )
+
+
+@app.command()
 def export(
     recording: Recording,
     output: Annotated[Path, typer.Argument(help="out.npz: time, name, position, rotation, velocities as arrays")],
@@ -410,7 +451,11 @@ def launch(
 
 
 @app.command()
-def schema(component: Annotated[str, typer.Argument(help="one component; default: the scene file")] = "") -> None:
+def schema(
+    component: Annotated[
+        str, typer.Argument(help="a component, or edits (see elys fork); default: the scene file")
+    ] = "",
+) -> None:
     """Print the JSON Schema of the scene file (or of one component), for editors that check while you type."""
     from elys.verbs import facts
 
@@ -527,6 +572,7 @@ def node_simulation(
     threads: Threads = 1,
     no_guard: NoGuard = False,
     keep: Keep = 60.0,
+    at: At = "",
 ) -> None:
     """The simulation."""
     from elys.verbs import nodes
@@ -542,6 +588,7 @@ def node_simulation(
         threads=threads,
         guarded=not no_guard,
         keep=keep,
+        at=at,
     )
 
 

@@ -98,14 +98,16 @@ def simulation(
     threads: int,
     guarded: bool,
     keep: float,
+    at: str = "",
 ) -> None:
     """The simulation's process."""
     from elys.verbs.simulate import prepare, simulate
 
     start_logging()
+    opened, origin = prepare(scene, record=record, threads=threads, at=at)
     run_until_asked(
         simulate(
-            prepare(scene, record=record, threads=threads),
+            opened,
             listen=listen,
             step_limit=step_limit,
             record=record,
@@ -114,6 +116,7 @@ def simulation(
             name=name,
             guarded=guarded,
             keep=keep,
+            origin=origin,
         )
     )
 
