@@ -124,7 +124,7 @@ class Recording:
         end = self._places[last + 1] if last + 1 < len(self) else self._end
         shown = set(self._places[first : last + 1])
         is_shown = True
-        for message in self.reader.messages(start=start, end=end):
+        for message in self.reader.stored_messages(start=start, end=end):
             if message.channel == STATE_CHANNEL:
                 is_shown = message.place in shown
             elif is_shown and message.channel not in (SNAPSHOT_CHANNEL, DELTA_CHANNEL, EXACT_CHANNEL):
@@ -230,8 +230,9 @@ class Recording:
 
     def _find_indexes(self) -> tuple[NDArray[Any], NDArray[Any]]:
         builder = IndexBuilder()
-        for message in self.reader.messages((STATE_CHANNEL, DELTA_CHANNEL, SNAPSHOT_CHANNEL)):
-            builder.add(message.channel, message.body, *message.place)
+        is_packed = self.reader.packs_frames
+        for message in self.reader.stored_messages((STATE_CHANNEL, DELTA_CHANNEL, SNAPSHOT_CHANNEL)):
+            builder.add_stored(message.channel, message.body, *message.place, is_packed=is_packed)
         return builder.frames(), builder.scene()
 
 

@@ -25,7 +25,6 @@ from elys.bus.messages.commands import (
     LoadScene,
     NoteSaved,
     Seek,
-    SetLoop,
     SetPlaying,
     SetRate,
     StepTicks,
@@ -151,10 +150,6 @@ class EditorModel:
     def set_rate(self, rate: float) -> None:
         """Simulated seconds per second; 0 is as fast as it can."""
         self.command("Set speed", SetRate(rate=rate))
-
-    def set_loop(self, loop: bool) -> None:
-        """Whether a replay starts again at its end."""
-        self.command("Set loop", SetLoop(loop=loop))
 
     def command(self, label: str, command: Command) -> asyncio.Task[None]:
         """Sends a command that changes no scene and so is not undone; a refusal is told in the console."""

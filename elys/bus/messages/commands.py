@@ -111,6 +111,13 @@ class SetLoop(msgspec.Struct, frozen=True, kw_only=True, tag="set_loop"):
     loop: bool
 
 
+class SetRange(msgspec.Struct, frozen=True, kw_only=True, tag="set_range"):
+    """Replay only: play, and loop, from `start` to `end` [s]; None for the recording's own. Seeking and stepping go beyond."""
+
+    start: float | None = None
+    end: float | None = None
+
+
 Edit = (
     SetComponent | AddComponent | RemoveComponent | Spawn | Despawn | Rename | Reparent | SetEnabled | SetSettings
 )  # what changes a scene
@@ -186,7 +193,7 @@ class Release(msgspec.Struct, frozen=True, kw_only=True, tag="release"):
 
 
 Hand = Grab | Release  # what changes how a simulation goes on, without being an edit of the scene
-Time = SetPlaying | StepTicks | Seek | SetRate | SetLoop | Rewind | Resume  # what is asked of the clock
+Time = SetPlaying | StepTicks | Seek | SetRate | SetLoop | SetRange | Rewind | Resume  # what is asked of the clock
 Command = Edit | Batch | Undo | Redo | LoadScene | NoteSaved | Time | Hand
 
 

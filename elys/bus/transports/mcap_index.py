@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from elys.bus import topics
 from elys.bus.messages.state_frame import FORKED, HEADER, TOLD_AGAIN, instant_of, is_whole
+from elys.bus.state_packing.frames import HEAD_SIZE, Kind, head_of
+from elys.common.errors import RecordingError
 
 SNAPSHOT_CHANNEL: Final = topics.SNAPSHOT.name
 STATE_CHANNEL: Final = topics.STATE.name
@@ -56,10 +58,25 @@ class IndexBuilder:
         self._told_again: list[tuple[int, int, float, int, int, int, int]] = []
         self._scene: list[tuple[int, int, bool, int, int]] = []
 
-    def add(self, channel: str, body: bytes | memoryview, chunk: int, message: int) -> None:
-        """Looks at a message at its place."""
-        if channel == STATE_CHANNEL:
+    def add_stored(self, channel: str, body: bytes, chunk: int, message: int, *, is_packed: bool) -> None:
+        """Looks at a message as it stands in a file; `is_packed` says that the file packs frames."""
+        if channel != STATE_CHANNEL or not is_packed:
+            self.add(channel, body, chunk, message)
+            return
+        try:
+            kind = head_of(body).kind
+        except RecordingError:
+            return
+        if kind is Kind.VERBATIM:
+            self.add(channel, body[: HEADER.size] + body[HEAD_SIZE:], chunk, message)
+        else:
             self._add_frame(body, chunk, message)
+
+    def add(self, channel: str, body: bytes | memoryview, chunk: int, message: int) -> None:
+        """Looks at a message, a frame as on the bus, at its place."""
+        if channel == STATE_CHANNEL:
+            if is_whole(body):
+                self._add_frame(body, chunk, message)
         elif channel in (SNAPSHOT_CHANNEL, DELTA_CHANNEL):
             try:
                 head = _heads.decode(body)
@@ -69,10 +86,8 @@ class IndexBuilder:
                 self._scene.append((head.epoch, head.sequence, channel == SNAPSHOT_CHANNEL, chunk, message))
 
     def _add_frame(self, body: bytes | memoryview, chunk: int, message: int) -> None:
-        if len(body) < HEADER.size:
-            return
         epoch, tick, time, _, sequence, _, count, flags = HEADER.unpack_from(body)
-        if not (is_whole(body) and math.isfinite(time)):
+        if not math.isfinite(time):
             return
         if flags & TOLD_AGAIN:
             self._told_again.append((epoch, tick, time, sequence, count, chunk, message))

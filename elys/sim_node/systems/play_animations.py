@@ -68,6 +68,11 @@ class Animations:
         self._problems: list[Problem] = []
         self._told: set[tuple[int, str]] = set()
 
+    @property
+    def is_needed(self) -> bool:
+        """Whether anybody plays a clip, or did so until now."""
+        return bool(len(self._query) or self._players)
+
     def take_problems(self) -> list[Problem]:
         """What could not be played, or only in part, since this was last asked."""
         problems, self._problems = self._problems, []
@@ -78,7 +83,7 @@ class Animations:
 
         Returns the entities that live and are moved no more: frames tell no longer where they are.
         """
-        if not len(self._query) and not self._players:
+        if not self.is_needed:
             return []
         before = self._world.allocator.ids[self._moved]
         if _may_bind_otherwise(changes):

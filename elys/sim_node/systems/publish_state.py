@@ -131,6 +131,7 @@ def debug_lines(simulation: Simulation, kind: str, *, epoch: int) -> DebugLines:
         positions=lines.positions.astype("<f4").tobytes(),
         colors=lines.colors.tobytes(),
         values=lines.values.astype("<f4").tobytes(),
+        entities=lines.entities.astype("<u4").tobytes(),
     )
 
 
