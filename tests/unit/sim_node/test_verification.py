@@ -201,6 +201,22 @@ def test_a_flipped_bit_is_found_where_it_is(
     assert verdict.ticks == 57  # 0 to 56
 
 
+def test_a_compact_recording_is_equal_within_its_bounds(session: Path, tmp_path: Path) -> None:
+    path = altered(session, tmp_path / "compact.mcap", lambda message: message.body, compact=True)
+    assert verify(path).cause == "equal"
+
+    def move(message: Any) -> bytes:
+        if message.channel == topics.STATE.name and (frame := unpack_frame(message.body)).tick == 57:
+            position = frame.position.copy()
+            position[4, 1] += 0.003
+            return pack_frame(dataclasses.replace(frame, position=position))
+        return message.body  # type: ignore[no-any-return]
+
+    found = verify(altered(session, tmp_path / "moved.mcap", move, compact=True)).difference
+    assert found is not None
+    assert (found.tick, found.field) == (57, "position (world)")
+
+
 def test_a_flipped_bit_of_the_hash_is_found(session: Path, tmp_path: Path) -> None:
     def flip(message: Any) -> bytes:
         if message.channel == topics.STATE.name and (frame := unpack_frame(message.body)).tick == 33:
