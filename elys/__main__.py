@@ -432,6 +432,25 @@ def fork(
 
 
 @app.command()
+def diff(
+    a: Annotated[Path, typer.Argument(help="a recording (.mcap)")],
+    b: Annotated[Path, typer.Argument(help="another, as a fork of it")],
+    plot: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(help="out.png or out.html: how far bodies are from one another over time (extra 'lab')"),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Tell when, where and by how much two recorded runs part.
+
+    Ends with 0: equal. 1: they differ. 2: one cannot be read, or they have no instant in common.
+    """
+    from elys.verbs import diff as verb
+
+    raise typer.Exit(verb.diff(a, b, plot=plot, json=json))
+
+
+@app.command()
 def export(
     recording: Recording,
     output: Annotated[Path, typer.Argument(help="out.npz: time, name, position, rotation, velocities as arrays")],
