@@ -133,7 +133,7 @@ def _guard_of(node: SimulationNode, session: Session, record: Path | None) -> Gu
     from elys.sim_node.guard import Guard
 
     simulation = node.simulation
-    last = LastSeconds(session, take_snapshot=node.snapshot, assets=simulation.assets)
+    last = LastSeconds(session, take_snapshot=node.snapshot, assets=simulation.assets, exact=node.chronicle)
     folder = record.parent if record is not None else Path()
     if not os.access(folder, os.W_OK):
         folder = Path(platformdirs.user_data_dir("elys", ensure_exists=True))

@@ -360,3 +360,30 @@ def test_any_instant_is_had_again(session: Path) -> None:
             again.advance()
         frame = recording.frame(recording.position_at(71 / 60))
         assert again.simulation.state_hash() == frame.state_hash
+
+
+def test_hostile_commands_and_states_are_a_verdict_or_a_sentence(session: Path, tmp_path: Path) -> None:
+    """Bytes that are changed, numbers that nobody counts to: bounded time, no crash, and never equal by accident."""
+    chance = np.random.default_rng(7)
+    numbers = (b'"number":', b'"beat":', b'"previous":', b'"fork":', b'"forked_from":', b'"physics_of":', b'"epoch":')
+    for round_number in range(24):
+        name = topics.COMMANDS.name if round_number % 3 else topics.EXACT.name
+        key = numbers[round_number % len(numbers)]
+        value = (b"999999999999999999", b"-5", b"0")[round_number % 3]
+
+        def spoil(message: Any, name: str = name, key: bytes = key, value: bytes = value) -> bytes:
+            body: bytes = message.body
+            if message.channel != name or chance.random() < 0.5:
+                return body
+            if name == topics.COMMANDS.name and chance.random() < 0.7:
+                place = body.index(key) + len(key)
+                return body[:place] + value + body[place:].lstrip(b"-0123456789")
+            place = int(chance.integers(min(len(body), 80)))
+            return body[:place] + bytes([body[place] ^ int(chance.integers(1, 256))]) + body[place + 1 :]
+
+        path = altered(session, tmp_path / "a.mcap", spoil)
+        try:
+            verdict = verify(path)
+        except (RecordingError, StateError):
+            continue
+        assert verdict.cause in ("equal", "altered"), verdict
