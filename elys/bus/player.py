@@ -32,11 +32,13 @@ from elys.bus.messages.commands import (
     StepTicks,
 )
 from elys.bus.messages.history import HistoryReply, HistoryRequest
+from elys.bus.messages.physics import Touching, TouchingRequest
 from elys.bus.messages.plan import PhysicsPlan, PlanRequest
 from elys.bus.messages.scene import SceneDelta, Snapshot, SnapshotRequest
 from elys.bus.messages.session import SessionStatus
 from elys.bus.messages.state_frame import HEADER, PLAYING
 from elys.bus.messages.timeline import Marker, Markers, MarkersRequest
+from elys.bus.prefab_service import serve_prefabs
 from elys.bus.recording import Recording
 from elys.bus.session import Session
 from elys.bus.topics import Encoding
@@ -110,6 +112,8 @@ class Player:
         """Serves the session and plays."""
         self.session.serve(topics.SNAPSHOT, self._give_snapshot)
         self.session.serve(topics.PLAN, self._refuse_plan)
+        self.session.serve(topics.TOUCHING, self._refuse_touching)
+        serve_prefabs(self.session, self._has_instance_of)
         self.session.serve(topics.ASSET, self._give_asset)
         self.session.serve(topics.MARKERS, self._give_markers)
         self.session.serve(topics.COMMAND, self._take_command)
@@ -282,6 +286,9 @@ class Player:
 
     # --- answering -------------------------------------------------------------------------------------------------
 
+    def _has_instance_of(self, prefab: str) -> bool:
+        return any(entity.prefab == prefab for entity in self._mirror.entities.values())
+
     async def _give_snapshot(self, request: SnapshotRequest, key: str) -> Snapshot:
         snapshot = self._mirror.to_snapshot(frame=self.recording.frame(self.position))
         return msgspec.structs.replace(snapshot, epoch=self.session.epoch, sequence=self._sequence)
@@ -323,6 +330,9 @@ class Player:
 
     async def _refuse_plan(self, request: PlanRequest, key: str) -> PhysicsPlan:
         raise RequestError("a recording is played, nothing is simulated: there is no plan of steps")
+
+    async def _refuse_touching(self, request: TouchingRequest, key: str) -> Touching:
+        raise RequestError("a recording is played: it holds which contacts began and ended, not which go on")
 
     async def _take_command(self, request: CommandRequest, key: str) -> CommandReply:
         try:

@@ -197,11 +197,23 @@ PLAN: Final = Query(
     reply=plan.PhysicsPlan,
     text="which stages a step of physics has, and why the others are off",
 )
+TOUCHING: Final = Query(
+    name="touching",
+    request=physics.TouchingRequest,
+    reply=physics.Touching,
+    text="all contacts that go on; the topic contacts tells what begins and ends from then on",
+)
 HISTORY: Final = Query(
     name="history",
     request=history.HistoryRequest,
     reply=history.HistoryReply,
     text="what somebody can undo and redo here, and as whom",
+)
+PREFAB: Final = Query(
+    name="prefab",
+    request=scene.PrefabRequest,
+    reply=scene.PrefabContent,
+    text="what stands in a prefab's file, which is on the host's disk",
 )
 MARKERS: Final = Query(
     name="markers",
@@ -263,10 +275,12 @@ QUERIES: Final[tuple[Query[Any, Any], ...]] = (
     HELLO,
     SNAPSHOT,
     EXACT,
+    PREFAB,
     COMMAND,
     HISTORY,
     MARKERS,
     PLAN,
+    TOUCHING,
     PICK,
     THUMBNAIL,
     ASSET,

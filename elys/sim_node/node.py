@@ -37,11 +37,13 @@ from elys.bus.messages.commands import (
     Undo,
 )
 from elys.bus.messages.history import HistoryReply, HistoryRequest
+from elys.bus.messages.physics import Touching, TouchingRequest
 from elys.bus.messages.plan import PhysicsPlan, PlanRequest
 from elys.bus.messages.scene import SceneDelta, Snapshot, SnapshotRequest
 from elys.bus.messages.session import Event, EventBatch, SessionStatus
 from elys.bus.messages.state_frame import INSTANTS
 from elys.bus.messages.timeline import Markers, MarkersRequest
+from elys.bus.prefab_service import serve_prefabs
 from elys.bus.session import Node, Session
 from elys.common.clock import FixedStepClock
 from elys.common.errors import EditConflict, ElysError, RequestError
@@ -64,6 +66,7 @@ from elys.sim_node.systems.publish_state import (
     publish_profile,
     scene_delta,
     state_frame,
+    touching,
 )
 from elys.sim_node.timing import StageTimes, process_age
 
@@ -153,7 +156,9 @@ class SimulationNode:
         session.serve(topics.HISTORY, self._give_history)
         session.serve(topics.MARKERS, self._give_markers)
         session.serve(topics.PLAN, self._give_plan)
+        session.serve(topics.TOUCHING, self._give_touching)
         serve_assets(session, self.simulation.assets)
+        serve_prefabs(session, self.simulation.world.hierarchy.has_instance_of)
         self._publish_status()
         self._publish_frame()  # who subscribes before the first tick sees the scene as it was loaded
         async with asyncio.TaskGroup() as group:
@@ -455,6 +460,11 @@ class SimulationNode:
 
     async def _give_plan(self, request: PlanRequest, key: str) -> PhysicsPlan:
         return physics_plan(self.simulation)
+
+    async def _give_touching(self, request: TouchingRequest, key: str) -> Touching:
+        if not self.simulation.physics.settings.events:
+            raise RequestError("contacts are not told: events are switched off by the scene's settings")
+        return touching(self.simulation, epoch=self.session.epoch)
 
     async def _give_snapshot(self, request: SnapshotRequest, key: str) -> Snapshot:
         return self.snapshot(as_edited=request.as_edited)

@@ -46,6 +46,18 @@ class ContactBatch(msgspec.Struct, frozen=True, kw_only=True):
     exited: Visits = Visits()
 
 
+class TouchingRequest(msgspec.Struct, frozen=True, kw_only=True):
+    """Asks the host what touches: batches tell only what begins and ends."""
+
+
+class Touching(msgspec.Struct, frozen=True, kw_only=True):
+    """All contacts that go on after a tick, asleep or awake."""
+
+    epoch: int
+    tick: int
+    contacts: Meetings
+
+
 class Diagnostics(msgspec.Struct, frozen=True, kw_only=True):
     """What a tick has left in the physics. Entities are 0 where there is nothing to name; a joint is named by who carries it.
 

@@ -40,6 +40,17 @@ class Animated(NamedTuple):
     weight_target: Entities  # (W,)
 
 
+_NOTHING_ANIMATED: Final = Animated(
+    np.zeros((0, 3), np.float32),
+    np.zeros((0, 4), np.float32),
+    np.zeros((0, 3), np.float32),
+    np.zeros(0, np.uint32),
+    np.zeros(0, np.float32),
+    np.zeros(0, np.uint32),
+    np.zeros(0, np.uint32),
+)
+
+
 class _Players(NamedTuple):
     """N entities that play one clip.
 
@@ -129,6 +140,8 @@ class Animations:
 
     def animated(self) -> Animated:
         """What clips move, as it is now."""
+        if not self._players:
+            return _NOTHING_ANIMATED
         table = self._world.table(Transform)
         rows = table.row_of[self._moved]
         return Animated(

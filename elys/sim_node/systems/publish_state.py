@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from elys.bus import topics
-from elys.bus.messages.physics import ContactBatch, DebugLines, Diagnostics, Meetings, Touches, Visits
+from elys.bus.messages.physics import ContactBatch, DebugLines, Diagnostics, Meetings, Touches, Touching, Visits
 from elys.bus.messages.plan import PhysicsPlan, StagePlan
 from elys.bus.messages.scene import SceneDelta, SettingsSet
 from elys.bus.messages.session import TickProfile
@@ -97,6 +97,16 @@ def contact_batch(simulation: Simulation, *, epoch: int) -> ContactBatch | None:
         entered=Visits(**_columns(changes.entered)),
         exited=Visits(**_columns(changes.exited)),
     )
+
+
+def touching(simulation: Simulation, *, epoch: int) -> Touching:
+    """The contacts that go on after the last tick."""
+    contacts = simulation.physics.events.contacts
+    rows = {
+        name: (*getattr(contacts.begun, name).tolist(), *getattr(contacts.persisting, name).tolist())
+        for name in Meetings.__struct_fields__
+    }
+    return Touching(epoch=epoch, tick=simulation.tick, contacts=Meetings(**rows))
 
 
 def _columns(rows: NamedTuple) -> dict[str, tuple[Any, ...]]:
