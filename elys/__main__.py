@@ -73,6 +73,7 @@ Threads = Annotated[
     int, typer.Option("--threads", min=1, max=64, help="threads for large steps of physics; what comes out is the same")
 ]
 Keep = Annotated[float, typer.Option(min=0.0, max=3600.0, help="simulated seconds that can be gone back to (0: none)")]
+At = Annotated[str, typer.Option(help="go on with a recording (.mcap) from this simulation time, as 12.5s")]
 NoGuard = Annotated[bool, typer.Option("--no-guard", help="do not keep the last 5 s for when something goes wrong")]
 Json = Annotated[bool, typer.Option("--json", help="print facts as JSON")]
 DebugKinds = Annotated[
@@ -129,6 +130,7 @@ def run(
     keep_files: KeepFiles = 0,
     limit: Limit = "",
     topics: Topics = "",
+    at: At = "",
     json: Json = False,
 ) -> None:
     """Simulate a scene, with an editor attached; or --headless, for a server or a script."""
@@ -150,6 +152,7 @@ def run(
         keep=keep,
         plan=plan,
         json=json,
+        at=at,
     )
 
 
@@ -417,6 +420,63 @@ def verify(
 
 
 @app.command()
+def fork(
+    recording: Recording,
+    output: Annotated[Path, typer.Option("--output", "-o", help="the .mcap to write")],
+    at: Annotated[str, typer.Option(help="simulation time from which on it becomes another, as 12.5s")],
+    edit: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(help="JSON list of commands to begin with (elys schema edits); entities may be called by name"),
+    ] = None,
+    seconds: Annotated[
+        float, typer.Option(min=0.0, max=360000.0, help="simulated seconds to run on; 0: to the end of the recording")
+    ] = 0.0,
+    repeat: Annotated[
+        bool, typer.Option("--repeat/--no-repeat", help="do again what was done in the recording from there on")
+    ] = True,
+    listen: Listen = None,
+    threads: Threads = 1,
+    json: Json = False,
+) -> None:
+    """Go on from any instant of a recording with another future, as fast as it can. With no edit it comes out the same.
+
+    To go on from there by hand, with the editor: elys run RECORDING.mcap --at TIME
+    """
+    from elys.verbs import fork as verb
+
+    verb.fork(
+        recording,
+        at=at,
+        edits=edit,
+        output=output,
+        seconds=seconds,
+        repeats=repeat,
+        listen=listen,
+        threads=threads,
+        json=json,
+    )
+
+
+@app.command()
+def diff(
+    a: Annotated[Path, typer.Argument(help="a recording (.mcap)")],
+    b: Annotated[Path, typer.Argument(help="another, as a fork of it")],
+    plot: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(help="out.png or out.html: how far bodies are from one another over time (extra 'lab')"),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Tell when, where and by how much two recorded runs part.
+
+    Ends with 0: equal. 1: they differ. 2: one cannot be read, or they have no instant in common.
+    """
+    from elys.verbs import diff as verb
+
+    raise typer.Exit(verb.diff(a, b, plot=plot, json=json))
+
+
+@app.command()
 def export(
     recording: Recording,
     output: Annotated[Path, typer.Argument(help="out.npz: time, name, position, rotation, velocities as arrays")],
@@ -447,7 +507,11 @@ def launch(
 
 
 @app.command()
-def schema(component: Annotated[str, typer.Argument(help="one component; default: the scene file")] = "") -> None:
+def schema(
+    component: Annotated[
+        str, typer.Argument(help="a component, or edits (see elys fork); default: the scene file")
+    ] = "",
+) -> None:
     """Print the JSON Schema of the scene file (or of one component), for editors that check while you type."""
     from elys.verbs import facts
 
@@ -565,6 +629,7 @@ def node_simulation(
     threads: Threads = 1,
     no_guard: NoGuard = False,
     keep: Keep = 60.0,
+    at: At = "",
 ) -> None:
     """The simulation."""
     from elys.bus.recording_plan import from_json
@@ -582,6 +647,7 @@ def node_simulation(
         guarded=not no_guard,
         keep=keep,
         plan=from_json(recording_plan),
+        at=at,
     )
 
 

@@ -94,14 +94,14 @@ class Stage:
 
 @contextlib.asynccontextmanager
 async def recorded(
-    folder: Path, scene: str = "stack", *, keep: float = 60.0, outside: bool = True, is_paused: bool = True
+    folder: Path, scene: str = "stack", *, keep: float = 60.0, outside: bool = True
 ) -> AsyncIterator[Stage]:
     """A session that is recorded until the context ends: both files are whole then."""
     assets = AssetStore()
     simulation = Simulation.load(open_scene_or_sample(scene, assets), assets)
     broker = LoopbackBroker()
     host = await Session.host(broker.listen(), name="stage", kind="simulation", epoch=7)
-    node = SimulationNode(simulation, host, realtime=False, playing=not is_paused, keep=keep)
+    node = SimulationNode(simulation, host, realtime=False, playing=False, keep=keep)
     stage = Stage(node, broker, folder)
     reading, writing = os.pipe()
     thread = threading.Thread(target=record_pipe, args=(reading, stage.beside))
@@ -148,10 +148,10 @@ async def recorded_outside(stage: Stage, path: Path) -> AsyncIterator[None]:
 Alter = Callable[[RecordedMessage], bytes | None]
 
 
-def altered(source: Path, target: Path, alter: Alter) -> Path:
+def altered(source: Path, target: Path, alter: Alter, *, compact: bool = False) -> Path:
     """A whole and valid recording of other messages: `alter` gives the body of each, or None to leave it out."""
     with McapReader(source) as reader:
-        writer = McapWriter(target, session=reader.metadata[METADATA_NAME]["session"])
+        writer = McapWriter(target, session=reader.metadata[METADATA_NAME]["session"], compact=compact)
         writer.add_metadata(BUILD_FACTS, reader.metadata[BUILD_FACTS])
         for name in reader.attachments:
             if is_reference(name):

@@ -24,6 +24,7 @@ from elys.bus.transports.mcap import EXACT_CHANNEL
 from elys.bus.transports.mcap_reading import McapReader, Place
 from elys.common.errors import MessageError, RecordingError
 
+_MOST_MISSING: Final = 100  # in a row that are listed, and the last
 _log = logging.getLogger(__name__)
 
 
@@ -201,9 +202,14 @@ def _beats(records: Iterable[CommandRecord]) -> dict[int, Beat]:
 
 
 def _missing(records: Iterable[CommandRecord], first: int, last: int) -> tuple[Missing, ...]:
-    by_number = {record.number: record for record in records if record.number > 0}
-    return tuple(
-        Missing(number, by_number[number + 1].previous if number + 1 in by_number else -1)
-        for number in range(first + 1, last + 1)
-        if number not in by_number
-    )
+    by_number = {record.number: record for record in records if record.number > first}
+    missing: list[Missing] = []
+    before = first
+    for number in (*sorted(by_number), last + 1):
+        gap = range(before + 1, number)
+        before = number
+        missing += [
+            Missing(one, by_number[one + 1].previous if one + 1 in by_number else -1)
+            for one in (*gap[:_MOST_MISSING], *gap[_MOST_MISSING:][-1:])
+        ]
+    return tuple(missing)

@@ -37,9 +37,9 @@ _records: Final = msgspec.json.Decoder(_Told)
 
 
 class ExactAsking:
-    """`keep` gets each state, head included, and the facts of the build that made it."""
+    """`keep` gets each state, head included, and metadata on the simulation that made it, by name."""
 
-    def __init__(self, session: Session, keep: Callable[[bytes, dict[str, str]], None]) -> None:
+    def __init__(self, session: Session, keep: Callable[[bytes, dict[str, dict[str, str]]], None]) -> None:
         self._session = session
         self._keep = keep
         self._need = ExactNeed()
@@ -82,15 +82,15 @@ class ExactAsking:
                 self._asked.put_nowait(request)
                 continue
             self._is_regular = self._is_regular and not request.newest
-            self._take(head, state, reply.build)
+            self._take(head, state, reply.facts)
 
-    def _take(self, head: ExactHead, state: bytes, build: dict[str, str]) -> None:
+    def _take(self, head: ExactHead, state: bytes, facts: dict[str, dict[str, str]]) -> None:
         last = self._last
         if last is not None and (head.epoch, head.fork, head.instant) == (last.epoch, last.fork, last.instant):
             return
         self._need.taken(head)
         self._last, self._size = head, len(state)
-        self._keep(state, build)
+        self._keep(state, facts)
 
     def _heard_command(self, body: bytes) -> None:
         try:

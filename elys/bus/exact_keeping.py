@@ -16,6 +16,7 @@ from elys.bus.messages.exact_state import ExactHead
 SECONDS: Final = 30.0  # [s] of simulation between two, at least
 TIMES: Final = 4  # what was recorded since the last is at least so many times as long
 BUILD_FACTS: Final = "elys.build"  # metadata: what the simulation is that was recorded
+LINEAGE: Final = "elys.lineage"  # metadata: which recording it is a fork of
 
 
 class ExactState(Protocol):
@@ -53,8 +54,8 @@ class ExactSource(Protocol):
     def exact_now(self) -> ExactState | None:
         """As it is, between two ticks; None where it cannot be had now, but is given to listeners later."""
 
-    def build_facts(self) -> dict[str, str]:
-        """What program, on what machine, it is."""
+    def facts(self) -> dict[str, dict[str, str]]:
+        """Metadata by name: what program on what machine it is, and of which recording a fork."""
 
 
 class ExactNeed:

@@ -18,6 +18,8 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from elys.bus import codec, topics
+from elys.bus.exact_keeping import ExactSource, ExactState
+from elys.bus.messages.exact_state import ExactHead
 from elys.bus.messages.scene import Snapshot
 from elys.bus.recording_pipe import FrameKind, frame_head
 from elys.bus.session import Session
@@ -47,10 +49,28 @@ class _Scene(NamedTuple):
     deltas: list[_Said]
 
 
-class LastSeconds:
-    """Keeps what `session` publishes; `take_snapshot` gives the scene as it is, which is asked for rarely."""
+class _Kept(NamedTuple):
+    """An exact state, and the commands that follow it."""
 
-    def __init__(self, session: Session, *, take_snapshot: Callable[[], Snapshot], assets: AssetStore) -> None:
+    state: ExactState
+    time: int  # [ns]
+    commands: list[_Said]
+
+
+class LastSeconds:
+    """Keeps what `session` publishes; `take_snapshot` gives the scene as it is, which is asked for rarely.
+
+    `exact` gives exact states, so that what is written can be run again.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        *,
+        take_snapshot: Callable[[], Snapshot],
+        assets: AssetStore,
+        exact: ExactSource | None = None,
+    ) -> None:
         self._session = session
         self._take_snapshot = take_snapshot
         self._assets = assets
@@ -61,15 +81,33 @@ class LastSeconds:
         self._tick = 0
         self._delta_size = 0
         self._scenes: deque[_Scene] = deque()
+        self._states: deque[_Kept] = deque()
+        self._exact = exact
         self._writers: list[threading.Thread] = []
         self._take_scene()
+        if exact is not None:
+            exact.listeners.append(self)
+            if (now := exact.exact_now()) is not None:
+                self.take(now)
         session.taps.append(self.publication)
+
+    def wants(self, head: ExactHead, size: int) -> bool:
+        """Whether an exact state would be kept."""
+        last = self._states[-1].state.head if self._states else None
+        return last is None or head.is_unexplained or not 0.0 <= head.time - last.time < SECONDS / 2.0
+
+    def take(self, state: ExactState) -> None:
+        """Keeps an exact state."""
+        self._states.append(_Kept(state, time.time_ns(), []))
 
     def publication(self, topic: Topic[Any], _: str, payload: bytes) -> None:
         """Takes what the session has just published."""
         if not topic.recorded or topic is topics.STATUS:
             return
         said = _Said(topic, payload, time.time_ns())
+        if topic is topics.COMMANDS and self._states:
+            self._states[-1].commands.append(said)
+            return
         if topic is topics.DELTA:
             self._scenes[-1].deltas.append(said)
             self._delta_size += len(payload)
@@ -89,12 +127,15 @@ class LastSeconds:
             self._size -= self._ticks.popleft()[1]
         while len(self._scenes) > 1 and self._scenes[1].tick < self._ticks[0][0]:
             self._scenes.popleft()
+        while len(self._states) > 1 and self._states[1].state.head.tick < self._ticks[0][0]:
+            self._states.popleft()
 
     def save(self, path: Path) -> None:
         """Begins to write what is kept; a thread of its own does it, and tells in the log when the file is whole."""
         said = [message for _, _, messages in self._ticks for message in messages]
         scenes = [_Scene(scene.snapshot, scene.tick, scene.time, list(scene.deltas)) for scene in self._scenes]
-        work = (path, self._session.name, scenes, said)
+        states = [_Kept(kept.state, kept.time, list(kept.commands)) for kept in self._states]
+        work = (path, self._session.name, scenes, states, said)
         writer = threading.Thread(target=self._write, args=work, name="elys-last-seconds")
         self._writers.append(writer)
         writer.start()
@@ -103,6 +144,8 @@ class LastSeconds:
         """Keeps nothing any more, and waits until what is being written is whole, at most `timeout` seconds."""
         if self.publication in self._session.taps:
             self._session.taps.remove(self.publication)
+        if self._exact is not None and self in self._exact.listeners:
+            self._exact.listeners.remove(self)
         for writer in self._writers:
             writer.join(timeout)
 
@@ -113,7 +156,7 @@ class LastSeconds:
         self._delta_size = 0
         self._scenes.append(_Scene(snapshot, snapshot.tick, time.time_ns(), []))
 
-    def _write(self, path: Path, session: str, scenes: list[_Scene], said: list[_Said]) -> None:
+    def _write(self, path: Path, session: str, scenes: list[_Scene], states: list[_Kept], said: list[_Said]) -> None:
         reading, writing = os.pipe()
         command = [sys.executable, "-m", "elys.bus.recorder_process", "--fd", str(reading), "--output", str(path)]
         try:
@@ -122,7 +165,7 @@ class LastSeconds:
             ) as process:
                 os.close(reading)
                 with os.fdopen(writing, "wb") as pipe:
-                    for piece in self._pieces(session, scenes, said):
+                    for piece in self._pieces(session, scenes, states, said):
                         pipe.write(piece)
             status = process.returncode
         except OSError as error:
@@ -131,10 +174,19 @@ class LastSeconds:
         if status == 0:
             _log.warning("the last seconds before it are in %s: look at them with `elys play %s`", path, path)
 
-    def _pieces(self, session: str, scenes: list[_Scene], said: list[_Said]) -> Iterable[bytes]:
+    def _pieces(
+        self, session: str, scenes: list[_Scene], states: list[_Kept], said: list[_Said]
+    ) -> Iterable[bytes | memoryview]:
         sent: set[str] = set()
         first = scenes[0]
         yield from _framed(FrameKind.BEGIN, session, first.snapshot.scene.encode(), first.time)
+        for name, values in (self._exact.facts() if self._exact is not None else {}).items():
+            yield from _framed(FrameKind.FACTS, name, codec.encode_body(values, Encoding.JSON), first.time)
+        for kept in states:
+            parts = kept.state.parts()
+            yield frame_head(FrameKind.MESSAGE, topics.EXACT.name, sum(map(len, parts)), kept.time)
+            yield from parts
+            said = [*said, *kept.commands]
         for body, name, moment in _in_order(scenes, said):
             if name in (topics.SNAPSHOT.name, topics.DELTA.name):
                 yield from self._assets_of(body, sent, moment)

@@ -12,7 +12,6 @@ from typing import Any, Final
 from elys.bus import codec, topics
 from elys.bus.asset_service import AssetClient
 from elys.bus.exact_asking import ExactAsking
-from elys.bus.exact_keeping import BUILD_FACTS
 from elys.bus.messages.scene import SceneDelta, Snapshot, SnapshotRequest
 from elys.bus.recorder_files import Recorder as Recorder
 from elys.bus.recording_pipe import FrameKind, PipeFrame, PipeReader
@@ -186,8 +185,9 @@ class _OutsideRecording:
         self.recorder.add_video(channel)
         self._write_or_wait(channel, body, now)
 
-    def _keep_exact(self, state: bytes, build: dict[str, str]) -> None:
-        self.recorder.facts(BUILD_FACTS, build)
+    def _keep_exact(self, state: bytes, facts: dict[str, dict[str, str]]) -> None:
+        for name, values in facts.items():
+            self.recorder.facts(name, values)
         self._write_or_wait(topics.EXACT.name, state, time.time_ns())
 
     def _want(self, body: bytes) -> None:

@@ -7,11 +7,13 @@ left two futures in the file: the index names the one that it kept, and nothing 
 
 from __future__ import annotations
 
+import contextlib
 import logging
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +38,14 @@ from elys.bus.transports.mcap_reading import McapReader, Place, RecordedMessage
 from elys.common.assets.store import is_reference, reference_of
 from elys.common.errors import MessageError, RecordingError
 
+# By column of frames: what a compact recording calls the largest error, and its unit.
+_STATED: Final = {
+    "position": ("position_error_m", 1.0),
+    "rotation": ("rotation_error_degrees", math.pi / 180.0),
+    "linear_velocity": ("linear_velocity_error_m_s", 1.0),
+    "angular_velocity": ("angular_velocity_error_rad_s", 1.0),
+}
+_ROUNDED: Final = 1.005  # what is told with three digits
 _log = logging.getLogger(__name__)
 
 
@@ -43,6 +53,7 @@ class Recording:
     """An open recording of a session. Positions number its frames from 0.
 
     Attributes:
+        bounds: by column of frames how far values may lie from what they were (rotations: [rad]); {} of a lossless recording.
         epoch: which run of the host made its frames. run_count: how many runs the file holds.
         tick: [F] u64. time: [F] f64 s of simulation, never falling. body_count: [F] u32.
 
@@ -62,6 +73,7 @@ class Recording:
             self.reader.close()
             raise
         self.epoch = int(frames["epoch"][0])
+        self.bounds = _bounds(self.reader.metadata[METADATA_NAME])
         self.tick: NDArray[np.uint64] = frames["tick"]
         self.time: NDArray[np.float64] = frames["time"]
         self.body_count: NDArray[np.uint32] = frames["body_count"]
@@ -270,6 +282,14 @@ def _array(data: bytes, dtype: np.dtype[Any]) -> NDArray[Any]:
     if len(data) % dtype.itemsize:
         raise RecordingError("an index in the recording is damaged")
     return np.frombuffer(data, dtype)
+
+
+def _bounds(made: Mapping[str, str]) -> dict[str, float]:
+    bounds = {}
+    for column, (name, unit) in _STATED.items():
+        with contextlib.suppress(ValueError, KeyError):
+            bounds[column] = float(made[name]) * unit * _ROUNDED
+    return bounds
 
 
 def _run_of(frames: NDArray[Any], path: Path, number: int | None) -> tuple[NDArray[Any], NDArray[Any], int]:

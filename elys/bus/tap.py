@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from elys.bus import codec, topics
-from elys.bus.exact_keeping import BUILD_FACTS, ExactNeed, ExactSource, ExactState
+from elys.bus.exact_keeping import ExactNeed, ExactSource, ExactState
 from elys.bus.messages.exact_state import ExactHead
 from elys.bus.messages.scene import Snapshot
 from elys.bus.recording_pipe import FrameKind, frame_head
@@ -93,8 +93,8 @@ class RecordingTap:
         self._send(FrameKind.BEGIN, session.name, scene.scene.encode())
         self._send_snapshot(scene)
         if exact is not None:
-            facts = exact.build_facts()
-            self._send(FrameKind.FACTS, BUILD_FACTS, codec.encode_body(facts, Encoding.JSON))
+            for name, values in exact.facts().items():
+                self._send(FrameKind.FACTS, name, codec.encode_body(values, Encoding.JSON))
             exact.listeners.append(self)
             if (now := exact.exact_now()) is not None:
                 self.take(now)

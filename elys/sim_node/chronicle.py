@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 import msgspec
 import zstandard
 
-from elys.bus.exact_keeping import ExactListener
+from elys.bus.exact_keeping import BUILD_FACTS, LINEAGE, ExactListener
 from elys.bus.messages.commands import Command, CommandRecord, Resume
 from elys.bus.messages.exact_state import ExactHead, ExactReply, ExactRequest
 from elys.bus.transports.zenoh import MAX_MESSAGE_SIZE
@@ -61,7 +61,7 @@ class Chronicle:
     Attributes:
         is_broken: a command failed in the middle, in the beat that is under way.
         changes: how many commands have changed the simulation. forks: how often another future was begun.
-        listeners: who keeps exact states.
+        listeners: who keeps exact states. lineage: of which recording it is a fork, see `elys.bus.lineage`; {} of none.
     """
 
     def __init__(
@@ -74,6 +74,7 @@ class Chronicle:
     ) -> None:
         self.changes = 0
         self.forks = 0
+        self.lineage: dict[str, str] = {}
         self.listeners: list[ExactListener] = []
         self._simulation = simulation
         self._flight = flight
@@ -178,10 +179,11 @@ class Chronicle:
         self._size = state.size
         return Exact(self._head(is_unexplained=is_unexplained), state)
 
-    def build_facts(self) -> dict[str, str]:
-        """What program, on what machine, this is."""
+    def facts(self) -> dict[str, dict[str, str]]:
+        """Metadata for recordings: what program on what machine this is, and of which recording a fork."""
         threads = self._simulation.physics.settings.threads
-        return {**build_facts(), "threads": str(threads), "epoch": str(self._epoch)}
+        build = {**build_facts(), "threads": str(threads), "epoch": str(self._epoch)}
+        return {BUILD_FACTS: build, **({LINEAGE: self.lineage} if self.lineage else {})}
 
     async def give_exact(self, request: ExactRequest, key: str) -> ExactReply:
         """Answers who records from outside; the bytes are made on another thread."""
@@ -191,7 +193,7 @@ class Chronicle:
         size, packed = await asyncio.to_thread(_packed, exact)
         if len(packed) > MAX_MESSAGE_SIZE - _ROOM:
             raise RequestError(f"the exact state has {len(packed) >> 20} MiB, more than one message may carry")
-        return ExactReply(packed=packed, size=size, build=self.build_facts())
+        return ExactReply(packed=packed, size=size, facts=self.facts())
 
     # --- inside ------------------------------------------------------------------------------------------------------
 

@@ -54,6 +54,7 @@ from elys.sim_node.flight_recorder import SECONDS, FlightRecorder
 from elys.sim_node.guard import Guard
 from elys.sim_node.input_intake import InputIntake
 from elys.sim_node.paused_physics import PausedPhysics
+from elys.sim_node.repetition import Cue, Repetition
 from elys.sim_node.scene.snapshot import take_snapshot
 from elys.sim_node.simulation import Simulation
 from elys.sim_node.systems.apply_commands import apply_command
@@ -115,9 +116,11 @@ class SimulationNode:
         self.steps_done = 0
         self.recorder: BackPressure | None = None
         self.guard: Guard | None = None
+        self.repetition: Repetition | None = None  # of a recorded session, which this one goes on like
         self.tick_times: deque[float] = deque(maxlen=TICK_TIMES_KEPT)  # [ms] of the last ticks, for the report
         self._step_limit = step_limit
         self._clock = FixedStepClock(simulation.settings.tick_rate, playing=playing, rate=1.0 if realtime else 0.0)
+        self._clock.seek(simulation.tick)
         self._waiting: deque[_Waiting] = deque()
         self._steps_asked = 0
         self._sequence = 0
@@ -189,24 +192,28 @@ class SimulationNode:
         self._wake.clear()
 
     def _is_done(self) -> bool:
-        return bool(self._step_limit) and self.steps_done >= self._step_limit
+        is_repeated = self.repetition is not None and self.repetition.is_done
+        return is_repeated or (bool(self._step_limit) and self.steps_done >= self._step_limit)
 
     def tick(self) -> None:
         """One tick: commands, then if time goes on the world's step, then all that others shall know of it."""
         stages = StageTimes()
         late = self._clock.lateness() * 1000.0
         self._intake.begin_tick()
-        if not self.playing and any(edits_of(waiting.request.command) for waiting in self._waiting):
+        cue = self._take_cue()
+        stands = not self.playing if cue is None else not cue.steps
+        if stands and any(edits_of(waiting.request.command) for waiting in self._waiting):
             self._paused_physics.keep(self.history.content, self.chronicle.instant)
         replies = self._apply_commands()
         stages.done("apply_commands")
         self._repeated, self._is_whole = False, True
-        stepping = self.playing or self._steps_asked > 0
+        stepping = self.playing or self._steps_asked > 0 if cue is None else cue.steps
         if stepping:
             self._step(stages)
         else:
             self.simulation.settle()
-            self._is_whole = not self._paused_physics.follow(self.history.content)
+            puts_back = cue is not None and cue.puts_physics_back
+            self._is_whole = not self._paused_physics.follow(self.history.content, puts_back=puts_back)
             stages.done("follow_changes")
         self.chronicle.tell(steps=stepping, physics_of=-1 if self._is_whole else self._paused_physics.instant)
         is_told = self._publish_changes()
@@ -230,6 +237,16 @@ class SimulationNode:
             publish_profile(self.session, self.simulation, stages.times, total=stages.total, late=late)
         if self.guard is not None:
             self.guard.end_tick(events)
+
+    def _take_cue(self) -> Cue | None:
+        """What a session that is repeated did in this tick: its commands come after those that wait."""
+        cue = self.repetition.cue() if self.repetition is not None else None
+        if cue is not None:
+            if cue.keeps_physics:
+                self._paused_physics.forget()
+            for request in cue.requests:
+                self._put(request)
+        return cue
 
     def _step(self, stages: StageTimes) -> None:
         self._paused_physics.forget()

@@ -32,12 +32,15 @@ class PausedPhysics:
             self._content = self._last_content = content
             self.instant = instant
 
-    def follow(self, content: int) -> bool:
-        """Bodies have followed edits, which left this content; returns whether physics is what it was before them."""
-        if self._kept is None or content == self._last_content:
+    def follow(self, content: int, *, puts_back: bool = False) -> bool:
+        """Bodies have followed edits, which left this content; returns whether physics is what it was before them.
+
+        With `puts_back` it is in any case, as in the session that is repeated.
+        """
+        if self._kept is None or (content == self._last_content and not puts_back):
             return False
         self._last_content = content
-        if content != self._content or self._tick != self._simulation.tick:
+        if not puts_back and (content != self._content or self._tick != self._simulation.tick):
             return False
         self._simulation.take_physics_back(self._kept)
         return True

@@ -150,7 +150,7 @@ class _Run:
         simulation = self.again.simulation
         if (simulation.tick, simulation.time) != (frame.tick, frame.simulation_time):
             self._differs(_lacking(frame))
-        elif (found := compared(frame, simulation, frame_bounds(self._recording))) is not None:
+        elif (found := compared(frame, simulation, self._recording.bounds)) is not None:
             self._differs(found)
         elif simulation.state_hash() != frame.state_hash:
             self._differs(of_hash(frame, simulation))
@@ -223,11 +223,6 @@ class _Run:
             ),
             missing_command=missing.number,
         )
-
-
-def frame_bounds(recording: Recording) -> dict[str, float]:
-    """By column how far recorded values may lie from what they were; {} where they are as they were."""
-    return {}
 
 
 def _lacking(frame: StateFrame) -> Difference:

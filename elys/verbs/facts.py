@@ -10,9 +10,13 @@ from elys.verbs.output import print_json, print_table
 
 
 def schema(component: str) -> None:
-    """Prints the JSON Schema of the scene file, or of one component."""
+    """Prints the JSON Schema of the scene file, of files of edits, or of one component."""
     from elys.common.components.schema import component_schema, scene_schema
+    from elys.verbs.edit_file import edits_schema
 
+    if component == "edits":
+        print_json(edits_schema())
+        return
     print_json(component_schema(component) if component else scene_schema())
 
 

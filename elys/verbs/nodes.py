@@ -101,14 +101,16 @@ def simulation(
     guarded: bool,
     keep: float,
     plan: RecordingPlan,
+    at: str = "",
 ) -> None:
     """The simulation's process."""
     from elys.verbs.simulate import prepare, simulate
 
     start_logging()
+    opened, origin = prepare(scene, record=record, threads=threads, at=at)
     run_until_asked(
         simulate(
-            prepare(scene, record=record, threads=threads),
+            opened,
             listen=listen,
             step_limit=step_limit,
             record=record,
@@ -118,6 +120,7 @@ def simulation(
             guarded=guarded,
             keep=keep,
             plan=plan,
+            origin=origin,
         )
     )
 

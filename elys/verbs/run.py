@@ -31,6 +31,7 @@ def run(
     keep: float,
     json: bool,
     plan: RecordingPlan = PLAIN,
+    at: str = "",
 ) -> None:
     """Simulates a scene: with an editor, or headless; headless with a step limit runs as fast as it can."""
     from elys.bus.discovery import complete_endpoint
@@ -50,6 +51,7 @@ def run(
             keep=keep,
             json=json,
             plan=plan,
+            at=at,
         )
         return
     from elys.render_node.window import probe_display
@@ -58,7 +60,7 @@ def run(
     from elys.verbs.kernels import compile_with_progress
     from elys.verbs.recording_child import require_recordable
 
-    opened = require_scene(scene)
+    opened = require_scene(scene, at=at)
     if record is not None:
         require_recordable(record)
     probe_display()
@@ -71,6 +73,7 @@ def run(
     options += [] if guarded else ["--no-guard"]
     options += ["--keep", str(keep)]
     options += ["--threads", str(threads)] if threads > 1 else []
+    options += ["--at", at] if at else []
     sys.exit(start("editor", {"scene": scene}, endpoint=endpoint, extra={"simulation": options}))
 
 
@@ -126,10 +129,14 @@ def free_endpoint() -> str:
     raise LaunchError(f"the ports {DEFAULT_PORT} to {DEFAULT_PORT + 99} are all in use: name one with --listen")
 
 
-def require_scene(scene: str) -> OpenedScene:
+def require_scene(scene: str, *, at: str = "") -> OpenedScene:
     """Reads the scene once in this process, so that a mistake in it is one line and not a crash of a node."""
     from elys.verbs.scenes import open_scene_or_sample
 
+    if at:
+        from elys.verbs.fork import recorded_scene
+
+        return recorded_scene(scene, at)
     return open_scene_or_sample(scene)
 
 
@@ -146,6 +153,7 @@ def _run_headless(
     guarded: bool,
     keep: float,
     json: bool,
+    at: str,
     plan: RecordingPlan = PLAIN,
 ) -> None:
     from elys.bus.log import start_logging
@@ -155,7 +163,7 @@ def _run_headless(
 
     start_logging()
     reports: list[RunReport] = []
-    simulation = prepare(scene, record=record, threads=threads)
+    simulation, origin = prepare(scene, record=record, threads=threads, at=at)
 
     async def work() -> None:
         await simulate(
@@ -169,6 +177,7 @@ def _run_headless(
             guarded=guarded,
             keep=keep,
             plan=plan,
+            origin=origin,
             on_end=reports.append,
         )
 

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from elys.sim_node.guard import Guard
     from elys.sim_node.node import SimulationNode
     from elys.sim_node.simulation import Simulation
+    from elys.verbs.fork import Origin
 
 _log = logging.getLogger(__name__)
 
@@ -56,22 +57,27 @@ def describe(report: RunReport) -> str:
     return text
 
 
-def prepare(scene: str, *, record: Path | None, threads: int = 1) -> Simulation:
-    """Opens a scene and loads or compiles the kernels. Not on the loop: Ctrl-C ends it at once, and nothing is lost.
+def prepare(scene: str, *, record: Path | None, threads: int = 1, at: str = "") -> tuple[Simulation, Origin | None]:
+    """Opens a scene, or a recording at a time, and loads or compiles the kernels; and which recording it is a fork of.
+
+    Not on the loop: Ctrl-C ends it at once, and nothing is lost.
 
     Raises:
-        SceneError, AssetError: the scene is missing or wrong. RecordingError: it cannot be recorded there.
+        SceneError, AssetError: the scene is missing or wrong. RecordingError: it cannot be recorded there, or gone on with.
     """
     from elys.sim_node.simulation import Simulation
+    from elys.verbs.fork import opened_at, parsed_time, required_recording
     from elys.verbs.kernels import compile_with_progress
     from elys.verbs.recording_child import require_recordable
 
     if record is not None:
         require_recordable(record)
+    if at:
+        return opened_at(required_recording(scene), parsed_time(at), goes_on=False, threads=threads)
     assets = AssetStore()
     opened = open_scene_or_sample(scene, assets)
     compile_with_progress(opened, threads=threads)
-    return Simulation.load(opened, assets, threads=threads)
+    return Simulation.load(opened, assets, threads=threads), None
 
 
 async def simulate(
@@ -86,9 +92,12 @@ async def simulate(
     guarded: bool = True,
     keep: float = 60.0,
     plan: RecordingPlan = PLAIN,
+    origin: Origin | None = None,
     on_end: Callable[[RunReport], None] | None = None,
 ) -> None:
     """Runs a simulation in a session of its own, of which the last `keep` seconds can be gone back to.
+
+    One that has an `origin` is the fork of a recording.
 
     Raises:
         BusError: the endpoint cannot be listened at. RecordingError: the recording cannot be written.
@@ -102,6 +111,8 @@ async def simulate(
         node = SimulationNode(
             simulation, session, realtime=realtime, playing=not paused, step_limit=step_limit, keep=keep
         )
+        if origin is not None:
+            node.chronicle.lineage, node.repetition = origin.lineage, origin.repetition
         recorder = RecordingChild(record, plan) if record else None
         if recorder is not None:
             recorder.attach(session, node, simulation.assets, lossless=not realtime)
@@ -124,7 +135,7 @@ def _guard_of(node: SimulationNode, session: Session, record: Path | None) -> Gu
     from elys.sim_node.guard import Guard
 
     simulation = node.simulation
-    last = LastSeconds(session, take_snapshot=node.snapshot, assets=simulation.assets)
+    last = LastSeconds(session, take_snapshot=node.snapshot, assets=simulation.assets, exact=node.chronicle)
     folder = record.parent if record is not None else Path()
     if not os.access(folder, os.W_OK):
         folder = Path(platformdirs.user_data_dir("elys", ensure_exists=True))

@@ -14,7 +14,18 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from tests.benchmarks import editor, latency, models, pictures, queries, rigid_bodies, scene_tree, starts, ticks, view_streams
+from tests.benchmarks import (
+    editor,
+    latency,
+    models,
+    pictures,
+    queries,
+    rigid_bodies,
+    scene_tree,
+    starts,
+    ticks,
+    view_streams,
+)
 from tests.benchmarks.machine import machine
 
 ROOT = Path(__file__).parents[2]

@@ -33,8 +33,8 @@ from elys.sim_node.verification import verify
 from tests.property.test_command_fuzz import CommandMaker
 from tests.recorded_sessions import Person, Stage, recorded
 
-SESSIONS, SOAK_SESSIONS = 5, 300
-ROUNDS, SOAK_ROUNDS = 40, 120
+SESSIONS, SOAK_SESSIONS = 3, 300
+ROUNDS, SOAK_ROUNDS = 20, 120
 
 
 class Crowd:
@@ -113,4 +113,4 @@ def test_whatever_people_did_comes_out_equal(tmp_path: Path, soak: bool) -> None
             ticks += verdict.ticks
         stage.beside.unlink()
         stage.outside.unlink()
-    assert ticks > 100 * (SOAK_SESSIONS if soak else SESSIONS)
+    assert ticks > 50 * (SOAK_SESSIONS if soak else SESSIONS)

@@ -64,8 +64,8 @@ class ExactRequest(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ExactReply(msgspec.Struct, frozen=True, kw_only=True):
-    """An exact state, compressed with zstd, and what the simulation is that made it (see recording-format.md)."""
+    """An exact state, compressed with zstd, and metadata on the simulation that made it (see recording-format.md), by name."""
 
     packed: bytes
     size: int  # [bytes] unpacked
-    build: dict[str, str]
+    facts: dict[str, dict[str, str]]

@@ -20,6 +20,7 @@ from elys.samples.registry import SAMPLES, write_sample
 from elys.sim_node.guard import MOST_FILES, Guard
 from elys.sim_node.node import SimulationNode
 from elys.sim_node.simulation import Simulation
+from elys.sim_node.verification import verify
 
 
 def run_guarded(simulation, folder: Path, ticks: int, on_tick=None):
@@ -31,7 +32,7 @@ def run_guarded(simulation, folder: Path, ticks: int, on_tick=None):
         for topic in (topics.EVENTS, topics.DIAGNOSTICS):
             session.subscribe_payloads(topic, lambda *_: None)
         node = SimulationNode(simulation, session, realtime=False)
-        last = LastSeconds(session, take_snapshot=node.snapshot, assets=simulation.assets)
+        last = LastSeconds(session, take_snapshot=node.snapshot, assets=simulation.assets, exact=node.chronicle)
         node.guard = guard = Guard(simulation, last, lambda tick: folder / f"problem-{tick}.mcap")
         look = guard.look
         guard.look = lambda found: (said["diagnostics"].append(found), look(found))[1]
@@ -146,6 +147,8 @@ def test_a_joint_that_is_torn_apart_is_named(tmp_path):
     )
     assert said["diagnostics"][-1].joint_error > 1.0
     assert paths and paths[0].is_file()
+    verdict = verify(paths[0])
+    assert verdict.cause == "equal" and verdict.ticks > 30
 
 
 def test_a_body_whose_numbers_end_is_named_and_its_last_seconds_are_kept(tmp_path):

@@ -201,6 +201,22 @@ def test_a_flipped_bit_is_found_where_it_is(
     assert verdict.ticks == 57  # 0 to 56
 
 
+def test_a_compact_recording_is_equal_within_its_bounds(session: Path, tmp_path: Path) -> None:
+    path = altered(session, tmp_path / "compact.mcap", lambda message: message.body, compact=True)
+    assert verify(path).cause == "equal"
+
+    def move(message: Any) -> bytes:
+        if message.channel == topics.STATE.name and (frame := unpack_frame(message.body)).tick == 57:
+            position = frame.position.copy()
+            position[4, 1] += 0.003
+            return pack_frame(dataclasses.replace(frame, position=position))
+        return message.body  # type: ignore[no-any-return]
+
+    found = verify(altered(session, tmp_path / "moved.mcap", move, compact=True)).difference
+    assert found is not None
+    assert (found.tick, found.field) == (57, "position (world)")
+
+
 def test_a_flipped_bit_of_the_hash_is_found(session: Path, tmp_path: Path) -> None:
     def flip(message: Any) -> bytes:
         if message.channel == topics.STATE.name and (frame := unpack_frame(message.body)).tick == 33:
@@ -344,3 +360,30 @@ def test_any_instant_is_had_again(session: Path) -> None:
             again.advance()
         frame = recording.frame(recording.position_at(71 / 60))
         assert again.simulation.state_hash() == frame.state_hash
+
+
+def test_hostile_commands_and_states_are_a_verdict_or_a_sentence(session: Path, tmp_path: Path) -> None:
+    """Bytes that are changed, numbers that nobody counts to: bounded time, no crash, and never equal by accident."""
+    chance = np.random.default_rng(7)
+    numbers = (b'"number":', b'"beat":', b'"previous":', b'"fork":', b'"forked_from":', b'"physics_of":', b'"epoch":')
+    for round_number in range(24):
+        name = topics.COMMANDS.name if round_number % 3 else topics.EXACT.name
+        key = numbers[round_number % len(numbers)]
+        value = (b"999999999999999999", b"-5", b"0")[round_number % 3]
+
+        def spoil(message: Any, name: str = name, key: bytes = key, value: bytes = value) -> bytes:
+            body: bytes = message.body
+            if message.channel != name or chance.random() < 0.5:
+                return body
+            if name == topics.COMMANDS.name and chance.random() < 0.7:
+                place = body.index(key) + len(key)
+                return body[:place] + value + body[place:].lstrip(b"-0123456789")
+            place = int(chance.integers(min(len(body), 80)))
+            return body[:place] + bytes([body[place] ^ int(chance.integers(1, 256))]) + body[place + 1 :]
+
+        path = altered(session, tmp_path / "a.mcap", spoil)
+        try:
+            verdict = verify(path)
+        except (RecordingError, StateError):
+            continue
+        assert verdict.cause in ("equal", "altered"), verdict
