@@ -32,7 +32,7 @@ app.add_typer(node_app, name="node", hidden=True)
 _EXTRA_OF = {
     "PIL": "render",
     "distributed": "cluster",
-    "pyarrow": "lab",
+    "pyarrow": "parquet",
     "vl_convert": "lab",
     "av": "render",
     "glfw": "render",
@@ -44,6 +44,8 @@ _EXTRA_OF = {
 
 Scene = Annotated[str, typer.Argument(help="a NAME.scene.json, .gltf or .glb; or the name of a sample (elys samples)")]
 Recording = Annotated[Path, typer.Argument(help="a recording (.mcap)")]
+From = Annotated[str, typer.Option("--from", help="simulation time at which it begins: 2, 2s, 500ms, 1m30s")]
+To = Annotated[str, typer.Option("--to", help="simulation time at which it ends")]
 Connect = Annotated[
     Optional[str],  # noqa: UP045  typer reads the annotation
     typer.Option(help="endpoint of the session, tcp/HOST:PORT; default: the one running on this machine"),
@@ -362,12 +364,24 @@ def info(recording: Recording, json: Json = False) -> None:
 @app.command()
 def export(
     recording: Recording,
-    output: Annotated[Path, typer.Argument(help="out.npz: time, name, position, rotation, velocities as arrays")],
+    output: Annotated[
+        Path,
+        typer.Argument(help="OUT.npz (arrays), OUT.csv or OUT.parquet (tables), OUT.glb (a model that moves)"),
+    ],
+    start: From = "",
+    end: To = "",
+    rate: Annotated[
+        float, typer.Option(help="samples per simulated second; 0: every tick", min=0.0, max=1e6, show_default=False)
+    ] = 0.0,
+    entities: Annotated[
+        list[str],
+        typer.Option(help="only entities of this name, with all below them; * stands for anything; several times"),
+    ] = [],  # noqa: B006
 ) -> None:
-    """Write a recording's motion as numpy arrays."""
-    from elys.verbs import replay
+    """Write a recording's motion for other programs: numpy, tables, Blender and three.js."""
+    from elys.verbs import export as verb
 
-    replay.export(recording, output)
+    verb.export(recording, output, start=start, end=end, rate=rate, entities=entities)
 
 
 @app.command()

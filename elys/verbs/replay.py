@@ -1,4 +1,4 @@
-"""play, record, info, export: what is done with recordings."""
+"""play, record, info: what is done with recordings."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Final
 
 from elys.bus.log import start_logging
 from elys.bus.session import Session
-from elys.common.errors import RecordingError
 from elys.launch import before_exec
 from elys.verbs.nodes import hosted, joined, run_until_asked
 from elys.verbs.output import print_json, print_table, size_text
@@ -31,7 +30,7 @@ def play(recording: Path, *, listen: str | None, paused: bool, rate: float, loop
     if not editor:
         run_until_asked(serve_recording(recording, listen=listen, paused=paused, rate=rate, loop=loop))
         return
-    from elys.bus.export import recording_info
+    from elys.bus.recording_info import recording_info
     from elys.render_node.window import probe_display
     from elys.verbs.run import start
 
@@ -156,7 +155,7 @@ def _stop_when_host_is_gone(session: Session, stop: asyncio.Event) -> None:
 
 def info(recording: Path, *, json: bool) -> None:
     """Prints what a recording holds."""
-    from elys.bus.export import recording_info
+    from elys.bus.recording_info import recording_info
 
     facts = recording_info(recording)
     if json:
@@ -168,13 +167,3 @@ def info(recording: Path, *, json: bool) -> None:
     print(f"{contents}, {size_text(facts.size)}; ELYS {facts.elys_version}, protocol {facts.protocol}\n")
     rows = [(c.name, c.count, f"{c.rate:.1f}", size_text(c.bytes)) for c in facts.channels]
     print_table(("channel", "messages", "per second", "size"), rows)
-
-
-def export(recording: Path, output: Path) -> None:
-    """Writes a recording's motion as arrays."""
-    from elys.bus.export import export_npz
-
-    if output.suffix != ".npz":
-        raise RecordingError(f"{output} is no place for arrays: give it the suffix .npz, for instance motion.npz")
-    shapes = export_npz(recording, output)
-    print(f"{output}: " + ", ".join(f"{name} {list(shape)}" for name, shape in shapes.items()))
