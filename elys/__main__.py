@@ -385,6 +385,30 @@ def export(
 
 
 @app.command()
+def cut(
+    recording: Recording,
+    output: Annotated[Path, typer.Option("--output", "-o", help="the .mcap to write")],
+    start: From = "",
+    end: To = "",
+) -> None:
+    """Write a part of a recording as a recording of its own."""
+    from elys.verbs import recordings as verb
+
+    verb.cut(recording, output, start=start, end=end)
+
+
+@app.command()
+def merge(
+    recordings: Annotated[list[Path], typer.Argument(help="recordings of one session", show_default=False)],
+    output: Annotated[Path, typer.Option("--output", "-o", help="the .mcap to write")],
+) -> None:
+    """Put the parts of a session together, or what several recorders have of it."""
+    from elys.verbs import recordings as verb
+
+    verb.merge(recordings, output)
+
+
+@app.command()
 def doctor(json: Json = False) -> None:
     """Check what ELYS needs of this machine, and say how to mend it."""
     from elys.verbs import doctor as verb

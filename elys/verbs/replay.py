@@ -7,7 +7,7 @@ import contextlib
 import logging
 import sys
 import time
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -18,6 +18,7 @@ from elys.verbs.nodes import hosted, joined, run_until_asked
 from elys.verbs.output import print_json, print_table, size_text
 
 if TYPE_CHECKING:
+    from elys.bus.recording_lineage import Lineage
     from elys.bus.view_recording import RecordedView
 
 PATIENCE: Final = 5.0  # [s]
@@ -164,6 +165,22 @@ def info(recording: Path, *, json: bool) -> None:
     state = "complete" if facts.complete else "cut off: read as far as it goes"
     print(f"{recording}: {facts.scene}, {facts.duration:.2f} s, ticks {facts.first_tick} to {facts.last_tick}, {state}")
     contents = f"{facts.body_count} bodies, {facts.entity_count} entities, {facts.asset_count} assets"
-    print(f"{contents}, {size_text(facts.size)}; ELYS {facts.elys_version}, protocol {facts.protocol}\n")
+    print(f"{contents}, {size_text(facts.size)}; ELYS {facts.elys_version}, protocol {facts.protocol}")
+    if facts.lineage is not None:
+        print("\n".join(_lineage_lines(facts.lineage)))
+    if facts.health.sentence:
+        print(f"health: {facts.health.sentence}")
+    print()
     rows = [(c.name, c.count, f"{c.rate:.1f}", size_text(c.bytes)) for c in facts.channels]
     print_table(("channel", "messages", "per second", "size"), rows)
+
+
+def _lineage_lines(lineage: Lineage, indent: str = "") -> Iterator[str]:
+    """What a recording was made of, and what that was made of."""
+    for ancestor in lineage.of:
+        yield (
+            f"{indent}made by {lineage.made_by} of {ancestor.file}, {ancestor.start:.2f} s to {ancestor.end:.2f} s "
+            f"(ticks {ancestor.first_tick} to {ancestor.last_tick}){'; ' * bool(lineage.text)}{lineage.text}"
+        )
+        if ancestor.lineage is not None:
+            yield from _lineage_lines(ancestor.lineage, indent + "  ")

@@ -107,6 +107,11 @@ class McapWriter:
         with _disk_errors(self.path):
             self._writer.add_attachment(time.time_ns(), time.time_ns(), name, media_type, data)
 
+    def add_metadata(self, name: str, values: dict[str, str]) -> None:
+        """Adds facts by name."""
+        with _disk_errors(self.path):
+            self._writer.add_metadata(name, values)
+
     def seconds_until_due(self) -> float:
         """How long `keep_time` may wait."""
         due = self._synced + _SYNC_SECONDS
