@@ -409,6 +409,23 @@ def merge(
 
 
 @app.command()
+def recover(
+    recording: Recording,
+    output: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option("--output", "-o", help="the .mcap to write; default: NAME.recovered.mcap", show_default=False),
+    ] = None,
+    in_place: Annotated[
+        bool, typer.Option("--in-place", help="put the whole file in its place and keep the damaged one as .bak")
+    ] = False,
+) -> None:
+    """Make a whole file of a recording that was cut off or is damaged."""
+    from elys.verbs import recordings as verb
+
+    verb.recover(recording, output, in_place=in_place)
+
+
+@app.command()
 def doctor(json: Json = False) -> None:
     """Check what ELYS needs of this machine, and say how to mend it."""
     from elys.verbs import doctor as verb

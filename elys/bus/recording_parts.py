@@ -225,7 +225,8 @@ def _by_tick(recordings: Sequence[Recording]) -> Iterator[tuple[int, list[tuple[
         for first, after in zip(starts, [*starts[1:], len(ticks)], strict=True):
             yield int(ticks[first]), number, first, after - 1
 
-    tick, having = -1, []
+    tick = -1
+    having: list[tuple[int, int, int]] = []
     for here, number, first, last in heapq.merge(*(frames(number) for number in range(len(recordings)))):
         if having and here != tick:
             yield tick, having

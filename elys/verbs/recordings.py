@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from elys.common.errors import RecordingError
 from elys.verbs.export import selected
 from elys.verbs.output import progress_bar, size_text
 from elys.verbs.recording_child import require_recordable
@@ -39,3 +40,23 @@ def _require_place(output: Path, sources: Sequence[Path]) -> None:
     """Raises RecordingError unless a recording can be written there; that it is no source is seen when those are read."""
     if not any(source.exists() and output.exists() and source.samefile(output) for source in sources):
         require_recordable(output)
+
+
+def recover(recording: Path, output: Path | None, *, in_place: bool) -> None:
+    """Mends a recording, and says what of it is lost."""
+    from elys.bus.recording_recovery import recover as mend
+
+    if output is not None and in_place:
+        raise RecordingError("--in-place and -o name two places: give one of them")
+    report = mend(recording, output, in_place=in_place)
+    if report.is_whole:
+        print(f"{recording} is whole: there is nothing to mend")
+        return
+    size = size_text(report.path.stat().st_size)
+    print(f"{report.path}: {report.ticks} ticks, {report.messages} messages, {size}")
+    for sentence in report.lost:
+        print(f"lost: {sentence}")
+    if not report.lost:
+        print("lost: nothing that had reached the file")
+    if report.backup is not None:
+        print(f"the damaged file is {report.backup}")

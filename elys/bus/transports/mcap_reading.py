@@ -21,18 +21,30 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment, AttachmentIndex, Channel, ChunkIndex, Header, Metadata, MetadataIndex, Statistics
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    ChunkIndex,
+    Header,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+)
 from mcap.stream_reader import StreamReader
 
+from elys.bus.transports.mcap_chunks import RECORD as _RECORD
+from elys.bus.transports.mcap_chunks import decompress, records_in
 from elys.common.errors import RecordingError
 
 MAX_CHUNK_SIZE: Final = 512 << 20  # [bytes] of a chunk unpacked
 _MAGIC: Final = b"\x89MCAP0\r\n"
-_RECORD: Final = struct.Struct("<BQ")
 _FOOTER: Final = struct.Struct("<BQQQI")
 _CHUNK_HEAD: Final = struct.Struct("<QQQI")
 _MESSAGE: Final = struct.Struct("<HIQQ")
 _CACHED_CHUNKS: Final = 4
+_CACHED_BYTES: Final = 64 << 20  # of what those hold, the newest left out
 NEAR: Final = 3  # recordings that are named beside one that is missing
 # What the library raises on bytes that are no MCAP.
 _UNREADABLE: Final = (
@@ -85,6 +97,9 @@ class _Contents:
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     start_time: int = 0
     end_time: int = 0
+    definitions: list[Any] = field(default_factory=list)  # schemas and channels as the summary repeats them
+    damage: list[str] = field(default_factory=list)  # what could not be read, and why
+    whole_size: int = 0  # [bytes] up to the end of the last whole record
 
 
 class McapReader:
@@ -114,6 +129,9 @@ class McapReader:
         self.metadata = contents.metadata
         self.attachments = contents.attachments
         self.start_time, self.end_time = contents.start_time, contents.end_time  # [ns]
+        self.definitions = contents.definitions
+        self.damage = contents.damage
+        self.whole_size = contents.whole_size if self.mended else self.size
         self.chunk_count = len(contents.chunks)
         self._unpacked: OrderedDict[int, list[RecordedMessage]] = OrderedDict()
 
@@ -160,15 +178,19 @@ class McapReader:
 
     def attachment(self, name: str) -> bytes:
         """The content of an attachment; RecordingError if there is none or it is damaged."""
+        data = self.attachment_record(name).data
+        assert isinstance(data, bytes)
+        return data
+
+    def attachment_record(self, name: str) -> Any:
+        """The same with what stands beside it, as the library has it."""
         if name not in self.attachments:
             raise RecordingError(f"{self.path} has no attachment {name!r}")
         offset, length = self.attachments[name]
         try:
-            data = Attachment.read(ReadDataStream(io.BytesIO(self._read(offset, length)[_RECORD.size :]))).data
+            return Attachment.read(ReadDataStream(io.BytesIO(self._read(offset, length)[_RECORD.size :])))
         except _UNREADABLE as error:
             raise RecordingError(f"the attachment {name!r} of {self.path} is damaged: {error}") from error
-        assert isinstance(data, bytes)
-        return data
 
     def chunk(self, number: int) -> list[RecordedMessage]:
         """All messages of a chunk; the last few chunks are remembered."""
@@ -181,10 +203,24 @@ class McapReader:
             messages = list(_messages_in(data, number, self._contents.channels))
         except _UNREADABLE as error:
             raise RecordingError(f"chunk {number} of {self.path} is damaged: {error}") from error
+        held = sum(len(message.body) for known in self._unpacked.values() for message in known)
+        while len(self._unpacked) >= _CACHED_CHUNKS or held > _CACHED_BYTES:
+            _, gone = self._unpacked.popitem(last=False)
+            held -= sum(len(message.body) for message in gone)
         self._unpacked[number] = messages
-        if len(self._unpacked) > _CACHED_CHUNKS:
-            self._unpacked.popitem(last=False)
         return messages
+
+    def chunk_place(self, number: int) -> tuple[int, int]:
+        """Where a chunk's record stands in the file, and how long it is [bytes]."""
+        return self._contents.chunks[number].offset, self._contents.chunks[number].length
+
+    def chunk_records(self, number: int) -> bytes:
+        """The records of a chunk as they are: schemas, channels and messages. RecordingError if it is damaged."""
+        chunk = self._contents.chunks[number]
+        try:
+            return self._unpack(self._read(chunk.offset, chunk.length))
+        except _UNREADABLE as error:
+            raise RecordingError(f"chunk {number} of {self.path} is damaged: {error}") from error
 
     # --- opening ---------------------------------------------------------------------------------------------------
 
@@ -227,6 +263,8 @@ class McapReader:
         for record in StreamReader(
             io.BytesIO(summary + _MAGIC), skip_magic=True, record_size_limit=len(summary)
         ).records:
+            if isinstance(record, (Schema, Channel)):
+                contents.definitions.append(record)
             if isinstance(record, Channel):
                 contents.channels[record.id] = record.topic
             elif isinstance(record, ChunkIndex):
@@ -249,19 +287,19 @@ class McapReader:
     def _find_contents(self) -> _Contents:
         """What can be read from the beginning on, up to where the file was cut or is damaged."""
         contents = _Contents()
-        damage: list[str] = []
         for opcode, offset, length in self._records():
+            contents.whole_size = offset + length
             if opcode == Opcode.DATA_END:
                 break
             try:
                 self._find(contents, opcode, offset, length)
             except _UNREADABLE as error:
-                damage.append(f"at byte {offset} ({error})")
+                contents.damage.append(f"{length} bytes from byte {offset} on ({error})")
         if not contents.chunks:
             raise RecordingError(
                 f"{self.path} holds nothing that can be read: it ends before the first second was written"
             )
-        reason = f"is damaged {damage[0]}" if damage else "was never finished"
+        reason = f"is damaged: {contents.damage[0]}" if contents.damage else "was never finished"
         _log.warning("the recording %s %s: it is read as far as it is whole", self.path, reason)
         return contents
 
@@ -311,37 +349,15 @@ class McapReader:
         packed = view[place + 8 : place + 8 + packed_size]
         if size > MAX_CHUNK_SIZE:
             raise ValueError(f"a chunk claims to unpack to {size} bytes")
-        data = _decompress(compression, packed, size)
+        data = decompress(compression, packed, size)
         if len(data) != size or (checksum and zlib.crc32(data) != checksum):
             raise ValueError("a chunk's checksum or size is wrong")
         return data
 
 
-def _decompress(compression: bytes, packed: memoryview, size: int) -> bytes:
-    if compression == b"":
-        return bytes(packed)
-    if compression != b"zstd":
-        raise ValueError(f"compressed with {compression!r}: only zstd is read here")
-    if zstandard.frame_content_size(packed) not in (-1, size):
-        raise ValueError("a chunk unpacks to another size than it says")
-    return zstandard.ZstdDecompressor().decompress(packed, max_output_size=max(size, 1))
-
-
-def _records_in(data: bytes) -> Iterator[tuple[int, int, int]]:
-    """Opcode, start and end of each record's content."""
-    offset = 0
-    while offset < len(data):
-        opcode, length = _RECORD.unpack_from(data, offset)
-        start = offset + _RECORD.size
-        if start + length > len(data):
-            raise ValueError("a record reaches beyond its chunk")
-        yield opcode, start, start + length
-        offset = start + length
-
-
 def _messages_in(data: bytes, number: int, channels: dict[int, str]) -> Iterator[RecordedMessage]:
     ordinal = 0
-    for opcode, start, end in _records_in(data):
+    for opcode, start, end in records_in(data):
         if opcode != Opcode.MESSAGE:
             continue
         channel, _, log_time, _ = _MESSAGE.unpack_from(data, start)
@@ -351,7 +367,7 @@ def _messages_in(data: bytes, number: int, channels: dict[int, str]) -> Iterator
 
 
 def _channels_in(data: bytes) -> Iterator[tuple[int, str]]:
-    for opcode, start, end in _records_in(data):
+    for opcode, start, end in records_in(data):
         if opcode == Opcode.CHANNEL:
             record: Any = Channel.read(ReadDataStream(io.BytesIO(data[start:end])))
             yield record.id, record.topic

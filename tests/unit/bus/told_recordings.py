@@ -160,13 +160,17 @@ def messages(*, epoch: int = 7, first: int = 0, last: int = TICKS) -> Iterator[t
             yield topics.LOG.name, codec.encode_body(line, Encoding.JSON), now + 2
 
 
-def write_told(path: Path, *, finished: bool = True, epoch: int = 7, first: int = 0, last: int = TICKS) -> Path:
-    """Writes the recording, or a part of it."""
+def write_told(
+    path: Path, *, finished: bool = True, epoch: int = 7, first: int = 0, last: int = TICKS, chunk: int = 1 << 20
+) -> Path:
+    """Writes the recording, or a part of it, in chunks of so many bytes."""
     writer = McapWriter(path, session="told", scene="Told")
     for data in (PICTURE_MESH, IMAGE):
         writer.attach(reference_of(data), data, media_type="application/octet-stream")
     for channel, body, now in messages(epoch=epoch, first=first, last=last):
         writer.write(channel, body, log_time=now)
+        if writer._chunk_bytes > chunk:
+            writer._flush()
     if finished:
         writer.close()
     else:  # as a kill leaves it

@@ -1,0 +1,148 @@
+"""Mending: what can be read of a file that was cut off or is damaged, as a finished one that every MCAP reader opens.
+
+Messages, attachments and metadata are taken as they are, chunk by chunk, so that nothing is told in another way than it was.
+"""
+
+from __future__ import annotations
+
+import io
+import logging
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Message, Schema
+from mcap.writer import CompressionType, Writer
+
+from elys.bus.transports.mcap_chunks import records_in
+from elys.bus.transports.mcap_index import SCENE_INDEX_NAME, STATE_INDEX_NAME, IndexBuilder
+from elys.bus.transports.mcap_reading import McapReader
+from elys.common.errors import RecordingError
+
+_INDEXES: Final = (STATE_INDEX_NAME, SCENE_INDEX_NAME)
+_DEFINITIONS: Final = {Opcode.SCHEMA: Schema, Opcode.CHANNEL: Channel}
+_log = logging.getLogger(__name__)
+
+
+@dataclass(slots=True)
+class Mending:
+    """What was mended.
+
+    Attributes:
+        messages, chunks: that were kept. lost: sentences about what was not. beyond: bytes at the end that belong to nothing.
+    """
+
+    messages: int = 0
+    chunks: int = 0
+    beyond: int = 0
+    lost: list[str] = field(default_factory=list)
+
+
+def needs_mending(reader: McapReader) -> bool:
+    """Whether a file was never finished, or has a chunk or an attachment that cannot be read."""
+    if reader.mended:
+        return True
+    try:
+        for number in range(reader.chunk_count):
+            reader.chunk(number)
+        for name in reader.attachments:
+            reader.attachment(name)
+    except RecordingError as error:
+        _log.info("%s", error)
+        return True
+    return False
+
+
+def mend(reader: McapReader, target: Path, metadata: dict[str, dict[str, str]]) -> Mending:
+    """Writes what can be read of a file, and more metadata, as a whole one.
+
+    Raises:
+        OSError: the target cannot be written.
+    """
+    mending = Mending(lost=list(reader.damage), beyond=reader.size - reader.whole_size)
+    with target.open("wb") as file:
+        # Chunks stay what they were: this class closes them, none closes by its size.
+        writer = Writer(file, chunk_size=1 << 62, compression=CompressionType.ZSTD)
+        writer.start(profile="elys", library="elys recover")
+        for name, values in {**reader.metadata, **metadata}.items():
+            writer.add_metadata(name, values)
+        for name in reader.attachments:
+            if name not in _INDEXES:
+                _copy_attachment(reader, name, writer, mending)
+        index = IndexBuilder()
+        copying = _ChunkCopying(writer)
+        for record in reader.definitions:
+            copying.define(record)
+        for number in range(reader.chunk_count):
+            _copy_chunk(reader, number, copying, index, mending)
+            writer.flush()
+        for name, data in zip(_INDEXES, (index.frames().tobytes(), index.scene().tobytes()), strict=True):
+            writer.add_attachment(0, time.time_ns(), name, "application/octet-stream", data)
+        writer.finish()
+    return mending
+
+
+class _ChunkCopying:
+    """Writes the records of chunks, with schemas and channels under new numbers."""
+
+    def __init__(self, writer: Writer) -> None:
+        self._writer = writer
+        self._schemas: dict[int, int] = {0: 0}
+        self._channels: dict[int, int] = {}
+
+    def copy(self, data: bytes) -> None:
+        """Writes what stands in a chunk."""
+        for opcode, start, end in records_in(data):
+            stream = ReadDataStream(io.BytesIO(data[start:end]))
+            if opcode in _DEFINITIONS:
+                self.define(_DEFINITIONS[opcode].read(stream))
+            elif opcode == Opcode.MESSAGE:
+                message = Message.read(stream, end - start)
+                self._writer.add_message(
+                    self._channels[message.channel_id],
+                    message.log_time,
+                    message.data,
+                    message.publish_time,
+                    message.sequence,
+                )
+
+    def define(self, record: Any) -> None:
+        """Writes a schema or a channel, once."""
+        if isinstance(record, Schema):
+            if record.id not in self._schemas:
+                self._schemas[record.id] = self._writer.register_schema(record.name, record.encoding, record.data)
+        elif record.id not in self._channels:
+            schema = self._schemas.get(record.schema_id, 0)
+            self._channels[record.id] = self._writer.register_channel(
+                record.topic, record.message_encoding, schema, record.metadata
+            )
+
+
+def _copy_chunk(reader: McapReader, number: int, copying: _ChunkCopying, index: IndexBuilder, mending: Mending) -> None:
+    try:
+        data = reader.chunk_records(number)
+        messages = reader.chunk(number)
+    except RecordingError as error:
+        offset, length = reader.chunk_place(number)
+        mending.lost.append(f"{length} bytes from byte {offset} on ({error.__cause__ or error})")
+        return
+    copying.copy(data)
+    if not messages:
+        return
+    for place, message in enumerate(messages):
+        index.add(message.channel, message.body, mending.chunks, place)
+    mending.chunks += 1
+    mending.messages += len(messages)
+
+
+def _copy_attachment(reader: McapReader, name: str, writer: Writer, mending: Mending) -> None:
+    try:
+        found = reader.attachment_record(name)
+    except RecordingError as error:
+        mending.lost.append(str(error))
+        return
+    assert isinstance(found, Attachment)
+    writer.add_attachment(found.create_time, found.log_time, found.name, found.media_type, found.data)
