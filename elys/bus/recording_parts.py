@@ -109,7 +109,7 @@ def merge(sources: Sequence[Path], target: Path, progress: Progress = no_progres
 
 def gaps_in(ticks: Sequence[int]) -> tuple[tuple[int, int], ...]:
     """Between which ticks, of those that rise, some are missing."""
-    numbers = np.asarray(ticks, np.int64)
+    numbers = np.asarray(ticks, np.uint64)
     places = np.flatnonzero(np.diff(numbers) > 1)
     return tuple((int(numbers[place]), int(numbers[place + 1])) for place in places)
 

@@ -48,6 +48,7 @@ def recover(source: Path, target: Path | None = None, *, in_place: bool = False)
         # In its place: the damaged file takes its other name only when the whole one is written.
         with whole_file(place if backup is None else source.with_name(f".{source.name}.whole")) as part:
             mending = mend(recording.reader, part, {LINEAGE_NAME: lineage_metadata(origin)})
+            ticks = _ticks_in(part, source)
     if backup is not None:
         try:
             source.rename(backup)
@@ -57,6 +58,16 @@ def recover(source: Path, target: Path | None = None, *, in_place: bool = False)
     lost = list(mending.lost)
     if mending.beyond:
         lost.append(f"the last {mending.beyond} bytes, where it was cut off")
-    with Recording(place) as mended:
-        ticks = len(set(mended.tick.tolist()))
     return RecoveryReport(False, place, mending.messages, ticks, tuple(lost), backup)
+
+
+def _ticks_in(part: Path, source: Path) -> int:
+    """How many ticks the whole file has; RecordingError where what was read is not enough for any."""
+    try:
+        with Recording(part) as mended:
+            mended.mirror_at(0)
+            return len(set(mended.tick.tolist()))
+    except RecordingError as error:
+        raise RecordingError(
+            f"{source} cannot be recovered: {str(error).replace(str(part), 'what is left')}"
+        ) from error

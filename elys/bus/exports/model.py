@@ -30,6 +30,7 @@ from elys.bus.recording import Recording
 from elys.common.assets.gltf_writing import GltfModel
 from elys.common.errors import AssetError, RecordingError
 
+_LONGEST = 1e6  # [s] of an animation, whose times are float32: beyond it ticks would fall together
 _NOWHERE = (0.0, 0.0, 0.0)
 
 
@@ -53,6 +54,9 @@ def export_glb(
     """
     with Recording(source) as recording, whole_file(target) as part:
         positions = selected_positions(recording, selection)
+        duration = float(recording.time[positions[-1]] - recording.time[positions[0]])
+        if duration > _LONGEST:
+            raise RecordingError(f"{source} says that it is {duration:g} s long, more than a model can tell")
         model = GltfModel(f"elys {elys.__version__}")
         named = NamedEntities(selection)
         motion = _Motion(ModelNodes(model, recording.asset), len(positions))
@@ -72,7 +76,6 @@ def export_glb(
                 model.write(file)
         except (AssetError, MemoryError) as error:
             raise RecordingError(f"{source} does not fit into a model: {error}") from error
-        duration = float(recording.time[positions[-1]] - recording.time[positions[0]])
         return ModelReport(len(motion.nodes.node_of), channels, len(positions), duration)
 
 

@@ -11,7 +11,8 @@ from elys.common.assets.gltf_writing import GltfModel
 from elys.common.errors import RecordingError
 
 MAX_SAMPLES: Final = 2 << 30  # [bytes] of poses held at once
-POSE = ("translation", "rotation", "scale")
+_FARTHEST: Final = 1e30  # what a file of nonsense says beyond it would be no number in a model
+POSE: Final = ("translation", "rotation", "scale")
 _PARTS: Final = {"translation": slice(0, 3), "rotation": slice(3, 7), "scale": slice(7, 10)}
 
 Floats = NDArray[np.float32]
@@ -35,7 +36,7 @@ class PoseSamples:
         rows = self._rows(entities)
         first = 0
         for column in columns:
-            self._values[rows, sample, first : first + column.shape[1]] = column
+            self._values[rows, sample, first : first + column.shape[1]] = np.clip(column, -_FARTHEST, _FARTHEST)
             first += column.shape[1]
 
     def of(self, entity: int) -> Floats | None:
@@ -125,7 +126,7 @@ class Animation:
 
 def place(node: dict[str, Any], path: str, value: Floats | tuple[float, ...]) -> None:
     """Says in a node where it is, unless that is where nodes are anyway."""
-    numbers = [float(number) for number in value]
+    numbers = [min(max(float(number), -_FARTHEST), _FARTHEST) for number in value]
     if numbers != {"translation": [0.0] * 3, "rotation": [0.0, 0.0, 0.0, 1.0], "scale": [1.0] * 3}[path]:
         node[path] = numbers
 
@@ -149,7 +150,7 @@ def _filled(values: Floats) -> Floats:
 
 def _continuous(rotations: Floats) -> Floats:
     """Unit quaternions [S, 4], of the two that mean the same turn each the one nearer to the one before."""
-    length = np.linalg.norm(rotations, axis=1, keepdims=True)
+    length = np.linalg.norm(rotations.astype(np.float64), axis=1, keepdims=True)
     units = np.where(length > 0, rotations / np.where(length > 0, length, 1), np.array((0, 0, 0, 1), np.float32))
     turns_over = np.append(1.0, np.where((units[1:] * units[:-1]).sum(axis=1) < 0.0, -1.0, 1.0))
     return np.asarray(units * np.cumprod(turns_over)[:, None], np.float32)

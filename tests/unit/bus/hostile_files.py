@@ -92,7 +92,9 @@ def _lying_lengths(whole: bytes, random: Random) -> bytes:
     return bytes(data)
 
 
-def _chunk(unpacked: bytes, *, says: int | None = None, compression: bytes = b"zstd", packed: bytes | None = None) -> bytes:
+def _chunk(
+    unpacked: bytes, *, says: int | None = None, compression: bytes = b"zstd", packed: bytes | None = None
+) -> bytes:
     if packed is None:
         packed = zstandard.ZstdCompressor().compress(unpacked)
     size = len(unpacked) if says is None else says
@@ -134,7 +136,7 @@ def _text(text: bytes) -> bytes:
 
 
 def _cut_within_chunks(whole: bytes, random: Random) -> bytes:
-    """Without summary and indexes, some chunks damaged within and sound without: their checksum says 0, or is that of the damage."""
+    """Without summary and indexes, some chunks damaged within and sound without: with no checksum, or that of the damage."""
     out = bytearray(MAGIC)
     for opcode, place, length in _records(whole):
         content = whole[place + 9 : place + 9 + length]
@@ -148,7 +150,12 @@ def _cut_within_chunks(whole: bytes, random: Random) -> bytes:
                 unpacked[int(random.integers(len(unpacked)))] = int(random.integers(256))
             packed = zstandard.ZstdCompressor().compress(bytes(unpacked))
             checksum = zlib.crc32(unpacked) if random.random() < 0.5 else 0
-            content = struct.pack("<QQQI", start, end, size, checksum) + _text(b"zstd") + struct.pack("<Q", len(packed)) + packed
+            content = (
+                struct.pack("<QQQI", start, end, size, checksum)
+                + _text(b"zstd")
+                + struct.pack("<Q", len(packed))
+                + packed
+            )
         out += _record(opcode, content)
     return bytes(out)
 

@@ -72,7 +72,13 @@ def check(path: Path, kind: str, said: dict[str, str], truth: dict[int, bytes]) 
         assert len(sentence) < 700 and "\n" not in sentence and "Traceback" not in sentence, (kind, path.name, sentence)
         if sentence:
             assert path.name in sentence or "model" in sentence, (kind, path.name, way, sentence)
-    if kind in ("cut", "flipped", "overwritten", "spliced", "lying"):  # checksums tell: what is read is what was written
+    if kind in (
+        "cut",
+        "flipped",
+        "overwritten",
+        "spliced",
+        "lying",
+    ):  # checksums tell: what is read is what was written
         try:
             with Recording(path) as recording:
                 for position, tick in enumerate(recording.tick.tolist()):
