@@ -19,7 +19,7 @@ from mcap.writer import CompressionType, Writer
 
 from elys.bus.transports.mcap_chunks import records_in
 from elys.bus.transports.mcap_index import SCENE_INDEX_NAME, STATE_INDEX_NAME, IndexBuilder
-from elys.bus.transports.mcap_reading import McapReader
+from elys.bus.transports.mcap_reading import UNREADABLE, McapReader
 from elys.common.errors import RecordingError
 
 _INDEXES: Final = (STATE_INDEX_NAME, SCENE_INDEX_NAME)
@@ -93,21 +93,14 @@ class _ChunkCopying:
         self._schemas: dict[int, int] = {0: 0}
         self._channels: dict[int, int] = {}
 
-    def copy(self, data: bytes) -> None:
+    def copy(self, records: list[Any]) -> None:
         """Writes what stands in a chunk."""
-        for opcode, start, end in records_in(data):
-            stream = ReadDataStream(io.BytesIO(data[start:end]))
-            if opcode in _DEFINITIONS:
-                self.define(_DEFINITIONS[opcode].read(stream))
-            elif opcode == Opcode.MESSAGE:
-                message = Message.read(stream, end - start)
-                self._writer.add_message(
-                    self._channels[message.channel_id],
-                    message.log_time,
-                    message.data,
-                    message.publish_time,
-                    message.sequence,
-                )
+        for record in records:
+            if not isinstance(record, Message):
+                self.define(record)
+                continue
+            channel = self._channels[record.channel_id]
+            self._writer.add_message(channel, record.log_time, record.data, record.publish_time, record.sequence)
 
     def define(self, record: Any) -> None:
         """Writes a schema or a channel, once."""
@@ -123,19 +116,31 @@ class _ChunkCopying:
 
 def _copy_chunk(reader: McapReader, number: int, copying: _ChunkCopying, index: IndexBuilder, mending: Mending) -> None:
     try:
-        data = reader.chunk_records(number)
+        records = _parsed(reader.chunk_records(number))
         messages = reader.chunk(number)
-    except RecordingError as error:
+    except (RecordingError, *UNREADABLE) as error:
         offset, length = reader.chunk_place(number)
         mending.lost.append(f"{length} bytes from byte {offset} on ({error.__cause__ or error})")
         return
-    copying.copy(data)
+    copying.copy(records)
     if not messages:
         return
     for place, message in enumerate(messages):
         index.add(message.channel, message.body, mending.chunks, place)
     mending.chunks += 1
     mending.messages += len(messages)
+
+
+def _parsed(data: bytes) -> list[Any]:
+    """Schemas, channels and messages of a chunk. Raises UNREADABLE before anything of a damaged one is written."""
+    found: list[Any] = []
+    for opcode, start, end in records_in(data):
+        stream = ReadDataStream(io.BytesIO(data[start:end]))
+        if opcode in _DEFINITIONS:
+            found.append(_DEFINITIONS[opcode].read(stream))
+        elif opcode == Opcode.MESSAGE:
+            found.append(Message.read(stream, end - start))
+    return found
 
 
 def _copy_attachment(reader: McapReader, name: str, writer: Writer, mending: Mending) -> None:

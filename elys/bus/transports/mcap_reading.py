@@ -47,7 +47,7 @@ _CACHED_CHUNKS: Final = 4
 _CACHED_BYTES: Final = 64 << 20  # of what those hold, the newest left out
 NEAR: Final = 3  # recordings that are named beside one that is missing
 # What the library raises on bytes that are no MCAP.
-_UNREADABLE: Final = (
+UNREADABLE: Final = (
     McapError,
     struct.error,
     zstandard.ZstdError,
@@ -189,7 +189,7 @@ class McapReader:
         offset, length = self.attachments[name]
         try:
             return Attachment.read(ReadDataStream(io.BytesIO(self._read(offset, length)[_RECORD.size :])))
-        except _UNREADABLE as error:
+        except UNREADABLE as error:
             raise RecordingError(f"the attachment {name!r} of {self.path} is damaged: {error}") from error
 
     def chunk(self, number: int) -> list[RecordedMessage]:
@@ -201,7 +201,7 @@ class McapReader:
         try:
             data = self._unpack(self._read(chunk.offset, chunk.length))
             messages = list(_messages_in(data, number, self._contents.channels))
-        except _UNREADABLE as error:
+        except UNREADABLE as error:
             raise RecordingError(f"chunk {number} of {self.path} is damaged: {error}") from error
         held = sum(len(message.body) for known in self._unpacked.values() for message in known)
         while len(self._unpacked) >= _CACHED_CHUNKS or held > _CACHED_BYTES:
@@ -219,7 +219,7 @@ class McapReader:
         chunk = self._contents.chunks[number]
         try:
             return self._unpack(self._read(chunk.offset, chunk.length))
-        except _UNREADABLE as error:
+        except UNREADABLE as error:
             raise RecordingError(f"chunk {number} of {self.path} is damaged: {error}") from error
 
     # --- opening ---------------------------------------------------------------------------------------------------
@@ -254,7 +254,7 @@ class McapReader:
             return None
         try:
             return self._collect(data)
-        except (*_UNREADABLE, RecordingError) as error:
+        except (*UNREADABLE, RecordingError) as error:
             _log.debug("the summary of %s cannot be used: %s", self.path, error)
             return None
 
@@ -293,7 +293,7 @@ class McapReader:
                 break
             try:
                 self._find(contents, opcode, offset, length)
-            except _UNREADABLE as error:
+            except UNREADABLE as error:
                 contents.damage.append(f"{length} bytes from byte {offset} on ({error})")
         if not contents.chunks:
             raise RecordingError(

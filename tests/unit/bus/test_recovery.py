@@ -1,4 +1,4 @@
-"""Whatever is left of a file becomes a whole one that others open, with every message that can be read, and a list of what cannot."""
+"""Whatever is left of a file becomes a whole one that others open, with every message that can be read; the rest is said."""
 
 from __future__ import annotations
 
