@@ -93,6 +93,11 @@ class _ChunkCopying:
         self._schemas: dict[int, int] = {0: 0}
         self._channels: dict[int, int] = {}
 
+    def knows_channels_of(self, records: list[Any]) -> bool:
+        """Whether every message's channel was described, here or before."""
+        described = self._channels.keys() | {record.id for record in records if isinstance(record, Channel)}
+        return all(record.channel_id in described for record in records if isinstance(record, Message))
+
     def copy(self, records: list[Any]) -> None:
         """Writes what stands in a chunk."""
         for record in records:
@@ -121,6 +126,9 @@ def _copy_chunk(reader: McapReader, number: int, copying: _ChunkCopying, index: 
     except (RecordingError, *UNREADABLE) as error:
         offset, length = reader.chunk_place(number)
         mending.lost.append(f"{length} bytes from byte {offset} on ({error.__cause__ or error})")
+        return
+    if not copying.knows_channels_of(records):
+        mending.lost.append(f"{len(messages)} messages of channels that are described in a part that is lost")
         return
     copying.copy(records)
     if not messages:
