@@ -54,6 +54,14 @@ Listen = Annotated[
     Optional[str],  # noqa: UP045
     typer.Option(help="endpoint to listen at, tcp/HOST:PORT; default: loopback, the first free port from 7447"),
 ]
+From = Annotated[
+    Optional[float],  # noqa: UP045
+    typer.Option("--from", help="from this simulation time on [s]"),
+]
+To = Annotated[
+    Optional[float],  # noqa: UP045
+    typer.Option("--to", help="up to this simulation time [s]"),
+]
 Threads = Annotated[
     int, typer.Option("--threads", min=1, max=64, help="threads for large steps of physics; what comes out is the same")
 ]
@@ -262,12 +270,15 @@ def play(
     paused: Annotated[bool, typer.Option("--paused", help="start paused")] = False,
     rate: Annotated[float, typer.Option(help="simulated seconds per second", min=0.01, max=100.0)] = 1.0,
     loop: Annotated[bool, typer.Option("--loop", help="start again at the end")] = False,
+    start: From = None,
+    end: To = None,
     editor: Annotated[bool, typer.Option("--edit", help="open the editor on it as well")] = False,
 ) -> None:
     """Serve a recording as if it were running: attach with `elys view` or `elys edit`."""
     from elys.verbs import replay
+    from elys.verbs.playback import Playback
 
-    replay.play(recording, listen=listen, paused=paused, rate=rate, loop=loop, editor=editor)
+    replay.play(recording, Playback(paused, rate, loop, start, end), listen=listen, editor=editor)
 
 
 @app.command()
@@ -359,6 +370,26 @@ def info(recording: Recording, json: Json = False) -> None:
     from elys.verbs import replay
 
     replay.info(recording, json=json)
+
+
+@app.command()
+def verify(
+    recording: Recording,
+    first: Annotated[
+        float, typer.Option("--from", min=0.0, help="simulation time from which on it is compared [s]")
+    ] = 0.0,
+    last: Annotated[float, typer.Option("--to", min=0.0, help="up to which it is [s]; 0: to the end")] = 0.0,
+    threads: Threads = 1,
+    json: Json = False,
+) -> None:
+    """Run a recorded session again and compare every tick, to the bit.
+
+    Ends with 0: equal. 1: the recording was altered, or the machine that made it erred. 2: it cannot be read or run again.
+    3: different, and here is another build or kind of machine. 4: not deterministic: run twice, it differs from itself.
+    """
+    from elys.verbs import verify as verb
+
+    raise typer.Exit(verb.verify(recording, first=first, last=last, threads=threads, json=json))
 
 
 @app.command()
@@ -607,11 +638,14 @@ def node_player(
     paused: Annotated[bool, typer.Option("--paused")] = False,
     rate: Annotated[float, typer.Option(min=0.01, max=100.0)] = 1.0,
     loop: Annotated[bool, typer.Option("--loop")] = False,
+    start: From = None,
+    end: To = None,
 ) -> None:
     """A player that serves a recording."""
     from elys.verbs import nodes
+    from elys.verbs.playback import Playback
 
-    nodes.player(recording, listen=listen, paused=paused, rate=rate, loop=loop)
+    nodes.player(recording, Playback(paused, rate, loop, start, end), listen=listen)
 
 
 def main() -> None:

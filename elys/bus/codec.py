@@ -11,7 +11,7 @@ from typing import Any, Final, TypeVar
 
 import msgspec
 
-from elys.bus.messages.state_frame import StateFrame, pack_frame, unpack_frame
+from elys.bus.messages.state_frame import StateFrame, frame_parts, pack_frame, unpack_frame
 from elys.bus.topics import PROTOCOL_VERSION, Encoding
 from elys.common.errors import MessageError, ProtocolError
 
@@ -29,6 +29,8 @@ _msgpack = msgspec.msgpack.Encoder()
 
 def encode(message: Any, encoding: Encoding) -> bytes:
     """A message as it travels: prefix and body."""
+    if encoding is Encoding.STATE:  # the longest and most frequent: its columns are copied once
+        return b"".join((_PREFIXES[encoding], *frame_parts(message)))
     return with_prefix(encode_body(message, encoding), encoding)
 
 

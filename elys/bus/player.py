@@ -26,15 +26,18 @@ from elys.bus.messages.commands import (
     Seek,
     SetLoop,
     SetPlaying,
+    SetRange,
     SetRate,
     StepTicks,
 )
 from elys.bus.messages.history import HistoryReply, HistoryRequest
+from elys.bus.messages.physics import Touching, TouchingRequest
 from elys.bus.messages.plan import PhysicsPlan, PlanRequest
 from elys.bus.messages.scene import SceneDelta, Snapshot, SnapshotRequest
 from elys.bus.messages.session import SessionStatus
 from elys.bus.messages.state_frame import HEADER, PLAYING
 from elys.bus.messages.timeline import Marker, Markers, MarkersRequest
+from elys.bus.prefab_service import serve_prefabs
 from elys.bus.recording import Recording
 from elys.bus.session import Session
 from elys.bus.topics import Encoding
@@ -56,28 +59,40 @@ _MARKED: Final[dict[str, Callable[[Any, float], list[Marker]]]] = {
     topics.COMMANDS.name: markers_of_command,
 }
 _REPLAYED: Final = frozenset(topic.name for topic in topics.TOPICS if topic.recorded) - {topics.STATUS.name}
+WHOLE: Final = SetRange()
 _log = logging.getLogger(__name__)
 
 
 class Player:
-    """Plays a recording in a session that it hosts (`kind` "replay"). `run` goes on until it is cancelled."""
+    """Plays a recording in a session that it hosts (`kind` "replay"). `run` goes on until it is cancelled.
+
+    Its clock is that of the running loop.
+    """
 
     def __init__(
-        self, recording: Recording, session: Session, *, playing: bool = True, loop: bool = False, rate: float = 1.0
+        self,
+        recording: Recording,
+        session: Session,
+        *,
+        playing: bool = True,
+        loop: bool = False,
+        rate: float = 1.0,
+        part: SetRange = WHOLE,
     ) -> None:
-        """Raises RequestError if `rate` is out of range, RecordingError if the first frame cannot be read."""
+        """Plays `part` of it. Raises RequestError if that or `rate` is none, RecordingError if the first frame cannot be read."""
         self.recording = recording
         self.session = session
         self.playing = playing
         self.loop = loop
         self.rate = _checked_rate(rate)
-        self.position = 0
-        self._mirror = recording.mirror_at(0)
+        self._clock = asyncio.get_running_loop().time
+        self._first, self._last = self._checked_range(part)  # what is played
+        self.position = self._first
+        self._mirror = recording.mirror_at(self.position)
         self._sequence = 0
         self._ticks = np.unique(recording.tick)
-        # Wall clock and simulation time that belong together.
-        self._anchor = (time.monotonic(), float(recording.time[0]))
-        self._measured = (time.monotonic(), float(recording.time[0]))
+        # The clock's time and simulation time that belong together.
+        self._anchor = self._measured = (self._clock(), self.time)
         self._realtime_factor = 0.0
         self._wake = asyncio.Event()
         self._markers = MarkerLog()
@@ -97,6 +112,8 @@ class Player:
         """Serves the session and plays."""
         self.session.serve(topics.SNAPSHOT, self._give_snapshot)
         self.session.serve(topics.PLAN, self._refuse_plan)
+        self.session.serve(topics.TOUCHING, self._refuse_touching)
+        serve_prefabs(self.session, self._has_instance_of)
         self.session.serve(topics.ASSET, self._give_asset)
         self.session.serve(topics.MARKERS, self._give_markers)
         self.session.serve(topics.COMMAND, self._take_command)
@@ -129,33 +146,45 @@ class Player:
     # --- time ------------------------------------------------------------------------------------------------------
 
     def _set_anchor(self) -> None:
-        self._anchor = (time.monotonic(), self.time)
+        self._anchor = (self._clock(), self.time)
+
+    def _keep_time(self) -> None:
+        """Before another rate or range: what has passed of the frame that is shown stays passed."""
+        if self.playing:
+            self._anchor = (self._clock(), self._due_time())
 
     def _due_time(self) -> float:
         wall, simulated = self._anchor
-        return simulated + (time.monotonic() - wall) * self.rate
+        return simulated + (self._clock() - wall) * self.rate
 
     def _seconds_until_due(self) -> float | None:
         if not self.playing:
             return None
-        following = min(self.position + 1, len(self.recording) - 1)
+        following = min(self.position + 1, self._end)
         return max(0.0, (float(self.recording.time[following]) - self._due_time()) / self.rate)
 
     def _catch_up(self) -> None:
-        due = int(np.searchsorted(self.recording.time, self._due_time(), side="right")) - 1
+        end = self._end
+        due = min(int(np.searchsorted(self.recording.time, self._due_time(), side="right")) - 1, end)
         while self.position < due:
             is_far = due - self.position > _SHOWN_IN_A_ROW
             self._go_on(due if is_far else self.position + 1)
-        if self.position < len(self.recording) - 1:
+        if self.position < end:
             return
-        if self.loop and len(self._ticks) > 1:
-            self._jump(0)
+        if self.loop and self.recording.tick[self._first] < self.recording.tick[end]:
+            self._jump(self._first)
         else:
             self._set_playing(False)
 
+    @property
+    def _end(self) -> int:
+        """Where playing stops: of who was led beyond the range, the recording's end."""
+        return self._last if self.position <= self._last else len(self.recording) - 1
+
     def _set_playing(self, playing: bool) -> None:
-        if playing and float(self.recording.time[-1]) - self.time < END_MARGIN:
-            self._jump(0)  # who asks to play at the end, or a hand's breadth before it, wants to see it again
+        left = float(self.recording.time[self._end]) - self.time
+        if playing and not self.playing and left < END_MARGIN:
+            self._jump(self._first)  # who asks to play at the end, or a hand's breadth before it, wants to see it again
         self.playing = playing
         self._set_anchor()
         self._publish_status()
@@ -232,7 +261,7 @@ class Player:
         self.session.publish_payload(topic, codec.with_prefix(body, topic.encoding))
 
     def _publish_status(self) -> None:
-        wall, simulated = time.monotonic(), self.time
+        wall, simulated = self._clock(), self.time
         elapsed = wall - self._measured[0]
         if elapsed >= STATUS_INTERVAL:
             self._realtime_factor = max(0.0, (simulated - self._measured[1]) / elapsed)
@@ -256,6 +285,9 @@ class Player:
         self.session.publish(topics.STATUS, status)
 
     # --- answering -------------------------------------------------------------------------------------------------
+
+    def _has_instance_of(self, prefab: str) -> bool:
+        return any(entity.prefab == prefab for entity in self._mirror.entities.values())
 
     async def _give_snapshot(self, request: SnapshotRequest, key: str) -> Snapshot:
         snapshot = self._mirror.to_snapshot(frame=self.recording.frame(self.position))
@@ -299,6 +331,9 @@ class Player:
     async def _refuse_plan(self, request: PlanRequest, key: str) -> PhysicsPlan:
         raise RequestError("a recording is played, nothing is simulated: there is no plan of steps")
 
+    async def _refuse_touching(self, request: TouchingRequest, key: str) -> Touching:
+        raise RequestError("a recording is played: it holds which contacts began and ended, not which go on")
+
     async def _take_command(self, request: CommandRequest, key: str) -> CommandReply:
         try:
             self._apply(request.command)
@@ -320,14 +355,30 @@ class Player:
                     raise RequestError(f"{seconds} is no time to go to")
                 self._jump(self.recording.position_at(seconds))
             case SetRate(rate=rate):
-                self.rate = _checked_rate(rate)
-                self._set_anchor()
+                asked = _checked_rate(rate)
+                self._keep_time()
+                self.rate = asked
             case SetLoop(loop=loop):
                 self.loop = loop
+            case SetRange():
+                self._first, self._last = self._checked_range(command)
             case _:
                 raise RequestError(_NOT_EDITABLE)
         self._publish_status()
         self._wake.set()
+
+    def _checked_range(self, asked: SetRange) -> tuple[int, int]:
+        """The first and the last frame of what is to be played."""
+        recording = self.recording
+        start, end = (float(recording.time[0]), float(recording.time[-1]))
+        first = start if asked.start is None else asked.start
+        last = end if asked.end is None else asked.end
+        is_asked = asked.start is not None or asked.end is not None
+        if is_asked and not (first < last and first < end and last > start):
+            raise RequestError(
+                f"nothing can be played from {first:g} to {last:g} s: the recording goes from {start:.3f} to {end:.3f} s"
+            )
+        return recording.position_at(first), recording.position_at(last)
 
 
 def _checked_rate(rate: Any) -> float:

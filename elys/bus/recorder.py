@@ -11,6 +11,8 @@ from typing import Any, Final
 
 from elys.bus import codec, topics
 from elys.bus.asset_service import AssetClient
+from elys.bus.exact_asking import ExactAsking
+from elys.bus.exact_keeping import BUILD_FACTS
 from elys.bus.messages.scene import SceneDelta, Snapshot, SnapshotRequest
 from elys.bus.recording_pipe import FrameKind, PipeFrame, PipeReader
 from elys.bus.session import Session
@@ -31,6 +33,7 @@ class Recorder:
         """Raises RecordingError if the file cannot be written."""
         self._writer = McapWriter(path, session=session, scene=scene)
         self._assets: set[str] = set()
+        self._facts: set[str] = set()
         self.message_count = 0
 
     def message(self, channel: str, body: bytes, *, time_ns: int) -> None:
@@ -47,6 +50,12 @@ class Recorder:
         if reference not in self._assets:
             self._assets.add(reference)
             self._writer.attach(reference, data, media_type="application/octet-stream")
+
+    def facts(self, name: str, values: dict[str, str]) -> None:
+        """Adds metadata, once under each name."""
+        if name not in self._facts:
+            self._facts.add(name)
+            self._writer.add_metadata(name, values)
 
     def lacking(self, body: bytes) -> list[str]:
         """The assets that a snapshot's or a delta's body names and that are not in the recording yet."""
@@ -94,6 +103,8 @@ def record_pipe(descriptor: int, path: Path) -> int:
 def _take_frame(recorder: Recorder, frame: PipeFrame) -> None:
     if frame.kind is FrameKind.ASSET:
         recorder.asset(frame.name, frame.content)
+    elif frame.kind is FrameKind.FACTS:
+        recorder.facts(frame.name, codec.decode_body(frame.content, dict[str, str], Encoding.JSON))
     elif frame.kind is FrameKind.MESSAGE and frame.name in recorded_channels():
         recorder.message(frame.name, frame.content, time_ns=frame.time)
 
@@ -125,6 +136,7 @@ class _OutsideRecording:
         self._assets = AssetClient(session, AssetStore())
         self._epoch = session.epoch
         self._sequence = -1
+        self._exact = ExactAsking(session, self._keep_exact)
         self._early: list[tuple[str, bytes, int]] | None = []  # kept until the first snapshot stands before them
         self._lost = asyncio.Event()
         self._lost.set()
@@ -134,10 +146,16 @@ class _OutsideRecording:
             for topic in topics.TOPICS
             if topic.recorded
         ]
-        session.on_link(lambda connected: self._lost.set() if connected else None)
+        session.on_link(lambda connected: self._link_changed() if connected else None)
 
     async def run(self, stop: asyncio.Event) -> None:
-        works = (self._take_snapshots(), self._take_assets(), self._keep_time(), *(view.run() for view in self._views))
+        works = (
+            self._exact.run(),
+            self._take_snapshots(),
+            self._take_assets(),
+            self._keep_time(),
+            *(view.run() for view in self._views),
+        )
         tasks = [asyncio.create_task(work) for work in works]
         stopping = asyncio.create_task(stop.wait())
         try:
@@ -167,6 +185,7 @@ class _OutsideRecording:
         return heard
 
     def _heard(self, topic: Topic[Any], body: bytes) -> None:
+        self._exact.heard(topic, body)
         if topic is topics.DELTA:
             self._heard_delta(body)
         self._write_or_wait(topic.name, body, time.time_ns())
@@ -189,9 +208,17 @@ class _OutsideRecording:
             self._lost.set()
         self._epoch, self._sequence = delta.epoch, delta.sequence
 
+    def _link_changed(self) -> None:
+        self._lost.set()
+        self._exact.ask_anew()
+
     def _keep_picture(self, channel: str, body: bytes, now: int) -> None:
         self.recorder.add_video(channel)
         self._write_or_wait(channel, body, now)
+
+    def _keep_exact(self, state: bytes, build: dict[str, str]) -> None:
+        self.recorder.facts(BUILD_FACTS, build)
+        self._write_or_wait(topics.EXACT.name, state, time.time_ns())
 
     def _want(self, body: bytes) -> None:
         for reference in self.recorder.lacking(body):

@@ -21,7 +21,7 @@ from elys.bus.messages.scene import SceneDelta, Snapshot
 from elys.bus.messages.state_frame import HEADER, StateFrame, unpack_frame
 from elys.bus.mirror import SceneMirror
 from elys.bus.topics import READABLE_VERSIONS, Encoding
-from elys.bus.transports.mcap import METADATA_NAME
+from elys.bus.transports.mcap import EXACT_CHANNEL, METADATA_NAME
 from elys.bus.transports.mcap_index import (
     DELTA_CHANNEL,
     SCENE_INDEX,
@@ -43,23 +43,25 @@ class Recording:
     """An open recording of a session. Positions number its frames from 0.
 
     Attributes:
+        epoch: which run of the host made its frames. run_count: how many runs the file holds.
         tick: [F] u64. time: [F] f64 s of simulation, never falling. body_count: [F] u32.
 
     Raises:
         RecordingError: it cannot be read, was made by another version, or holds no scene or no frame.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, run: int | None = None) -> None:
         self.path = path
         self.reader = McapReader(path)
         try:
             self._check_version()
             all_frames, scene = self._read_indexes()
-            frames, following = _longest_run(all_frames, path)
+            frames, following, self.run_count = _run_of(all_frames, path, run)
             self._scene = _SceneIndex(scene[scene["epoch"] == frames["epoch"][0]], path)
         except BaseException:
             self.reader.close()
             raise
+        self.epoch = int(frames["epoch"][0])
         self.tick: NDArray[np.uint64] = frames["tick"]
         self.time: NDArray[np.float64] = frames["time"]
         self.body_count: NDArray[np.uint32] = frames["body_count"]
@@ -130,10 +132,10 @@ class Recording:
         end = self._places[last + 1] if last + 1 < len(self) else self._end
         shown = set(self._places[first : last + 1])
         is_shown = True
-        for message in self.reader.messages(start=start, end=end):
+        for message in self.reader.stored_messages(start=start, end=end):
             if message.channel == STATE_CHANNEL:
                 is_shown = message.place in shown
-            elif is_shown and message.channel not in (SNAPSHOT_CHANNEL, DELTA_CHANNEL):
+            elif is_shown and message.channel not in (SNAPSHOT_CHANNEL, DELTA_CHANNEL, EXACT_CHANNEL):
                 yield message
 
     # --- the scene -------------------------------------------------------------------------------------------------
@@ -236,8 +238,9 @@ class Recording:
 
     def _find_indexes(self) -> tuple[NDArray[Any], NDArray[Any]]:
         builder = IndexBuilder()
-        for message in self.reader.messages((STATE_CHANNEL, DELTA_CHANNEL, SNAPSHOT_CHANNEL)):
-            builder.add(message.channel, message.body, *message.place)
+        is_packed = self.reader.packs_frames
+        for message in self.reader.stored_messages((STATE_CHANNEL, DELTA_CHANNEL, SNAPSHOT_CHANNEL)):
+            builder.add_stored(message.channel, message.body, *message.place, is_packed=is_packed)
         return builder.frames(), builder.scene()
 
 
@@ -277,8 +280,11 @@ def _array(data: bytes, dtype: np.dtype[Any]) -> NDArray[Any]:
     return np.frombuffer(data, dtype)
 
 
-def _longest_run(frames: NDArray[Any], path: Path) -> tuple[NDArray[Any], NDArray[Any]]:
-    """The longest stretch of one epoch in which neither tick nor time goes back, and what comes after it."""
+def _run_of(frames: NDArray[Any], path: Path, number: int | None) -> tuple[NDArray[Any], NDArray[Any], int]:
+    """A stretch of one epoch in which neither tick nor time goes back, what comes after it, and how many there are.
+
+    `number` counts them in the order of the file; None: the longest.
+    """
     if not len(frames):
         raise RecordingError(f"{path} holds no state frame: nothing was recorded of any tick")
     earlier, later = frames[:-1], frames[1:]
@@ -287,9 +293,9 @@ def _longest_run(frames: NDArray[Any], path: Path) -> tuple[NDArray[Any], NDArra
     )
     bounds = [0, *(np.flatnonzero(breaks) + 1).tolist(), len(frames)]
     runs = list(pairwise(bounds))
-    first, last = max(runs, key=lambda run: run[1] - run[0])
-    if len(runs) > 1:
+    first, last = max(runs, key=lambda run: run[1] - run[0]) if number is None else runs[number]
+    if len(runs) > 1 and number is None:
         _log.warning(
             "%s holds %d runs; this is the longest, %d of %d frames", path, len(runs), last - first, len(frames)
         )
-    return frames[first:last], frames[last:]
+    return frames[first:last], frames[last:], len(runs)

@@ -130,7 +130,7 @@ class _Reading:
         self._frames = 0
         heads = msgspec.json.Decoder(_Head)
         latest = 0
-        for message in recording.reader.messages():
+        for message in recording.reader.stored_messages():
             is_within = recording.is_within(message)
             self._sizes[message.channel] += len(message.body)
             self._within[message.channel] += is_within

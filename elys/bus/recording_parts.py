@@ -120,7 +120,12 @@ class _PartWriting:
     def __init__(self, path: Path, like: Recording, lineage: Lineage) -> None:
         made = like.reader.metadata[METADATA_NAME]
         self.duplicates = 0
-        self._writer = McapWriter(path, session=made.get("session", ""), scene=made.get("scene", ""))
+        self._writer = McapWriter(
+            path,
+            session=made.get("session", ""),
+            scene=made.get("scene", ""),
+            compact=made.get("state") == "compact",
+        )
         self._lineage = lineage
         self._mirror: SceneMirror | None = None
         self._given_up = -1  # a number of deltas that cannot be reached
@@ -198,7 +203,7 @@ def _beside(recording: Recording, position: int) -> Iterator[RecordedMessage]:
     """What was said after a frame and before the next, scene and frames left out."""
     start = recording.place(position)
     end = recording.place(position + 1) if position + 1 < len(recording) else None
-    for message in recording.reader.messages(start=start, end=end):
+    for message in recording.reader.stored_messages(start=start, end=end):
         if message.channel == STATE_CHANNEL and message.place != start:
             return  # what is of no timeline: told again of the past, or of a future that was given up, or of another run
         if message.channel not in _SCENE:
@@ -208,7 +213,7 @@ def _beside(recording: Recording, position: int) -> Iterator[RecordedMessage]:
 def _before(recording: Recording) -> list[RecordedMessage]:
     """What was said before the first frame of the run."""
     found: list[RecordedMessage] = []
-    for message in recording.reader.messages(end=recording.place(0)):
+    for message in recording.reader.stored_messages(end=recording.place(0)):
         if message.channel == STATE_CHANNEL:
             found.clear()
         elif message.channel not in _SCENE:

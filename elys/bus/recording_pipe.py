@@ -4,6 +4,7 @@
     BEGIN    name: the session's, content: the scene's name
     MESSAGE  name: the channel, content: the body without the protocol prefix
     ASSET    name: its reference, content: its bytes
+    FACTS    name: of a metadata record, content: a JSON object of strings
 
 The end of the stream is the end of the recording, however it came: the recorder then finishes the file.
 """
@@ -30,6 +31,7 @@ class FrameKind(enum.IntEnum):
     BEGIN = 1
     MESSAGE = 2
     ASSET = 3
+    FACTS = 4
 
 
 class PipeFrame(NamedTuple):

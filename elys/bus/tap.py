@@ -15,9 +15,12 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Final
 
 from elys.bus import codec, topics
+from elys.bus.exact_keeping import BUILD_FACTS, ExactNeed, ExactSource, ExactState
+from elys.bus.messages.exact_state import ExactHead
 from elys.bus.messages.scene import Snapshot
 from elys.bus.recording_pipe import FrameKind, frame_head
 from elys.bus.session import Session
@@ -26,15 +29,32 @@ from elys.common.assets.store import AssetStore, references_in
 from elys.common.errors import AssetError
 
 QUEUE_SIZE: Final = 64 << 20  # [bytes]
+_MOST_PIECES: Final = 1024  # that the system writes at once
 _RESYNC: Final = b'"resync":true'
 _log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class _Later:
+    """An exact state of which the writing thread makes bytes."""
+
+    state: ExactState
+    time: int  # [ns]
+    size: int  # about how many it takes [bytes]
+
+    def __len__(self) -> int:
+        return self.size
+
+    def pieces(self) -> list[bytes | memoryview]:
+        parts = self.state.parts()
+        return [frame_head(FrameKind.MESSAGE, topics.EXACT.name, sum(map(len, parts)), self.time), *parts]
 
 
 class RecordingTap:
     """Sends what `session` publishes to the recorder at the other end of `descriptor`, which it then owns.
 
     `take_snapshot` gives the scene as it is now; it is called at once, and after every delta that asks for a resync. Assets
-    that scene and deltas name are taken from `assets`.
+    that scene and deltas name are taken from `assets`. `exact` gives exact states, so that the recording can be run again.
     """
 
     def __init__(
@@ -45,6 +65,7 @@ class RecordingTap:
         take_snapshot: Callable[[], Snapshot],
         assets: AssetStore,
         lossless: bool,
+        exact: ExactSource | None = None,
         queue_size: int = QUEUE_SIZE,
     ) -> None:
         self.lost = 0  # messages left out
@@ -56,7 +77,9 @@ class RecordingTap:
         self._lossless = lossless
         self._limit = queue_size
         self._sent_assets: set[str] = set()
-        self._queue: deque[bytes] = deque()
+        self._exact = exact
+        self._need = ExactNeed()
+        self._queue: deque[bytes | _Later] = deque()
         self._queued = 0  # [bytes]
         self._ending = False
         self._has_gap = False  # a delta was left out: the scene has to be told anew
@@ -69,6 +92,12 @@ class RecordingTap:
         scene = take_snapshot()
         self._send(FrameKind.BEGIN, session.name, scene.scene.encode())
         self._send_snapshot(scene)
+        if exact is not None:
+            facts = exact.build_facts()
+            self._send(FrameKind.FACTS, BUILD_FACTS, codec.encode_body(facts, Encoding.JSON))
+            exact.listeners.append(self)
+            if (now := exact.exact_now()) is not None:
+                self.take(now)
         session.taps.append(self.publication)
 
     def publication(self, topic: Topic[Any], _: str, payload: bytes) -> None:
@@ -86,6 +115,18 @@ class RecordingTap:
             self._has_gap = False
             self._send_snapshot(self._take_snapshot())
 
+    def wants(self, head: ExactHead, size: int) -> bool:
+        """Whether an exact state would be taken, see `ExactNeed`."""
+        return self.alive and self._need.is_due(head, size)
+
+    def take(self, state: ExactState) -> None:
+        """Takes an exact state, unless the recorder is too far behind: then another is asked for."""
+        if not self._lossless and self._is_too_long(Delivery.LATEST):
+            self._need.is_urgent = True
+            return
+        self._need.taken(state.head)
+        self._put(_Later(state, time.time_ns(), state.size))
+
     async def ready(self) -> None:
         """Returns when there is room for another tick; in real time, or with the recorder gone, at once."""
         while self._lossless and self.alive and self._queued > self._limit:
@@ -99,6 +140,8 @@ class RecordingTap:
         """Sends what is queued and ends the stream, waiting at most `timeout` seconds. A second call does nothing."""
         if self.publication in self._session.taps:
             self._session.taps.remove(self.publication)
+        if self._exact is not None and self in self._exact.listeners:
+            self._exact.listeners.remove(self)
         with self._changed:
             self._ending = True
             self._changed.notify()
@@ -126,13 +169,15 @@ class RecordingTap:
             self._send(FrameKind.ASSET, reference, data)
 
     def _send(self, kind: FrameKind, name: str, content: bytes) -> None:
-        head = frame_head(kind, name, len(content), time.time_ns())
+        self._need.said(len(content))
+        self._put(frame_head(kind, name, len(content), time.time_ns()), content)
+
+    def _put(self, *pieces: bytes | _Later) -> None:
         with self._changed:
             if not self.alive:
                 return
-            self._queue.append(head)
-            self._queue.append(content)
-            self._queued += len(head) + len(content)
+            self._queue += pieces
+            self._queued += sum(map(len, pieces))
             self._changed.notify()
 
     def _is_too_long(self, delivery: Delivery) -> bool:
@@ -142,6 +187,7 @@ class RecordingTap:
     def _leave_out(self, topic: Topic[Any]) -> None:
         self.lost += 1
         self._has_gap = self._has_gap or topic is topics.DELTA
+        self._need.is_urgent |= topic is topics.COMMANDS
         now = time.monotonic()
         if now - self._loss_said > 5.0:
             self._loss_said = now
@@ -150,7 +196,7 @@ class RecordingTap:
     def _write(self) -> None:
         try:
             while (batch := self._next_batch()) is not None:
-                _write_all(self._descriptor, batch)
+                _write_all(self._descriptor, [made for piece in batch for made in _made(piece)])
                 self._written(sum(map(len, batch)))
         except OSError as error:
             with self._changed:
@@ -162,7 +208,7 @@ class RecordingTap:
         finally:
             os.close(self._descriptor)
 
-    def _next_batch(self) -> list[bytes] | None:
+    def _next_batch(self) -> list[bytes | _Later] | None:
         with self._changed:
             while not self._queue:
                 if self._ending:
@@ -179,10 +225,14 @@ class RecordingTap:
                 self._loop.call_soon_threadsafe(self._room.set)
 
 
-def _write_all(descriptor: int, pieces: list[bytes]) -> None:
+def _made(piece: bytes | _Later) -> list[bytes | memoryview]:
+    return piece.pieces() if isinstance(piece, _Later) else [piece]
+
+
+def _write_all(descriptor: int, pieces: list[bytes | memoryview]) -> None:
     views = [memoryview(piece) for piece in pieces if piece]
     while views:
-        written = os.writev(descriptor, views)
+        written = os.writev(descriptor, views[:_MOST_PIECES])
         while views and written >= len(views[0]):
             written -= len(views[0])
             del views[0]

@@ -11,7 +11,18 @@ import re
 from dataclasses import dataclass
 from typing import Any, Final, Generic, TypeVar
 
-from elys.bus.messages import commands, history, physics, plan, scene, session, state_frame, timeline, views
+from elys.bus.messages import (
+    commands,
+    exact_state,
+    history,
+    physics,
+    plan,
+    scene,
+    session,
+    state_frame,
+    timeline,
+    views,
+)
 from elys.common.errors import BusError
 
 M = TypeVar("M")
@@ -167,6 +178,13 @@ SNAPSHOT: Final = Query(
     reply=scene.Snapshot,
     text="the whole scene as it is",
 )
+EXACT: Final = Query(
+    name="exact",
+    request=exact_state.ExactRequest,
+    reply=exact_state.ExactReply,
+    text="all that decides how a simulation goes on, at one instant, for recordings",
+    reply_encoding=Encoding.MSGPACK,
+)
 COMMAND: Final = Query(
     name="command",
     request=commands.CommandRequest,
@@ -179,11 +197,23 @@ PLAN: Final = Query(
     reply=plan.PhysicsPlan,
     text="which stages a step of physics has, and why the others are off",
 )
+TOUCHING: Final = Query(
+    name="touching",
+    request=physics.TouchingRequest,
+    reply=physics.Touching,
+    text="all contacts that go on; the topic contacts tells what begins and ends from then on",
+)
 HISTORY: Final = Query(
     name="history",
     request=history.HistoryRequest,
     reply=history.HistoryReply,
     text="what somebody can undo and redo here, and as whom",
+)
+PREFAB: Final = Query(
+    name="prefab",
+    request=scene.PrefabRequest,
+    reply=scene.PrefabContent,
+    text="what stands in a prefab's file, which is on the host's disk",
 )
 MARKERS: Final = Query(
     name="markers",
@@ -244,10 +274,13 @@ TOPICS: Final[tuple[Topic[Any], ...]] = (
 QUERIES: Final[tuple[Query[Any, Any], ...]] = (
     HELLO,
     SNAPSHOT,
+    EXACT,
+    PREFAB,
     COMMAND,
     HISTORY,
     MARKERS,
     PLAN,
+    TOUCHING,
     PICK,
     THUMBNAIL,
     ASSET,

@@ -19,6 +19,7 @@ from elys.editor_node.asset_folder import AssetFile
 from elys.editor_node.asset_reading import AssetContent, read_asset
 from elys.editor_node.asset_uses import UseIndex
 from elys.editor_node.language import tr
+from elys.editor_node.sentences import sentence
 
 if TYPE_CHECKING:
     from elys.bus.messages.views import ViewCamera
@@ -49,7 +50,7 @@ class AssetPlacing:
             return None
         if not await self.bring(content.references, store, file.name):
             return None
-        label = tr("Add {what}", what=file.name)
+        label = sentence("Add {what}", what=file.name)
         match file.type:
             case "image" | "heights":
                 return await self._lay(file, content, onto)
@@ -79,7 +80,7 @@ class AssetPlacing:
         if not used or not await self.bring((new_of[old] for old in used), store, file.name):
             return content, None
         uses = await self.uses.fresh()
-        label = tr("Reload {what}", what=file.name)
+        label = sentence("Reload {what}", what=file.name)
         done = self._model.edit.replace_assets(label, {old: new_of[old] for old in used}, uses)
         return content, await done if done is not None else None
 
@@ -112,7 +113,7 @@ class AssetPlacing:
         if around:
             done = edit.set_fields(around[:1], "Environment", {"kind": "image", "image": content.parts[""]})
         else:
-            done = edit.spawn_records(tr("Add {what}", what=file.name), records)
+            done = edit.spawn_records(sentence("Add {what}", what=file.name), records)
         return await done if done is not None else None
 
 

@@ -12,7 +12,7 @@ import msgspec
 from elys.common.assets.gltf import import_model
 from elys.common.assets.heights import read_heights
 from elys.common.assets.images import read_image
-from elys.common.assets.store import AssetKind, AssetStore, reference_of, references_in
+from elys.common.assets.store import AssetKind, AssetStore, is_reference, reference_of, references_in
 from elys.common.errors import AssetError, ElysError
 from elys.common.scene import EntityNode, EntityRecord, SceneDocument, expand, read_scene
 from elys.editor_node.asset_folder import AssetFile, AssetType
@@ -28,6 +28,7 @@ class AssetContent:
     file: AssetFile
     key: str = ""  # equal for equal content
     parts: dict[str, str] = field(default_factory=dict)  # reference by place in the file; "" for the file as a whole
+    meshes: dict[str, str] = field(default_factory=dict)  # of a model: by the names of the entities that show them
     entity_count: int = 0
     error: str = ""
     note: str = ""  # why it has no thumbnail, where it can be used all the same
@@ -38,13 +39,12 @@ class AssetContent:
         return frozenset(self.parts.values())
 
     @property
-    def dragged(self) -> tuple[str, AssetKind] | None:
-        """What a field that takes assets can hold of it: the file itself, or the mesh of a model that has one alone."""
+    def dragged(self) -> tuple[dict[str, str], AssetKind] | None:
+        """What a field that takes assets can hold of it, by name: the file itself, or a mesh of a model."""
         kind = _KIND_OF.get(self.file.type)
         if kind is not None:
-            return (self.parts[""], kind) if "" in self.parts else None
-        meshes = sorted({part for place, part in self.parts.items() if place[:1].isdigit()})
-        return (meshes[0], "mesh") if self.file.type == "model" and len(meshes) == 1 else None
+            return ({self.file.name: self.parts[""]}, kind) if "" in self.parts else None
+        return (self.meshes, "mesh") if self.meshes else None
 
 
 def read_asset(file: AssetFile, assets: AssetStore) -> tuple[AssetContent, tuple[EntityRecord, ...]]:
@@ -57,7 +57,22 @@ def read_asset(file: AssetFile, assets: AssetStore) -> tuple[AssetContent, tuple
         _log.debug("%s cannot be read", file.path, exc_info=True)
         return AssetContent(file=file, error=f"{file.name} cannot be read: {error}"), ()
     key = reference_of(msgspec.json.encode((file.type, parts, records)))
-    return AssetContent(file=file, key=key, parts=parts, entity_count=len(records)), records
+    meshes = named_meshes(records) if file.type == "model" else {}
+    return AssetContent(file=file, key=key, parts=parts, meshes=meshes, entity_count=len(records)), records
+
+
+def named_meshes(records: Sequence[EntityRecord]) -> dict[str, str]:
+    """The meshes that entities show, each once, by the name of the first that does; of several of one name numbers follow."""
+    found: dict[str, str] = {}
+    for record in records:
+        mesh = record.components.get("MeshRenderer", {}).get("mesh", "")
+        if not is_reference(mesh) or mesh in found.values():
+            continue
+        name, number = record.name, 2
+        while name in found:
+            name, number = f"{record.name} {number}", number + 1
+        found[name] = mesh
+    return found
 
 
 def _read(file: AssetFile, assets: AssetStore) -> tuple[dict[str, str], tuple[EntityRecord, ...]]:

@@ -110,7 +110,7 @@ class CameraViews:
             place, turn = local_pose(*scene.world_pose(scene.parent_of(entity)), place, turn)
         position = tuple(round(value, _DECIMALS) + 0.0 for value in place)
         changes: dict[int, ComponentChanges] = {entity: {"Transform": {"position": position, "rotation": turn}}}
-        self._model.edit.lay_over(tr("Move to this view:"), changes)
+        self._model.edit.lay_over("Move to this view: {what}", changes)
 
     def _glide(self, pose: CameraPose) -> None:
         self._camera().glide_to(pose)

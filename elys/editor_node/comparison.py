@@ -75,9 +75,8 @@ class Comparison:
         if key != self._common_of:
             self._common_of = key
             owned = scene.mirror.entities
-            common = set(self.primary)
-            for entity in entities:
-                common &= owned[entity].components.keys()
+            # Of thousands most have the same components as others: what differs are few.
+            common = set(self.primary).intersection(*{tuple(owned[entity].components) for entity in entities})
             ordered = tuple(name for name in declarations() if name in common)
             if ordered != self.common or selection_version != self._selection_version:
                 self.common = ordered

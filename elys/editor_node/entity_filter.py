@@ -20,7 +20,7 @@ from typing import Final, Literal, NamedTuple
 
 from elys.bus.mirror import MirrorEntity, SceneMirror
 from elys.common.components import declarations
-from elys.editor_node.entity_kinds import DETAILS, KIND_NAMES, kind_of
+from elys.editor_node.entity_kinds import DETAILS, KIND_NAMES, EntityKind, kind_of
 
 TermKind = Literal["name", "kind", "component", "prefab", "enabled", "locked", "hidden"]
 EXAMPLES: Final = (  # each with what it finds, in English
@@ -50,6 +50,7 @@ _WANTED: Final[dict[TermKind, str]] = {
 }
 
 IsMarked = Callable[[str, int], bool]
+KindOf = Callable[[MirrorEntity], EntityKind]
 
 
 class FilterError(ValueError):
@@ -88,11 +89,13 @@ class EntityFilter:
 
     def lets_through(self, entity: MirrorEntity, mirror: SceneMirror, is_marked: IsMarked) -> bool:
         """Whether all words hold of the entity."""
-        return all(_holds(term, entity, mirror, is_marked) == term.wanted for term in self.terms)
+        return all(_holds(term, entity, mirror, is_marked, kind_of) == term.wanted for term in self.terms)
 
-    def found_in(self, mirror: SceneMirror, is_marked: IsMarked) -> set[int]:
-        """All entities that it lets through. Done at each letter that is typed, so what is typed most is done without calls."""
-        left = list(mirror.entities.values())
+    def found_among(
+        self, entities: Iterable[MirrorEntity], mirror: SceneMirror, is_marked: IsMarked, kind_of: KindOf = kind_of
+    ) -> set[int]:
+        """Those that it lets through. Done at each letter that is typed, so what is typed most is done without calls."""
+        left = list(entities)
         for term in self.terms:
             text, wanted, chosen = term.text, term.wanted, term.chosen
             if term.kind == "name":
@@ -100,7 +103,7 @@ class EntityFilter:
             elif term.kind == "component":
                 left = [e for e in left if chosen.isdisjoint(e.components) != wanted]
             else:
-                left = [e for e in left if _holds(term, e, mirror, is_marked) == wanted]
+                left = [e for e in left if _holds(term, e, mirror, is_marked, kind_of) == wanted]
         return {e.id for e in left}
 
 
@@ -197,7 +200,7 @@ def _meant(text: str, known: tuple[str, ...], kind: TermKind) -> frozenset[str]:
     raise FilterError(problem, word=text, known=", ".join(known))
 
 
-def _holds(term: Term, entity: MirrorEntity, mirror: SceneMirror, is_marked: IsMarked) -> bool:
+def _holds(term: Term, entity: MirrorEntity, mirror: SceneMirror, is_marked: IsMarked, kind_of: KindOf) -> bool:
     match term.kind:
         case "name":
             return term.text in entity.name.casefold()

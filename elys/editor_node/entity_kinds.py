@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from elys.bus.mirror import MirrorEntity
+from elys.bus.messages.scene import ComponentRemoved, ComponentSet
+from elys.bus.mirror import MirrorEntity, MirrorUpdate
 from elys.common.assets.primitives import PRIMITIVES
 
 EMPTY: Final = "Empty"
@@ -45,3 +46,27 @@ def kind_of(entity: MirrorEntity) -> EntityKind:
             mesh = getattr(components.get("MeshRenderer"), "mesh", "")
             return EntityKind(name, mesh if mesh in PRIMITIVES else "")
     return _NOTHING
+
+
+class EntityKinds:
+    """The kinds of entities, each worked out once. `follow` must hear of every change of the mirror that they are of."""
+
+    def __init__(self) -> None:
+        self._known: dict[int, EntityKind] = {}
+
+    def of(self, entity: MirrorEntity) -> EntityKind:
+        """What an entity is."""
+        kind = self._known.get(entity.id)
+        if kind is None:
+            kind = self._known[entity.id] = kind_of(entity)
+        return kind
+
+    def follow(self, update: MirrorUpdate) -> None:
+        """Hears of a change."""
+        if update.reset:
+            self._known.clear()
+        for entity in update.removed:
+            self._known.pop(entity, None)
+        for change in update.changes:
+            if isinstance(change, ComponentSet | ComponentRemoved):
+                self._known.pop(change.entity, None)

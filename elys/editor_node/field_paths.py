@@ -1,7 +1,8 @@
 """What can be plotted, as a person writes it: `Box 3.Transform.position.y`, `Box 3.speed`, `world.kinetic`.
 
-    ENTITY.COMPONENT.FIELD[.ELEMENT]   a field of a component; ENTITY is a name, or #ID where several are called so
-    ENTITY.FIGURE                      what follows from where it is: FIGURES
+    ENTITY.COMPONENT.FIELD[.ELEMENT]   a field of a component; ENTITY is a name, or #ID where several are called so;
+                                       ELEMENT a letter (position.y), or a place in a list of numbers (Morph.weights.2)
+    ENTITY.FIGURE                      what follows from where it is: FIGURES; and CONTACTS, in how many it takes part
     world.FIGURE                       what the host measures of everything: WORLD_FIGURES
 
 A name may itself hold points: the longest that there is counts.
@@ -15,14 +16,17 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from elys.bus.messages.physics import Diagnostics
+from elys.common.assets.morph_weights import parse_weights
 from elys.common.components import FieldDeclaration, Kind, RigidBody, declaration_of
 from elys.common.errors import ElysError
 from elys.editor_node.language import tr
 from elys.editor_node.scene_mirror import EditorScene
 
 WORLD: Final = "world"
+CONTACTS: Final = "contacts"
 SUGGESTIONS: Final = 12
 _NUMBERS: Final = (Kind.FLOAT, Kind.INT, Kind.BOOL, Kind.VEC3, Kind.QUAT, Kind.COLOR)
+_LISTS: Final = {("Morph", "weights"): parse_weights}  # texts that are numbers; those not named are 0
 _ELEMENTS: Final = {Kind.VEC3: "xyz", Kind.QUAT: "xyzw", Kind.COLOR: "rgb"}
 
 
@@ -58,6 +62,8 @@ FIGURES: Final[dict[str, Figure]] = {
     "height": Figure("m", lambda scene, entity: float(scene.world_pose(entity).position[1])),
     "speed": Figure("m/s", lambda scene, entity: _velocity(scene, entity, "linear_velocity")),
     "spin": Figure("rad/s", lambda scene, entity: _velocity(scene, entity, "angular_velocity")),
+    "enabled": Figure("", lambda scene, entity: float(scene.is_enabled(entity))),
+    CONTACTS: Figure("", lambda scene, entity: math.nan),  # the scene does not know of them
 }
 WORLD_FIGURES: Final[dict[str, Figure]] = {
     "kinetic": Figure("J", lambda found: found.kinetic),
@@ -78,8 +84,10 @@ WORLD_FIGURES: Final[dict[str, Figure]] = {
 class FieldPaths:
     """Reads paths of a scene. The index of names is made anew when the tree changed and somebody asks."""
 
-    def __init__(self, scene: EditorScene) -> None:
+    def __init__(self, scene: EditorScene, *, contacts_of: Callable[[int], float] = lambda entity: math.nan) -> None:
+        """`contacts_of` counts the contacts of an entity."""
         self._scene = scene
+        self._contacts_of = contacts_of
         self._version: tuple[int, int] = (-1, -1)
         self._entity_of: dict[str, int] = {}
         self._suggested: tuple[tuple[object, ...], list[str]] = ((), [])
@@ -112,12 +120,18 @@ class FieldPaths:
             return WORLD_FIGURES[field.field].read(measured) if measured is not None else math.nan
         if not self._scene.exists(field.entity):
             return math.nan
+        if not field.component and field.field == CONTACTS:
+            return self._contacts_of(field.entity)
         if not field.component:
             return FIGURES[field.field].read(self._scene, field.entity)
         component = self._scene.component_of(field.entity, field.component)
         if component is None:
             return math.nan
         value = getattr(component, field.field)
+        parse = _LISTS.get((field.component, field.field))
+        if parse is not None:
+            numbers = parse(value)
+            return numbers[field.element] if field.element < len(numbers) else 0.0
         return float(value[field.element] if field.element >= 0 else value)
 
     def suggestions(self, text: str) -> list[str]:
@@ -213,6 +227,8 @@ def _leaves(component: str) -> Iterator[str]:
             yield from (f"{field.name}.{letter}" for letter in _ELEMENTS[field.kind])
         elif field.kind in _NUMBERS:
             yield field.name
+        elif (component, field.name) in _LISTS:
+            yield f"{field.name}.0"
 
 
 def _world_field(path: str, name: str) -> PlotField:
@@ -230,6 +246,8 @@ def _world_field(path: str, name: str) -> PlotField:
 
 def _component_field(path: str, entity: int, component: str, inner: str) -> PlotField:
     name, dot, letter = inner.partition(".")
+    if (component, name) in _LISTS and letter.isdecimal():
+        return PlotField(path=path, unit="", entity=entity, component=component, field=name, element=int(letter))
     declared = next((field for field in declaration_of(component).fields if field.name == name), None)
     if declared is None or declared.kind not in _NUMBERS:
         known = ", ".join(_leaves(component))

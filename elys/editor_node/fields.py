@@ -28,7 +28,8 @@ MIXED: Final = "—"  # shown where several entities differ
 class DraggedAsset:
     """What is carried from an asset browser to a field: the text that the field is to hold, and what that is."""
 
-    reference: str  # a content reference, or a file as scene files name it
+    reference: str = ""  # a content reference, or a file as scene files name it; none where there are `choices`
+    choices: tuple[tuple[str, str], ...] = ()  # names and references of which the person is to take one
     kind: AssetKind | None = None  # None where it is not known: any field takes it then
     name: str = ""  # as it is called while it is carried
 
@@ -92,6 +93,9 @@ class PickState:
     found: list[Any] = field(default_factory=list)
     kept: list[Any] = field(default_factory=list)  # all there are, while the popup is open
     kept_for: tuple[Any, ...] = ()
+    offered: dict[str, str] = field(
+        default_factory=dict
+    )  # references by name: what a file that was dropped has to choose from
 
 
 @dataclass(slots=True)

@@ -26,6 +26,7 @@ from elys.bus.messages.history import HistoryEntry, HistoryReply
 from elys.common.errors import BusError, RequestError
 from elys.editor_node import edits
 from elys.editor_node.scene_mirror import EditorScene
+from elys.editor_node.sentences import sentence
 
 ECHO_TIMEOUT: Final = 1.0  # [s] after which an edit counts as done though the scene does not show it
 ATTACH_PAUSE: Final = 0.5  # [s] before the host is asked again which edits there are
@@ -229,7 +230,7 @@ class History:
         if lists is not None:
             if not lists:
                 return outcome
-            outcome.label = f"{work.kind.capitalize()} {lists[-1].label}"
+            outcome.label = sentence("{verb} {label}", verb=work.kind.capitalize(), label=lists[-1].label)
         try:
             if not self.is_attached:
                 await self._come_in()
@@ -238,7 +239,7 @@ class History:
             outcome.refusals.append(str(error))
             return outcome
         except BusError as error:
-            outcome.refusals.append(f"not sent: {error}")
+            outcome.refusals.append(sentence("not sent: {reason}", reason=error))
             return outcome
         outcome.tick = reply.tick
         self.conflict = work.kind if reply.is_conflict and work.kind != "do" else None

@@ -16,10 +16,13 @@ from elys.bus.session import Session
 from elys.bus.topics import Topic
 from elys.bus.transports.transport import Closer
 from elys.common.errors import BusError, MessageError, ProtocolError
+from elys.editor_node.contact_counts import ContactCounts
 from elys.editor_node.entity_mentions import EntityMentions
 from elys.editor_node.frame_profiles import ProfileTrack, Sample
+from elys.editor_node.language import tr
 from elys.editor_node.model import EditorModel
 from elys.editor_node.plots import Plots
+from elys.editor_node.sentences import tr_sentence
 from elys.editor_node.topic_watch import TopicWatch
 
 PLAN_INTERVAL: Final = 0.5  # [s] between two questions for the plan
@@ -42,7 +45,8 @@ class Instruments:
         self.tracks: dict[str, ProfileTrack] = {}  # of the simulation, of each view, of the editor
         self.views: dict[str, RenderProfile] = {}  # the newest of each view
         self.measured: deque[Diagnostics] = deque(maxlen=240)  # the newest last
-        self.plots = Plots(model.scene, watch=self._watch_every)
+        contacts = ContactCounts(model.session, on_refusal=self._contacts_refused)
+        self.plots = Plots(model.scene, watch=self._watch_every, contacts=contacts)
         self.topics = TopicWatch(model.session, on_message=lambda: self._redraw(REDRAW))
         self.plan = PlanWatch(model.session, on_change=lambda: self._redraw(0.0))
         model.session.on_link(self._link_changed)
@@ -120,6 +124,9 @@ class Instruments:
 
         return self._session.subscribe_payloads(topic, arrived, every=True)
 
+    def _contacts_refused(self, reason: str) -> None:
+        self._model.say("warning", tr("contacts cannot be counted: {reason}", reason=tr_sentence(reason)))
+
     def _link_changed(self, connected: bool) -> None:
         """What another run measured is no part of this one's curves."""
         if connected:
@@ -127,6 +134,7 @@ class Instruments:
             self.views.clear()
             self.measured.clear()
             self.plan.forget()
+            self.plots.another_run()
 
 
 class PlanWatch:

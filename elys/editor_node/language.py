@@ -12,13 +12,20 @@ from typing import Final
 LANGUAGES: Final = {"en": "English", "fr": "Français"}
 
 _texts: dict[str, str] = {}  # from English; what is not in it stays English
+_chosen = ["en"]
 
 
 def use_language(code: str) -> None:
     """Makes `tr` speak a language of LANGUAGES; English for others."""
     _texts.clear()
+    _chosen[0] = code if code in LANGUAGES else "en"
     if code in LANGUAGES:
         _texts.update(translations(code))
+
+
+def current_language() -> str:
+    """The code of the language that `tr` speaks."""
+    return _chosen[0]
 
 
 def translations(code: str) -> dict[str, str]:

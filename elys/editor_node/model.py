@@ -25,7 +25,6 @@ from elys.bus.messages.commands import (
     LoadScene,
     NoteSaved,
     Seek,
-    SetLoop,
     SetPlaying,
     SetRate,
     StepTicks,
@@ -43,6 +42,7 @@ from elys.editor_node.recovery import Recovery
 from elys.editor_node.scene_documents import SceneDocuments
 from elys.editor_node.scene_mirror import EditorScene
 from elys.editor_node.selection import Selection
+from elys.editor_node.sentences import tr_sentence
 from elys.editor_node.set_values import SetValues
 from elys.editor_node.timeline import Timeline
 from elys.editor_node.tree_edits import TreeEdits
@@ -74,7 +74,7 @@ class EditorModel:
         self.timeline = Timeline(self, clock=clock)
         self.scene = EditorScene(session, on_change=self._scene_changed, on_state=self._state_arrived)
         self.set_values = SetValues(self.scene.mirror)
-        self.prefabs = PrefabValues(self.scene, start=session.start, on_change=lambda: self.request_redraw(0.0))
+        self.prefabs = PrefabValues(self.scene, session, on_change=lambda: self.request_redraw(0.0), clock=clock)
         self.history = History(
             self._ask,
             self._ask_for_history,
@@ -93,6 +93,7 @@ class EditorModel:
         )
         self.status: SessionStatus | None = None
         self.connected = session.connected
+        self.scenes_opened = 0  # in the place of another, since this editor listens
         self._known_session = (session.name, session.epoch)  # of which the mirror tells
         self._wanted_paths: list[tuple[str, ...]] = []  # of what was selected before the host started anew
         self._told_stroke: object = None
@@ -152,10 +153,6 @@ class EditorModel:
         """Simulated seconds per second; 0 is as fast as it can."""
         self.command("Set speed", SetRate(rate=rate))
 
-    def set_loop(self, loop: bool) -> None:
-        """Whether a replay starts again at its end."""
-        self.command("Set loop", SetLoop(loop=loop))
-
     def command(self, label: str, command: Command) -> asyncio.Task[None]:
         """Sends a command that changes no scene and so is not undone; a refusal is told in the console."""
 
@@ -168,7 +165,8 @@ class EditorModel:
                 if reply.accepted:
                     self.error = ""
                 else:
-                    self.say("error", tr("{what} refused: {reason}", what=tr(label), reason=reply.reason))
+                    why = tr_sentence(reply.reason)
+                    self.say("error", tr("{what} refused: {reason}", what=tr(label), reason=why))
 
         return self.session.start(ask())
 
@@ -236,7 +234,7 @@ class EditorModel:
             saved = self.documents.save_running(path, name=name)
         else:
             saved = await self.documents.save(path, name=name)
-        self.praise(f"Saved {saved}")
+        self.praise(tr("Saved {path}", path=saved))
 
     def paste(self) -> asyncio.Task[None]:
         """Makes what is on the clipboard."""
@@ -274,7 +272,8 @@ class EditorModel:
 
     def _tell_outcome(self, outcome: Outcome) -> None:
         for reason in dict.fromkeys(outcome.refusals):
-            self.say("error", tr("{what} refused: {reason}", what=outcome.label, reason=reason), tick=outcome.tick)
+            what, why = tr_sentence(outcome.label), tr_sentence(reason)
+            self.say("error", tr("{what} refused: {reason}", what=what, reason=why), tick=outcome.tick)
         if outcome.spawned and not self.selection:
             self.selection.replace(outcome.spawned)  # what an undo brought back
         is_told = outcome.stroke is not None and outcome.stroke is self._told_stroke  # a drag is one line
@@ -282,7 +281,7 @@ class EditorModel:
         if outcome.accepted and not outcome.refusals:
             self.error = ""
         if outcome.accepted and not is_told:
-            self.say("info", outcome.label, tick=outcome.tick)
+            self.say("info", tr_sentence(outcome.label), tick=outcome.tick)
 
     def _follow_new_ids(self, new_ids: dict[int, int]) -> None:
         self.scene.marks.remap(new_ids)
@@ -322,15 +321,18 @@ class EditorModel:
     def _command_seen(self, record: CommandRecord, _: str) -> None:
         self.set_values.command_seen(record)
         if record.accepted and isinstance(record.command, LoadScene):
+            self.scenes_opened += 1
             self.history.forget()
         if record.accepted and isinstance(record.command, NoteSaved):
             self.file.saved_content = record.command.content
             self.history.ask_again()
         if record.origin == self.session.node.id:
             return
-        verdict = "" if record.accepted else f" refused: {record.reason}"
         level: LogLevel = "info" if record.accepted else "warning"
-        self.console.add(self.node_label(record.origin), level, f"{_named(record.command)}{verdict}", tick=record.tick)
+        told = tr_sentence(_named(record.command))
+        if not record.accepted:
+            told = tr("{what} refused: {reason}", what=told, reason=tr_sentence(record.reason))
+        self.console.add(self.node_label(record.origin), level, told, tick=record.tick)
         self.request_redraw(0.1)
 
     def _link_changed(self, connected: bool) -> None:

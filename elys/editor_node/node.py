@@ -33,6 +33,7 @@ from elys.editor_node.preferences import (
     save_preferences,
 )
 from elys.editor_node.recovery import Recovery, state_directory
+from elys.editor_node.scene_memory import SceneMemory
 from elys.editor_node.seat import Seat
 from elys.editor_node.session_state import restore_session, session_state
 from elys.editor_node.shortcuts import ChordCapture, ShortcutLayer
@@ -126,6 +127,7 @@ class Editor:
             self.attachments,
             LinkMeter(self.seat, on_change=redraw),
         )
+        self.scene_memory = SceneMemory(self.model, self.preferences, lines=lambda: self.ui.tools)
         capture = ChordCapture()
         self.assets = AssetLibrary(self.model)
         self._shelf: TextureShelf[object] = TextureShelf(self.context.texture_of)
@@ -218,6 +220,7 @@ class Editor:
 
     def _draw(self, elapsed: float) -> None:
         self._note_frame()
+        self.scene_memory.follow()
         self.workspace.frame_time = self.application.frame_time
         self.workspace.assets.begin_frame()
         self.workspace.draw(elapsed)

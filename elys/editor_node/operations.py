@@ -31,10 +31,10 @@ from elys.editor_node.asset_uses import Use
 from elys.editor_node.edits import records_of
 from elys.editor_node.ground import falls
 from elys.editor_node.history import History, Outcome
-from elys.editor_node.language import tr
 from elys.editor_node.primitives import PRIMITIVES, primitive_record
 from elys.editor_node.scene_mirror import EditorScene
 from elys.editor_node.selection import Selection
+from elys.editor_node.sentences import sentence
 
 Done = asyncio.Future[Outcome]
 Point = NDArray[np.float64]
@@ -57,7 +57,7 @@ class Operations:
         name = name.strip()
         if not name or not self._scene.exists(entity) or name == self._scene.name_of(entity):
             return None
-        return self._perform(tr("Rename to {name}", name=name), (Rename(entity=entity, name=name),))
+        return self._perform(sentence("Rename to {name}", name=name), (Rename(entity=entity, name=name),))
 
     def reparent(self, entities: Iterable[int], parent: int, index: int = -1) -> Done | None:
         """Moves entities under `parent` (0: to the roots), in the order of the tree; each keeps its place in the world.
@@ -77,16 +77,16 @@ class Operations:
             place = index + offset if index >= 0 else -1
             if scene.place_of(entity) != (parent, place):
                 commands.append(Reparent(entity=entity, parent=parent, index=place))
-        target = scene.name_of(parent) if parent else tr("the top")
+        target = scene.name_of(parent) if parent else "the top"
         return self._perform(
-            tr("Move {what} to {target}", what=self._described(moving), target=target), tuple(commands)
+            sentence("Move {what} to {target}", what=self._described(moving), target=target), tuple(commands)
         )
 
     def set_enabled(self, entities: Iterable[int], enabled: bool) -> Done | None:
         """Switches entities, and with them all below."""
         targets = [e for e in dict.fromkeys(entities) if self._scene.exists(e) and self._scene.is_enabled(e) != enabled]
         what = self._described(targets)
-        label = tr("Enable {what}", what=what) if enabled else tr("Disable {what}", what=what)
+        label = sentence("Enable {what}", what=what) if enabled else sentence("Disable {what}", what=what)
         return self._perform(label, tuple(SetEnabled(entity=entity, enabled=enabled) for entity in targets))
 
     def set_fields(
@@ -111,7 +111,7 @@ class Operations:
                 commands.append(SetComponent(entity=entity, component=component, values=checked))
         names = ", ".join(dict.fromkeys(name for values in values_of_entity.values() for name in values))
         what = self._described(list(values_of_entity))
-        label = tr("Set {field} of {what}", field=f"{component}.{names}", what=what)
+        label = sentence("Set {field} of {what}", field=f"{component}.{names}", what=what)
         return self._perform(label, tuple(commands), stroke=stroke)
 
     def drop(self, entities: Iterable[int]) -> Done | None:
@@ -132,13 +132,13 @@ class Operations:
             values = {"position": tuple(round(value, 6) + 0.0 for value in position)}
             if abs(rise) > 1e-5:
                 commands.append(SetComponent(entity=entity, component="Transform", values=values))
-        return self._perform(tr("Drop {what}", what=self._described(tops)), tuple(commands))
+        return self._perform(sentence("Drop {what}", what=self._described(tops)), tuple(commands))
 
     def set_settings(self, settings: SceneSettings, *, stroke: object = None) -> Done | None:
         """Changes the scene's settings."""
         if settings == self._scene.settings and stroke is None:
             return None
-        return self._perform(tr("Change the scene's settings"), (SetSettings(settings=settings),), stroke=stroke)
+        return self._perform(sentence("Change the scene's settings"), (SetSettings(settings=settings),), stroke=stroke)
 
     def add_component(self, entities: Iterable[int], component: str) -> Done | None:
         """Gives a component with its defaults to all of the entities that have none."""
@@ -150,13 +150,13 @@ class Operations:
         ]
         commands = tuple(AddComponent(entity=entity, component=component) for entity in targets)
         return self._perform(
-            tr("Add {component} to {what}", component=component, what=self._described(targets)), commands
+            sentence("Add {component} to {what}", component=component, what=self._described(targets)), commands
         )
 
-    def lay_over(self, label: str, changes_of_entity: Mapping[int, ComponentChanges]) -> Done | None:
+    def lay_over(self, label: str, changes_of_entity: Mapping[int, ComponentChanges], **named: object) -> Done | None:
         """Lays changes over entities' components, as an instance's are laid over its prefab's: one edit, whatever it takes.
 
-        A component that an entity lacks is added, None takes one away. `label` says what it is, before whose.
+        A component that an entity lacks is added, None takes one away. `label` is a `sentence` of `named` and of `what` it is to.
         """
         commands: list[Edit] = []
         for entity, changes in changes_of_entity.items():
@@ -175,7 +175,7 @@ class Operations:
                 elif any(getattr(current, field) != value for field, value in given.items()):
                     commands.append(SetComponent(entity=entity, component=name, values=given))
         targets = list(dict.fromkeys(getattr(command, "entity", 0) for command in commands))
-        return self._perform(f"{label} {self._described(targets)}", tuple(commands))
+        return self._perform(sentence(label, what=self._described(targets), **named), tuple(commands))
 
     def remove_component(self, entities: Iterable[int], component: str) -> Done | None:
         """Takes a component away."""
@@ -184,7 +184,7 @@ class Operations:
         ]
         commands = tuple(RemoveComponent(entity=entity, component=component) for entity in targets)
         return self._perform(
-            tr("Remove {component} from {what}", component=component, what=self._described(targets)), commands
+            sentence("Remove {component} from {what}", component=component, what=self._described(targets)), commands
         )
 
     def spawn(self, kind: str, *, parent: int = 0, at: Point | None = None) -> Done | None:
@@ -200,7 +200,7 @@ class Operations:
             point = np.asarray(matrix.transform_points(local_from_world, point), dtype=np.float64)
         x, y, z = (round(float(value), 4) for value in point)
         record = primitive_record(kind, name=self._free_name(kind, parent), position=(x, y, z))
-        return self._spawn(tr("Add {what}", what=record.name), (Spawn(records=(record,), parent=parent),))
+        return self._spawn(sentence("Add {what}", what=record.name), (Spawn(records=(record,), parent=parent),))
 
     def spawn_records(self, label: str, records: Sequence[EntityRecord]) -> Done | None:
         """Makes entities at the top, whose content the host has, and selects them; roots get names that no sibling has."""
@@ -233,13 +233,15 @@ class Operations:
             name = self._free_name(records[0].name, parent)
             renamed = (_renamed(records[0], name), *records[1:])
             commands.append(Spawn(records=renamed, parent=parent, index=index + 1))
-        return self._spawn(tr("Duplicate {what}", what=self._described(self.tops(self._selection))), tuple(commands))
+        return self._spawn(
+            sentence("Duplicate {what}", what=self._described(self.tops(self._selection))), tuple(commands)
+        )
 
     def delete(self) -> Done | None:
         """Ends the selected entities with all below them."""
         doomed = self.tops(self._selection)
         commands = tuple(Despawn(entity=entity) for entity in doomed)
-        return self._perform(tr("Delete {what}", what=self._described(doomed)), commands)
+        return self._perform(sentence("Delete {what}", what=self._described(doomed)), commands)
 
     def tops(self, entities: Iterable[int]) -> list[int]:
         """Those that have none of the others above them, in the order of the tree."""
@@ -263,8 +265,8 @@ class Operations:
 
     def _described(self, entities: list[int]) -> str:
         if len(entities) == 1:
-            return self._scene.name_of(entities[0]) or tr("an entity")
-        return tr("{count} entities", count=len(entities))
+            return self._scene.name_of(entities[0]) or "an entity"
+        return sentence("{count} entities", count=len(entities))
 
     def _free_name(self, name: str, parent: int) -> str:
         """`name`, or with the first number behind it that no sibling has."""

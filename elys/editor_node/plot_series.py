@@ -89,6 +89,12 @@ class SeriesTable:
         self._columns[self.series.index(series)][first + found[-1]] = value
         return True
 
+    def set_from(self, tick: int, series: Series, value: float) -> None:
+        """Writes what has been so since a tick into the rows of that tick and of those after it, as far as they came before."""
+        first = max(self._start, self._end - _LATE_ROWS)
+        column = self._columns[self.series.index(series)][first : self._end]
+        column[self._ticks[first : self._end] >= tick] = value
+
     @property
     def ticks(self) -> NDArray[np.int64]:
         """(N,)"""

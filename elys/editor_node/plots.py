@@ -1,6 +1,7 @@
 """What is plotted: series of fields, read as the state frames arrive, also those of a recording.
 
 STATE, each frame ──> scene mirror ──> FieldPaths.read ──> SeriesTable        DIAGNOSTICS ──> the row of its tick
+                                                                  CONTACTS ──> ContactCounts ──> the rows since its tick
 
 Panels are content with the newest frame. A measurement is not: while something is plotted every frame is taken, also those that
 came while the editor was busy drawing.
@@ -17,7 +18,8 @@ from elys.bus.messages.physics import Diagnostics
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.topics import Topic
 from elys.bus.transports.transport import Closer
-from elys.editor_node.field_paths import FieldPathError, FieldPaths, PlotField
+from elys.editor_node.contact_counts import ContactCounts
+from elys.editor_node.field_paths import CONTACTS, FieldPathError, FieldPaths, PlotField
 from elys.editor_node.language import tr
 from elys.editor_node.plot_series import Series, SeriesTable
 from elys.editor_node.scene_mirror import EditorScene
@@ -36,15 +38,18 @@ class Watch(Protocol):
 class Plots:
     """Nothing is listened to while there is no series, and nothing read while `is_paused`."""
 
-    def __init__(self, scene: EditorScene, *, watch: Watch) -> None:
-        self.paths = FieldPaths(scene)
+    def __init__(self, scene: EditorScene, *, watch: Watch, contacts: ContactCounts) -> None:
+        self.paths = FieldPaths(scene, contacts_of=contacts.count)
         self.table = SeriesTable()
         self._scene = scene
         self._watch = watch
+        self._contacts = contacts
+        contacts.on_change = self._contacts_changed
         self._closers: dict[str, Closer] = {}  # of the topics that are listened to
         self._fields: dict[str, PlotField | None] = {}  # None: it leads nowhere at the moment
         self._resolved_at: tuple[int, int] = (-1, -1)
         self.is_paused = False
+        self._newest_tick = -1
 
     def add(self, path: str) -> Series:
         """Plots a field from now on; its number of this moment is the first.
@@ -72,6 +77,12 @@ class Plots:
         """Forgets the past of all."""
         self.table.clear()
 
+    def another_run(self) -> None:
+        """Another host, or another run of it: what touches is asked for anew."""
+        self._newest_tick = -1
+        if CONTACTS in self._closers:
+            self._contacts.ask_again()
+
     def newest(self, series: Series) -> float:
         """The last number of a series; not a number before the first."""
         values = self.table.values(series)
@@ -84,6 +95,9 @@ class Plots:
             return
         self._scene.mirror.keep_frame(frame)  # which ends at the newest one, as every frame comes here
         self._resolve_again()
+        if CONTACTS in self._closers and (frame.is_told_again or frame.is_forked or frame.tick < self._newest_tick):
+            self._contacts.ask_again()  # time was turned back
+        self._newest_tick = frame.tick
         values = []
         for series in self.table.series:
             field = self._fields[series.path]
@@ -108,12 +122,26 @@ class Plots:
         needs_world = any(field is not None and not field.entity for field in self._fields.values())
         self._listen(topics.STATE, self._frame_arrived, is_wanted=bool(self._fields))
         self._listen(topics.DIAGNOSTICS, self._measured, is_wanted=needs_world)
+        needs_contacts = any(field is not None and _is_of_contacts(field) for field in self._fields.values())
+        if needs_contacts and CONTACTS not in self._closers:
+            self._closers[CONTACTS] = self._contacts.start(self._watch)
+        elif not needs_contacts and CONTACTS in self._closers:
+            self._closers.pop(CONTACTS)()
 
     def _listen(self, topic: Topic[M], heard: Callable[[M], None], *, is_wanted: bool) -> None:
         if is_wanted and topic.name not in self._closers:
             self._closers[topic.name] = self._watch(topic, heard)
         elif not is_wanted and topic.name in self._closers:
             self._closers.pop(topic.name)()
+
+    def _contacts_changed(self, tick: int) -> None:
+        """Frames of that tick, and of later ones, may have come before."""
+        if self.is_paused:
+            return
+        for series in self.table.series:
+            field = self._fields[series.path]
+            if field is not None and _is_of_contacts(field):
+                self.table.set_from(tick, series, self.paths.read(field))
 
     def _measured(self, found: Diagnostics) -> None:
         """Of a tick whose frame came before it."""
@@ -123,3 +151,7 @@ class Plots:
             field = self._fields[series.path]
             if field is not None and not field.entity:
                 self.table.set_late(found.tick, series, self.paths.read(field, found))
+
+
+def _is_of_contacts(field: PlotField) -> bool:
+    return bool(field.entity) and not field.component and field.field == CONTACTS

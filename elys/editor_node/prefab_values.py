@@ -1,27 +1,33 @@
 """What a prefab says of the entities of its instances, so that an inspector can show what differs and take it back.
 
-The bus tells of which file an instance's root came, not what stands in it; the file is read here, once and again when it has
-changed, on a thread: a large model takes a while. Where it cannot be read (the simulation is on another machine whose folders
-are not here) there is nothing to compare with, and `problem` says so.
+The bus tells of which file an instance's root came; what stands in it the host is asked, once and again every now and then while
+somebody looks, as the file may change. Where the host cannot tell, a recording that is played far from its files say, the file is
+read here; where it is not here either there is nothing to compare with, and `problem` says so.
 """
 
 from __future__ import annotations
 
 import asyncio
+import time
 from collections import Counter
-from collections.abc import Callable, Coroutine, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Final
 
 import msgspec
 
-from elys.bus.asset_service import open_asset_cache
+from elys.bus import topics
+from elys.bus.messages.scene import PrefabContent, PrefabRequest
+from elys.bus.prefab_service import modified_at, read_prefab
+from elys.bus.session import Session
 from elys.common.components import Component, component_from, declarations
-from elys.common.errors import ElysError
-from elys.common.scene import EntityNode, EntityRecord, SceneDocument, expand
+from elys.common.errors import BusError, RequestError
+from elys.common.scene import EntityRecord
 from elys.editor_node.field_values import is_close
 from elys.editor_node.scene_mirror import EditorScene
+
+LOOK_INTERVAL: Final = 2.0  # [s] between two questions whether a prefab that is looked at has changed
+ANSWER_TIMEOUT: Final = 20.0  # [s] a large model takes a while
 
 NamePath = tuple[str, ...]  # of names from an instance's root, which is () itself
 _OWN_OF_A_ROOT: Final = (
@@ -65,28 +71,33 @@ class PrefabEntity:
 class _File:
     """A prefab as it was read: its entities by path, and where else they point."""
 
-    modified: float
+    modified: float  # -1 where it could not be read
+    is_local: bool = False  # read here, as the host could not tell
     records: Mapping[NamePath, EntityRecord] = field(default_factory=dict)
     paths: tuple[NamePath, ...] = ()  # of all its entities in order, for references
     problem: str = ""
 
 
 class PrefabValues:
-    """Reads prefabs as they are asked for; until one is read there is nothing to compare with."""
+    """Asks for prefabs as they are looked at; until one is known there is nothing to compare with."""
 
     def __init__(
         self,
         scene: EditorScene,
+        session: Session,
         *,
-        start: Callable[[Coroutine[Any, Any, None]], object],
         on_change: Callable[[], None] = lambda: None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """`start` runs a coroutine beside; `on_change` is called when another file was read."""
+        """`on_change` is called when another file is known."""
         self._scene = scene
-        self._start = start
+        self._session = session
         self._on_change = on_change
+        self._clock = clock
         self._files: dict[str, _File] = {}
-        self._reading: set[str] = set()
+        self._asked: dict[str, float] = {}  # when, last
+        self._asking: set[str] = set()
+        session.on_link(lambda connected: self._asked.clear())  # another host, or another disk
 
     def of(self, entity: int) -> PrefabEntity | None:
         """What the prefab says of an entity that is part of an instance; None for others, and while it is being read."""
@@ -125,34 +136,49 @@ class PrefabValues:
         return current
 
     def _file(self, name: str) -> _File | None:
-        try:
-            modified = Path(name).stat().st_mtime
-        except (OSError, ValueError):
-            modified = -1.0
-        found = self._files.get(name)
-        if (found is None or found.modified != modified) and name not in self._reading:
-            self._reading.add(name)
-            self._start(self._read(name, modified))
-        return found
+        asked, now = self._asked.get(name), self._clock()
+        if name not in self._asking and (asked is None or now - asked >= LOOK_INTERVAL):
+            self._asked[name] = now
+            self._asking.add(name)
+            self._session.start(self._ask(name))
+        return self._files.get(name)
 
-    async def _read(self, name: str, modified: float) -> None:
+    async def _ask(self, name: str) -> None:
+        before = self._files.get(name)
         try:
-            self._files[name] = await asyncio.to_thread(_read_file, name, modified)
+            found = await self._told(name, before)
         finally:
-            self._reading.discard(name)
-        self._on_change()
+            self._asking.discard(name)
+        if found is not None and found != before:
+            self._files[name] = found
+            self._on_change()
+
+    async def _told(self, name: str, before: _File | None) -> _File | None:
+        """What the host says, else what stands in the file here, else why neither; None for nothing new."""
+        known = before.modified if before is not None and not before.is_local else -1.0
+        request = PrefabRequest(path=name, known=known)
+        try:
+            content = await self._session.request(topics.PREFAB, request, timeout=ANSWER_TIMEOUT)
+        except BusError as error:
+            return await self._read_here(name, before, reason=str(error))
+        return None if content.records is None else _file_of(content)
+
+    async def _read_here(self, name: str, before: _File | None, *, reason: str) -> _File | None:
+        modified = await asyncio.to_thread(modified_at, name)
+        if before is not None and before.is_local and before.modified == modified >= 0.0:
+            return None
+        try:
+            return _file_of(await asyncio.to_thread(read_prefab, name), is_local=True)
+        except RequestError:
+            return _File(modified=-1.0, is_local=True, problem=reason)
 
 
-def _read_file(name: str, modified: float) -> _File:
-    try:
-        document = SceneDocument(entities=[EntityNode(prefab=name)])
-        records = expand(document, directory=Path(name).parent, assets=open_asset_cache())
-    except (ElysError, OSError) as error:
-        return _File(modified=modified, problem=str(error).removeprefix("entities[0].prefab: "))
+def _file_of(content: PrefabContent, *, is_local: bool = False) -> _File:
     paths: list[NamePath] = []
+    records = content.records or ()
     for record in records:
         paths.append((*paths[record.parent], record.name) if record.parent >= 0 else ())
     # Who is not alone at a path cannot be told from its namesakes.
     counts = Counter(paths)
     alone = {path: record for path, record in zip(paths, records, strict=True) if counts[path] == 1}
-    return _File(modified=modified, records=alone, paths=tuple(paths))
+    return _File(modified=content.modified, is_local=is_local, records=alone, paths=tuple(paths))

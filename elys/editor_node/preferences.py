@@ -15,6 +15,7 @@ _log = logging.getLogger(__name__)
 
 RECENT_LIMIT: Final = 12
 SESSION_LIMIT: Final = 24
+SCENE_LIMIT: Final = 48
 
 Theme = Literal["dark", "light"]
 
@@ -50,6 +51,15 @@ class SessionState(msgspec.Struct, frozen=True, kw_only=True):
     tools: dict[str, str | bool | float] = {}  # of `ui.Tools`, by the names of its fields
 
 
+class SceneLook(msgspec.Struct, frozen=True, kw_only=True):
+    """What this editor shows of a scene, and leaves alone: entities by the names that lead to them; lines over the picture."""
+
+    locked: tuple[tuple[str, ...], ...] = ()
+    hidden: tuple[tuple[str, ...], ...] = ()
+    debug: tuple[str, ...] = ()
+    debugs_selection: bool = False
+
+
 class Preferences(msgspec.Struct, kw_only=True):
     """Anything that is missing in the file is as it is here; what another version wrote and this does not know is dropped."""
 
@@ -68,6 +78,7 @@ class Preferences(msgspec.Struct, kw_only=True):
     hidden_panels: tuple[str, ...] = ()  # by name
     layouts: dict[str, Layout] = {}  # those a person gave a name
     sessions: dict[str, SessionState] = {}  # by the names of sessions, the one seen last at the end
+    scenes: dict[str, SceneLook] = {}  # by their files, the one seen last at the end
 
 
 def configuration_directory() -> Path:
@@ -107,6 +118,15 @@ def keep_session(preferences: Preferences, name: str, state: SessionState) -> No
     preferences.sessions[name] = state
     for oldest in list(preferences.sessions)[:-SESSION_LIMIT]:
         del preferences.sessions[oldest]
+
+
+def keep_scene(preferences: Preferences, owner: str, look: SceneLook) -> None:
+    """Remembers what was marked and switched on in a scene; nothing where nothing was."""
+    preferences.scenes.pop(owner, None)
+    if look != SceneLook():
+        preferences.scenes[owner] = look
+    for oldest in list(preferences.scenes)[:-SCENE_LIMIT]:
+        del preferences.scenes[oldest]
 
 
 def remember(recent: list[str], newest: str) -> None:

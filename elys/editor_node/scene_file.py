@@ -29,6 +29,7 @@ class SceneFile:
 
     def __init__(self, scene: EditorScene) -> None:
         self.path: Path | None = None
+        self.origin = ""  # the file with the machine that it is on, as the host tells; none of what was never a file
         self.saved_content = 0  # what names the content that the file has
         self._scene = scene
 
@@ -39,11 +40,12 @@ class SceneFile:
 
     def forget(self) -> None:
         """Another scene: where it was saved is known when its host has told."""
-        self.path, self.saved_content = None, self._scene.mirror.content
+        self.path, self.origin, self.saved_content = None, "", self._scene.mirror.content
 
     def learn(self, told: HistoryReply) -> None:
         """Takes over what the host says of the file; one on another machine cannot be written from here."""
         self.saved_content = told.saved
+        self.origin = f"{told.machine}:{told.path}" if told.path else ""
         path = Path(told.path) if told.path and told.machine == socket.gethostname() else None
         # What was opened from a model or a prefab is saved as a scene of its own.
         is_scene = path is not None and path.name.endswith(".json") and not path.name.endswith(PREFAB_SUFFIX)

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple, Protocol, get_args
 
 from elys.bus import topics
 from elys.bus.marker_log import MarkerLog
-from elys.bus.messages.commands import Command, Resume, Seek, SetLoop, SetPlaying
+from elys.bus.messages.commands import Command, Resume, Seek, SetLoop, SetPlaying, SetRange
 from elys.bus.messages.session import SessionStatus
 from elys.bus.messages.timeline import Marker, MarkerKind, MarkersRequest
 from elys.bus.session import Session
@@ -185,19 +185,31 @@ class Timeline:
         self.loop_start = self.now
         if self.loop_end is not None and self.loop_end <= self.loop_start:
             self.loop_end = None
-        self.is_looping = True
+        self._loop_now()
 
     def set_loop_end(self) -> None:
         """The loop ends here."""
         self.loop_end = self.now
         if self.loop_start is not None and self.loop_start >= self.loop_end:
             self.loop_start = None
+        self._loop_now()
+
+    def _loop_now(self) -> None:
         self.is_looping = True
+        self._tell_replay()
 
     def forget_loop(self) -> None:
         """No loop any more."""
         self.loop_start = self.loop_end = None
         self.is_looping = False
+        self._tell_replay()
+
+    def _tell_replay(self) -> None:
+        """A replay loops by itself, to the frame; a simulation has to be sent back."""
+        if self._is_replay:
+            part = SetRange(start=self.loop_start, end=self.loop_end) if self.is_looping else SetRange()
+            self._host.command("Set loop", part)
+            self._host.command("Set loop", SetLoop(loop=self.is_looping))
 
     @property
     def loops(self) -> bool:
@@ -209,7 +221,7 @@ class Timeline:
         """Loops or does not: a recording from end to end, a simulation over what is kept now, where no ends were set."""
         self.is_looping = not self.loops
         if self._is_replay:
-            self._host.command("Set loop", SetLoop(loop=self.is_looping))
+            self._tell_replay()
         elif self.is_looping:
             self.loop_start, self.loop_end = self.loop
 
@@ -222,9 +234,9 @@ class Timeline:
         return first, last
 
     def follow(self, time: float) -> None:
-        """The host shows a time [s], playing: at the end of the loop it is sent back to its beginning."""
-        if self._is_replay and self.loop_start is None and self.loop_end is None:
-            return  # the host goes back from its end by itself
+        """The host shows a time [s], playing: at the end of the loop a simulation is sent back to its beginning."""
+        if self._is_replay:
+            return
         first, last = self.loop
         is_there = time >= last - 1e-9 or time < first - 1e-9
         if not (self.is_looping and self._host.is_playing and is_there and last > first):

@@ -19,10 +19,12 @@ from elys.common.errors import AssetError, BusError, SceneError
 from elys.common.math import matrix
 from elys.common.scene import EntityRecord
 from elys.editor_node.history import History, Outcome
+from elys.editor_node.language import tr
 from elys.editor_node.operations import Done, Operations
 from elys.editor_node.scene_clipboard import Fragment, copy_text, read_fragment
 from elys.editor_node.scene_mirror import EditorScene
 from elys.editor_node.selection import Selection
+from elys.editor_node.sentences import sentence, tr_sentence
 
 PLACED_AT_MOST: Final = 1000  # roots that a host puts at an index; more come last
 
@@ -95,7 +97,8 @@ class TreeEdits:
         record = EntityRecord(
             name=free_names(self._scene, parent, ["Group"])[0], components={"Transform": {"position": position}}
         )
-        label = f"Group {len(tops)} entities" if len(tops) > 1 else f"Group {self._scene.name_of(tops[0])}"
+        what = f"{len(tops)} entities" if len(tops) > 1 else self._scene.name_of(tops[0])
+        label = sentence("Group {what}", what=what)
         stroke = object()  # both edits are one entry
         made = self._history.perform(label, (Spawn(records=(record,), parent=parent, index=index),), stroke=stroke)
         made.add_done_callback(lambda done: self._fill_group(done, label, tops, stroke))
@@ -121,12 +124,12 @@ class TreeEdits:
         try:
             copied = copy_text(self._scene, tops)
         except SceneError as error:
-            self._say("error", f"cannot copy: {error}")
+            self._say("error", tr("cannot copy: {error}", error=tr_sentence(str(error))))
             return False
         self.clipboard.write(copied.text)
         for loss in copied.losses:
             self._say("warning", loss)
-        self._say("info", f"Copied {described(self._scene, tops)}")
+        self._say("info", tr("Copied {what}", what=described(self._scene, tops)))
         return True
 
     def cut(self) -> Done | None:
@@ -142,7 +145,7 @@ class TreeEdits:
         try:
             fragment = read_fragment(self.clipboard.read(), scene, directory=directory)
         except SceneError as error:
-            self._say("error", f"cannot paste: {error}")
+            self._say("error", tr("cannot paste: {error}", error=tr_sentence(str(error))))
             return None
         for loss in fragment.losses:
             self._say("warning", loss)
@@ -154,7 +157,7 @@ class TreeEdits:
         tops = sum(record.parent < 0 for record in records)
         if tops > PLACED_AT_MOST:
             index = -2
-        label = f"Paste {records[0].name}" if tops == 1 else f"Paste {tops} entities"
+        label = sentence("Paste {what}", what=records[0].name if tops == 1 else f"{tops} entities")
         done = self._history.perform(label, (Spawn(records=records, parent=parent, index=index + 1),))
         outcome = await done
         if outcome.spawned:
@@ -170,20 +173,29 @@ class TreeEdits:
             except AssetError:
                 missing.append(reference)
             except BusError as error:
-                self._say("warning", f"whether the simulation has {reference} is not known: {error}")
+                self._say(
+                    "warning",
+                    tr(
+                        "whether the simulation has {reference} is not known: {error}", reference=reference, error=error
+                    ),
+                )
                 return
         if missing:
             names = ", ".join(missing[:3]) + (" ..." if len(missing) > 3 else "")
             self._say(
                 "warning",
-                f"{len(missing)} assets of what was pasted are missing here, so that is not drawn: {names}; open the scene "
-                "that it comes from on this machine and copy again",
+                tr(
+                    "{count} assets of what was pasted are missing here, so that is not drawn: {names}; open the scene that it "
+                    "comes from on this machine and copy again",
+                    count=len(missing),
+                    names=names,
+                ),
             )
 
 
 def described(scene: EditorScene, entities: Sequence[int]) -> str:
     """Entities in a word."""
-    return f"'{scene.name_of(entities[0])}'" if len(entities) == 1 else f"{len(entities)} entities"
+    return f"'{scene.name_of(entities[0])}'" if len(entities) == 1 else tr("{count} entities", count=len(entities))
 
 
 def free_names(scene: EditorScene, parent: int, names: Iterable[str]) -> list[str]:

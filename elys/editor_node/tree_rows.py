@@ -1,30 +1,27 @@
 """The tree as rows: those that are to be seen, in one flat list that follows what changes instead of being made anew.
 
 In the order of the scene a change of a few entities is spliced into the list, so that a scene of fifty thousand costs
-no more than one of fifty while it changes. Found or sorted rows are made anew when asked for after a change that they depend on.
+no more than one of fifty while it changes. Found or sorted rows are made anew when asked for after a change that they depend on,
+over several frames where there are many.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Final, Literal, NamedTuple, overload
+from time import perf_counter
+from typing import Final, NamedTuple, overload
 
-from elys.bus.messages.scene import (
-    ComponentRemoved,
-    ComponentSet,
-    Despawned,
-    EnabledSet,
-    Renamed,
-    Reparented,
-    Spawned,
-)
+from elys.bus.messages.scene import Despawned, EnabledSet, Reparented, Spawned
 from elys.bus.mirror import MirrorUpdate, SceneMirror
 from elys.editor_node.entity_filter import EVERYTHING, EntityFilter
-from elys.editor_node.entity_kinds import kind_of
+from elys.editor_node.entity_kinds import EntityKinds
+from elys.editor_node.tree_order import PIECE, Order, SiblingOrder, path_of, pieces_of
 
 OPEN_AT_FIRST: Final = 64  # a root with at most so many children shows them
 SPLICED_AT_MOST: Final = 16  # changes of the tree in one delta; more are cheaper made anew
-Order = Literal["scene", "name", "kind"]
+_PIECES_AT_LEAST: Final = 8  # in one go, so that small scenes are never behind
+_PATIENCE: Final = 3  # times in a row that a change makes void what is under way; then it is done in one go
 _IN_TREE: Final = (Spawned, Despawned, Reparented)
 
 
@@ -57,10 +54,17 @@ class TreeRows(Sequence[Row]):
         self._depths: list[int] = []
         self._shown: set[int] = set()
         self._open: dict[int, bool] = {}  # also what was decided for entities that nobody opened or closed
+        self._is_filtered = False
+        self._shown_order: Order = "scene"
+        # What is wanted, and the way there; until it is made, the lines are those that were wanted before
         self._filter = EVERYTHING
         self._order: Order = "scene"
-        self._sorted: dict[int, list[int]] = {}  # children by parent, unless in the order of the scene
-        self._keys: dict[int, tuple[str, str]] = {}
+        self._found: set[int] = set()
+        self._kinds = EntityKinds()
+        self._siblings = SiblingOrder(mirror, self._kinds)
+        self._work: Iterator[None] | None = None
+        self._touched: set[int] = set()  # while lines are made, who may be found now or not any more
+        self._interrupted = 0  # how often in a row a change of the scene made that void
         self._is_stale = True
         self._is_found_stale = True
 
@@ -79,7 +83,7 @@ class TreeRows(Sequence[Row]):
         if isinstance(place, slice):
             return [self[index] for index in range(*place.indices(len(self)))]
         entity, depth = self.entities[place], self._depths[place]
-        if self._filter is not EVERYTHING:
+        if self._is_filtered:
             below = place % len(self) + 1
             has_children = below < len(self) and self._depths[below] > depth
             return Row(entity, depth, has_children, has_children)
@@ -99,12 +103,17 @@ class TreeRows(Sequence[Row]):
     @property
     def order(self) -> Order:
         """How siblings are sorted."""
-        return self._order
+        return self._shown_order
 
     @property
     def is_filtered(self) -> bool:
         """Whether only some are to be seen."""
-        return self._filter is not EVERYTHING
+        return self._is_filtered
+
+    @property
+    def is_behind(self) -> bool:
+        """Whether the lines are not those that are wanted yet: `show` goes on."""
+        return self._work is not None or self._is_stale
 
     def is_open(self, entity: int) -> bool:
         """Whether what is below an entity is to be seen; decided when it first has something below it, and kept."""
@@ -118,28 +127,41 @@ class TreeRows(Sequence[Row]):
 
     # --- what is to be seen ----------------------------------------------------------------------------------------
 
-    def show(self, wanted: EntityFilter = EVERYTHING, order: Order = "scene") -> TreeRows:
-        """The lines that a filter lets through with all above them, siblings in an order; brought up to date."""
+    def show(self, wanted: EntityFilter = EVERYTHING, order: Order = "scene", *, share: float = math.inf) -> TreeRows:
+        """The lines that a filter lets through with all above them, siblings in an order; brought up to date.
+
+        Of a large scene that takes long: with a `share` [s] it goes on for so long, the lines stay as they were until it is done
+        (without those who are gone), and `is_behind` says so.
+        """
         if wanted != self._filter:
             self._filter = wanted if wanted.terms else EVERYTHING
             self._is_stale = self._is_found_stale = True
+            self._interrupted, self._work = 0, None
         if order != self._order:
             self._order, self._is_stale = order, True
-            self._sorted.clear()
-            self._keys.clear()
+            self._interrupted, self._work = 0, None
         if self._is_stale:
             self._make()
+        if self._work is not None:
+            self._go_on(share)
+            if self._is_stale and share == math.inf:  # something was touched while the lines were made
+                return self.show(wanted, order)
         return self
 
     def set_open(self, entity: int, is_open: bool) -> None:
         """Shows or hides what is below an entity."""
         was_open = self.is_open(entity)
         self._open[entity] = is_open
-        if self._is_stale or self.is_filtered or was_open == is_open or entity not in self._shown:
+        if was_open == is_open:
+            return
+        if self._work is not None:
+            self._is_stale = True
+        if self.is_behind or self._is_filtered or entity not in self._shown:
             return
         place = self.entities.index(entity)
         if is_open:
-            self._put_in(place + 1, self._block(entity, self._depths[place])[1:])
+            entities, depths = self._block(entity, self._depths[place])
+            self._put_in(place + 1, (entities[1:], depths[1:]))
         else:
             self._take_out(place + 1, self._end_of(place))
 
@@ -160,60 +182,45 @@ class TreeRows(Sequence[Row]):
 
     def follow(self, update: MirrorUpdate) -> None:
         """Hears of a change that the mirror has made."""
+        self._kinds.follow(update)
+        stands_otherwise = self._siblings.follow(update, self._order)
         if update.reset:
             self._open = {entity: is_open for entity, is_open in self._open.items() if entity in self._mirror.entities}
-            self._sorted.clear()
-            self._keys.clear()
             self._is_stale = self._is_found_stale = True
+            self._drop_lines()
             return
         for entity in update.removed:
             self._open.pop(entity, None)
-            self._keys.pop(entity, None)
+        self._is_stale |= stands_otherwise
         in_tree = [change for change in update.changes if isinstance(change, _IN_TREE)]
-        if self.is_filtered:
+        if self._filter is not EVERYTHING:
             self._follow_found(update)
-        if self._order != "scene":
-            self._follow_sorted(update)
-        elif in_tree and not self._is_stale and not self.is_filtered:
+        if in_tree and self._work is not None:
+            self._is_stale = True
+        elif in_tree and self._order == "scene" and self._filter is EVERYTHING and not self._is_stale:
             if len(in_tree) > SPLICED_AT_MOST:
                 self._is_stale = True
             else:
                 self._splice(in_tree)
+        if self.is_behind and update.removed:
+            self._drop_lines()
 
     def _follow_found(self, update: MirrorUpdate) -> None:
         """Judges anew who was touched; the lines are made anew if that makes a difference."""
-        if self._is_found_stale:
-            return
         if self._filter.asks_above and any(isinstance(change, EnabledSet | Reparented) for change in update.changes):
             self._is_stale = self._is_found_stale = True
             return
-        for entity in dict.fromkeys(getattr(change, "entity", 0) for change in update.changes):
-            found = self._mirror.entities.get(entity)
-            is_found = found is not None and self._filter.lets_through(found, self._mirror, self._is_marked)
-            if is_found != (entity in self.found):
-                (self.found.add if is_found else self.found.discard)(entity)
-                self._is_stale = True
+        self._found.difference_update(update.removed)
+        touched = dict.fromkeys(getattr(change, "entity", 0) for change in update.changes)
+        if self._work is not None:
+            self._touched.update(touched)
+            return
+        if self._is_found_stale:
+            return
+        self._judge(touched)
         gone = self._shown.intersection(update.removed)
-        self.found.difference_update(update.removed)
         moved = any(isinstance(change, Reparented) and change.entity in self._shown for change in update.changes)
         self._is_stale = self._is_stale or bool(gone) or moved
-
-    def _follow_sorted(self, update: MirrorUpdate) -> None:
-        for change in update.changes:
-            match change:
-                case Spawned() | Despawned() | Reparented():
-                    self._sorted.clear()
-                    self._is_stale = True
-                case Renamed(entity=entity):
-                    self._keys.pop(entity, None)
-                    self._sorted.clear()
-                    self._is_stale = True
-                case ComponentSet(entity=entity) | ComponentRemoved(entity=entity) if self._order == "kind":
-                    found = self._mirror.entities.get(entity)
-                    if found is not None and self._keys.get(entity, ("", ""))[0] != kind_of(found).name:
-                        self._keys.pop(entity, None)
-                        self._sorted.clear()
-                        self._is_stale = True
 
     # --- inside ----------------------------------------------------------------------------------------------------
 
@@ -225,7 +232,7 @@ class TreeRows(Sequence[Row]):
                 place = self.entities.index(entity)
                 self._take_out(place, self._end_of(place))
         living = [entity for entity in touched if entity in self._mirror.entities]
-        for entity in sorted(living, key=self._path):
+        for entity in sorted(living, key=lambda entity: path_of(self._mirror, entity)):
             parent = self._mirror.entities[entity].parent
             # With its parent's block it came in already.
             if entity in self._shown or (parent and (parent not in self._shown or not self.is_open(parent))):
@@ -249,81 +256,117 @@ class TreeRows(Sequence[Row]):
         before = self.place_of(siblings[index - 1])
         return (self._end_of(before) if before >= 0 else -1), depth
 
-    def _path(self, entity: int) -> tuple[int, ...]:
-        path = []
-        while entity:
-            parent = self._mirror.entities[entity].parent
-            siblings = self._mirror.children_of(parent)
-            path.append(len(siblings) - 1 if siblings[-1] == entity else siblings.index(entity))
-            entity = parent
-        return tuple(reversed(path))
-
     def _make(self) -> None:
-        if self._is_found_stale and self.is_filtered:
-            self.found = self._filter.found_in(self._mirror, self._is_marked)
-        self._is_stale = self._is_found_stale = False
-        self.version += 1
-        if self.is_filtered:
-            self._shown = self._with_above(self.found)
-            lines = self._lines((entity, 0) for entity in self._children(0) if entity in self._shown)
+        """Begins to make the lines anew."""
+        self._interrupted += self._work is not None
+        self._work = self._pieces()
+        self._judge_touched()
+        self._is_stale = False
+
+    def _go_on(self, share: float) -> None:
+        """Goes on with the lines for `share` seconds; small scenes, and those that change all the time, are done in one go."""
+        assert self._work is not None
+        until = perf_counter() + share
+        for piece, _ in enumerate(self._work):
+            if piece >= _PIECES_AT_LEAST and self._interrupted < _PATIENCE and perf_counter() > until:
+                return
+        self._work, self._interrupted = None, 0
+
+    def _pieces(self) -> Iterator[None]:
+        """Finds and places all lines, in pieces; those that are shown change at the end."""
+        shown: set[int] | None = None
+        if self._filter is not EVERYTHING:
+            if self._is_found_stale:
+                yield from self._find()
+            shown = set()
+            for piece in pieces_of(list(self._found)):
+                self._add_with_above(shown, piece)
+                yield
         else:
-            self.found = set()
-            lines = self._lines((entity, 0) for entity in self._children(0))
-            self._shown = {entity for entity, _ in lines}
-        self.entities = [entity for entity, _ in lines]
-        self._depths = [depth for _, depth in lines]
+            self._found = set()
+        entities: list[int] = []
+        depths: list[int] = []
+        yield from self._sort_if_needed(0)
+        roots = self._children(0)
+        for tops in pieces_of(roots if shown is None else [root for root in roots if root in shown]):
+            yield from self._walk([(top, 0) for top in tops], shown, entities, depths)
+        self.entities, self._depths, self.found = entities, depths, self._found
+        self._shown = set(entities) if shown is None else shown
+        self._is_filtered, self._shown_order = shown is not None, self._order
+        self.version += 1
+        self._judge_touched()
 
-    def _with_above(self, found: set[int]) -> set[int]:
+    def _find(self) -> Iterator[None]:
+        found: set[int] = set()
+        for piece in pieces_of(list(self._mirror.entities.values())):
+            found |= self._filter.found_among(piece, self._mirror, self._is_marked, self._kinds.of)
+            yield
+        self._found, self._is_found_stale = found, False
+
+    def _add_with_above(self, shown: set[int], found: Sequence[int]) -> None:
         entities = self._mirror.entities
-        shown = set(found)
+        shown.update(found)
         for entity in {entities[entity].parent for entity in found}:  # siblings have the same above them
-            while entity and entity not in shown:
-                shown.add(entity)
-                entity = entities[entity].parent
-        return shown
+            above = entity
+            while above and above not in shown:
+                shown.add(above)
+                above = entities[above].parent
 
-    def _block(self, entity: int, depth: int) -> list[tuple[int, int]]:
-        """An entity and what is to be seen below it, with their depths."""
-        return self._lines([(entity, depth)])
+    def _judge_touched(self) -> None:
+        if not self._is_found_stale:
+            self._judge(self._touched)
+        self._touched.clear()
 
-    def _lines(self, tops: Iterable[tuple[int, int]]) -> list[tuple[int, int]]:
-        lines: list[tuple[int, int]] = []
-        entities, shown, is_filtered = self._mirror.entities, self._shown, self.is_filtered
+    def _judge(self, touched: Iterable[int]) -> None:
+        """Looks anew whether entities are found; the lines are made anew if that makes a difference."""
+        for entity in touched:
+            found = self._mirror.entities.get(entity)
+            is_found = found is not None and self._filter.lets_through(found, self._mirror, self._is_marked)
+            if is_found != (entity in self._found):
+                (self._found.add if is_found else self._found.discard)(entity)
+                self._is_stale = True
+
+    def _block(self, entity: int, depth: int) -> tuple[list[int], list[int]]:
+        """An entity and what is to be seen below it, and their depths; in the order of the scene."""
+        entities: list[int] = []
+        depths: list[int] = []
+        for _ in self._walk([(entity, depth)], None, entities, depths):
+            pass
+        return entities, depths
+
+    def _walk(
+        self, tops: Sequence[tuple[int, int]], shown: set[int] | None, out: list[int], depths: list[int]
+    ) -> Iterator[None]:
+        """Puts tops (entity and depth), and what is to be seen below each, behind `out` and `depths`.
+
+        With `shown` that is who is in it, else who is below an open entity.
+        """
+        entities, done = self._mirror.entities, len(out)
         for top in tops:
-            if not entities[top[0]].children:  # most are leaves
-                lines.append(top)
-                continue
             waiting = [top]
             while waiting:
-                line = waiting.pop()
-                lines.append(line)
-                entity, depth = line
-                if not entities[entity].children or not (is_filtered or self.is_open(entity)):
+                entity, depth = waiting.pop()
+                out.append(entity)
+                depths.append(depth)
+                if not entities[entity].children or not (shown is not None or self.is_open(entity)):
                     continue
+                if len(out) - done >= PIECE:
+                    done = len(out)
+                    yield
+                yield from self._sort_if_needed(entity)
                 children = self._children(entity)
-                if is_filtered:
-                    children = [child for child in children if child in shown]
-                waiting.extend((child, depth + 1) for child in reversed(children))
-        return lines
+                below = children if shown is None else [child for child in children if child in shown]
+                waiting.extend((child, depth + 1) for child in reversed(below))
+        yield
 
     def _children(self, parent: int) -> list[int]:
-        children = self._mirror.children_of(parent)
-        if self._order == "scene":
-            return children
-        if parent not in self._sorted:
-            self._sorted[parent] = sorted(children, key=self._key)
-        return self._sorted[parent]
+        children = self._siblings.children(parent, self._order)
+        assert children is not None, "they are sorted first"
+        return children
 
-    def _key(self, entity: int) -> tuple[str, str]:
-        key = self._keys.get(entity)
-        if key is None:
-            found = self._mirror.entities[entity]
-            name = found.name.casefold()
-            stem = name.rstrip("0123456789")
-            # "Box 9" before "Box 10"
-            name = stem + name[len(stem) :].zfill(12)
-            key = self._keys[entity] = (kind_of(found).name if self._order == "kind" else "", name)
-        return key
+    def _sort_if_needed(self, parent: int) -> Iterator[None]:
+        if self._siblings.children(parent, self._order) is None:
+            yield from self._siblings.sort(parent, self._order)
 
     def _end_of(self, place: int) -> int:
         """The line after all that is below that of `place`."""
@@ -337,9 +380,19 @@ class TreeRows(Sequence[Row]):
         del self.entities[start:end], self._depths[start:end]
         self.version += 1
 
-    def _put_in(self, place: int, lines: list[tuple[int, int]]) -> None:
-        entities = [entity for entity, _ in lines]
+    def _put_in(self, place: int, lines: tuple[list[int], list[int]]) -> None:
+        entities, depths = lines
         self.entities[place:place] = entities
-        self._depths[place:place] = [depth for _, depth in lines]
+        self._depths[place:place] = depths
         self._shown.update(entities)
         self.version += 1
+
+    def _drop_lines(self) -> None:
+        """Takes out the lines of those that live no more, as long as better ones are not made."""
+        living = self._mirror.entities
+        kept = [place for place, entity in enumerate(self.entities) if entity in living]
+        if len(kept) < len(self.entities):
+            self.entities = [self.entities[place] for place in kept]
+            self._depths = [self._depths[place] for place in kept]
+            self._shown = set(self.entities)
+            self.version += 1

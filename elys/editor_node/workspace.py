@@ -43,6 +43,7 @@ from elys.editor_node.panels.toolbar import StatusBar, Toolbar
 from elys.editor_node.panels.viewport import ViewportPanel
 from elys.editor_node.panels.viewport_menus import draw_camera_menu, draw_debug_menu
 from elys.editor_node.preferences import Layout
+from elys.editor_node.sentences import tr_sentence
 from elys.editor_node.shortcuts import ChordCapture
 from elys.editor_node.theme import icons
 from elys.editor_node.ui import Ui, action_item, dim_text, with_keys
@@ -316,8 +317,8 @@ class Workspace:
         self.ui.landmarks.note("menu/edit")
         if not imgui.begin_menu(tr_label("Edit")):
             return
-        action_item(self.ui, "edit.undo", f"{tr('Undo')} {history.undo_label}")
-        action_item(self.ui, "edit.redo", f"{tr('Redo')} {history.redo_label}")
+        action_item(self.ui, "edit.undo", tr_sentence(f"Undo {history.undo_label}".strip()))
+        action_item(self.ui, "edit.redo", tr_sentence(f"Redo {history.redo_label}".strip()))
         action_item(self.ui, "edit.history")
         imgui.separator()
         for name in (

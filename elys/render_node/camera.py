@@ -52,6 +52,12 @@ class View:
             clip_from_relative=clip_from_view @ view_from_relative,
         )
 
+    @property
+    def pixels_a_metre(self) -> float:
+        """How many pixels a metre is high at a distance of one metre, and in a parallel view at any."""
+        # A region of a picture adds a share of depth to the row, on which the way up has none.
+        return float(self.clip_from_relative[1, :3] @ self.world_from_view[:, 1]) * self.height / 2.0
+
     def of_pixel(self, x: int, y: int) -> View:
         """What is seen in one pixel, counted from the upper left, as a picture of that pixel alone."""
         return self.of_region((x, y, 1, 1))

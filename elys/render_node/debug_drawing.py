@@ -48,17 +48,26 @@ CROSS_SIZE: Final = 0.03  # [m]
 AXIS_LENGTH: Final = 0.3  # [m] of a joint's axis
 ARROW_TIME: Final = 0.2  # [s] of motion that a velocity's arrow spans
 LARGE: Final = 3.0  # times as large as most things are
+EDGE_COUNT: Final = 12  # of a box
 SLOWEST: Final = 0.01  # [m/s] that has an arrow
 
 
 class _PhysicsLines(NamedTuple):
-    """Lines as the simulation sent them: positions (L, 2, 3), colors (L,), and values (L,) or (0,)."""
+    """Lines as the simulation sent them: positions (L, 2, 3), colors (L,), values (L,) or (0,), entities (L, 2) or (0, 2)."""
 
     epoch: int
     tick: int
     positions: NDArray[np.float32]
     colors: NDArray[np.uint8]
     values: NDArray[np.float32]
+    entities: NDArray[np.uint32]
+
+    def only(self, meant: NDArray[np.bool_]) -> _PhysicsLines:
+        """Those of the lines (L,)."""
+        values = self.values[meant] if len(self.values) else self.values
+        return self._replace(
+            positions=self.positions[meant], colors=self.colors[meant], values=values, entities=self.entities[meant]
+        )
 
 
 class DebugDrawing:
@@ -77,8 +86,12 @@ class DebugDrawing:
         positions = np.frombuffer(message.positions[: len(message.positions) // 24 * 24], "<f4").reshape(-1, 2, 3)
         colors = np.frombuffer(message.colors, np.uint8)
         values = np.frombuffer(message.values[: len(message.values) // 4 * 4], "<f4")
-        if len(colors) == len(positions) and len(values) in (0, len(positions)) and np.isfinite(positions).all():
-            self._lines[key] = _PhysicsLines(message.epoch, message.tick, positions, colors, values)
+        entities = np.frombuffer(message.entities[: len(message.entities) // 8 * 8], "<u4").reshape(-1, 2)
+        lengths = (0, len(positions))
+        if len(colors) != len(positions) or len(values) not in lengths or len(entities) not in lengths:
+            return
+        if np.isfinite(positions).all():
+            self._lines[key] = _PhysicsLines(message.epoch, message.tick, positions, colors, values, entities)
 
     def take_state(self, frame: StateFrame) -> None:
         """Remembers where bodies were."""
@@ -94,6 +107,11 @@ class DebugDrawing:
         self._trails.forget()
         self._contacts.forget()
 
+    def told_tick(self, key: str) -> int:
+        """Of which tick the lines of a key are; -1 where there are none of this run."""
+        told = self._lines.get(key)
+        return told.tick if told is not None and told.epoch == self._mirror.epoch else -1
+
     def drop_lines(self, key: str) -> None:
         """Forgets lines that nobody keeps up to date any more."""
         self._lines.pop(key, None)
@@ -106,12 +124,15 @@ class DebugDrawing:
         kinds: Collection[Debug],
         entities: tuple[int, ...] = (),
         *,
+        hidden: tuple[int, ...] = (),
         notes: tuple[str, ...] = (),
     ) -> Marks:
-        """What is to be drawn over the world as it is placed, of some entities and what is below them, or of all."""
+        """What is to be drawn over the world as it is placed, of some entities and what is below them, or of all; but of nobody
+        who is switched off, or `hidden` with all below.
+        """
         if not kinds:
             return Marks(notes=notes)
-        scope = _Scope(world, entities)
+        scope = _Scope(world, entities, hidden)
         parts: list[Lines] = []
         labels: list[Label] = []
         for kind in DEBUG_KINDS:
@@ -120,9 +141,13 @@ class DebugDrawing:
         return Marks(lines=Lines.joined(parts), labels=tuple(labels), notes=notes, grid="grid" in kinds)
 
     def _told(self, kind: Debug, scope: _Scope) -> _PhysicsLines | None:
-        """What physics says of a kind; None where it does not, or where it cannot be told whose lines these are."""
+        """What physics says of those who are meant; None where it does not, or where it cannot be told whose lines these are."""
         told = self._lines.get(PHYSICS_LINES[kind])
-        return told if told is not None and told.epoch == self._mirror.epoch and scope.is_all else None
+        if told is None or told.epoch != self._mirror.epoch:
+            return None
+        if scope.is_everybody or not len(told.positions):
+            return told
+        return told.only(scope.between(told.entities)) if len(told.entities) else None
 
     def _aabb(self, scope: _Scope, parts: list[Lines], labels: list[Label]) -> None:
         told = self._told("aabb", scope)
@@ -148,7 +173,7 @@ class DebugDrawing:
             point, normal = normals[:, 0], (normals[:, 1] - normals[:, 0]) / NORMAL_LENGTH
             impulse = told.values[told.colors == 1].astype(np.float64) if len(told.values) else np.zeros(len(point))
         else:
-            point, normal, impulse = self._contacts.touching(self._mirror, scope.chosen)
+            point, normal, impulse = self._contacts.touching(self._mirror, scope.means)
         strongest = float(impulse.max(initial=0.0))
         length = STRONGEST * impulse / strongest if strongest > 0.0 else impulse
         strong = length > CROSS_SIZE
@@ -166,7 +191,7 @@ class DebugDrawing:
             palette = np.array((marks.ARM, marks.HINGE, marks.LIMIT), np.uint8)
             parts.append(Lines.of(told.positions, palette[np.minimum(told.colors, 2)], width=2.0, hidden=0.7))
             return
-        arms, axes = _joint_lines(self._mirror, scope.chosen)
+        arms, axes = _joint_lines(self._mirror, scope.means)
         parts.append(Lines.of(arms, marks.ARM, width=2.0, hidden=0.7))
         parts.append(Lines.of(axes, marks.HINGE, width=2.0, hidden=0.7))
 
@@ -208,13 +233,20 @@ class DebugDrawing:
                 labels.append(Label(known[entity].name, place))
 
     def _islands(self, scope: _Scope, parts: list[Lines], labels: list[Label]) -> None:
-        self._colored("islands", scope, parts)
+        told = self._told("islands", scope)
+        if told is None or not len(told.values):
+            return
+        # A box an island, around those of it that are meant.
+        names, island = np.unique(told.values[::EDGE_COUNT], return_inverse=True)
+        ends = told.positions.reshape(-1, EDGE_COUNT * 2, 3).astype(np.float64)
+        lower, upper = np.full((len(names), 3), np.inf), np.full((len(names), 3), -np.inf)
+        np.minimum.at(lower, island, ends.min(axis=1))
+        np.maximum.at(upper, island, ends.max(axis=1))
+        colors = entity_colors(told.colors[::EDGE_COUNT][np.unique(island, return_index=True)[1]].astype(np.uint32) + 1)
+        parts.append(Lines.of(marks.box_edges(marks.box_corners(lower, upper)), np.repeat(colors, EDGE_COUNT, axis=0)))
 
     def _sleeping(self, scope: _Scope, parts: list[Lines], labels: list[Label]) -> None:
-        self._colored("sleeping", scope, parts)
-
-    def _colored(self, kind: Debug, scope: _Scope, parts: list[Lines]) -> None:
-        told = self._told(kind, scope)
+        told = self._told("sleeping", scope)
         if told is not None:
             parts.append(Lines.of(told.positions, entity_colors(told.colors.astype(np.uint32) + 1)))
 
@@ -222,11 +254,14 @@ class DebugDrawing:
 class _Scope:
     """Of whom something is drawn."""
 
-    def __init__(self, world: RenderWorld, entities: tuple[int, ...]) -> None:
+    def __init__(self, world: RenderWorld, entities: tuple[int, ...], hidden: tuple[int, ...]) -> None:
         self.world = world
         self.is_all = not entities
         self._below = world.entities_below(entities) if entities else np.zeros(0, np.uint32)
-        self.chosen: frozenset[int] | None = None if self.is_all else frozenset(self._below.tolist())
+        self._absent = np.union1d(world.switched_off, world.entities_below(hidden))
+        self.is_everybody = self.is_all and not len(self._absent)
+        self._chosen = frozenset(self._below.tolist())
+        self._unseen = frozenset(self._absent.tolist())
         measured = world.measured_rows
         self.rows: Rows = measured[self.has(world.entity[measured])]  # instances
 
@@ -238,7 +273,17 @@ class _Scope:
 
     def has(self, entity: NDArray[np.uint32]) -> NDArray[np.bool_]:
         """Which of the entities (N,) are meant."""
-        return np.ones(len(entity), np.bool_) if self.is_all else np.isin(entity, self._below)
+        meant = np.ones(len(entity), np.bool_) if self.is_all else np.isin(entity, self._below)
+        return meant & ~np.isin(entity, self._absent) if len(self._absent) else meant
+
+    def between(self, entities: NDArray[np.uint32]) -> NDArray[np.bool_]:
+        """Which of the lines between entities (L, 2) are meant: one of both is, and none is out of sight. 0 is nobody."""
+        chosen = np.ones(len(entities), np.bool_) if self.is_all else np.isin(entities, self._below).any(axis=1)
+        return np.asarray(chosen & ~np.isin(entities, self._absent).any(axis=1))
+
+    def means(self, entities: Collection[int]) -> bool:
+        """The same for what is between a few."""
+        return (self.is_all or not self._chosen.isdisjoint(entities)) and self._unseen.isdisjoint(entities)
 
 
 _Maker = Callable[[DebugDrawing, _Scope, list[Lines], list[Label]], None]
@@ -266,15 +311,13 @@ def parsed_kinds(text: str) -> tuple[Debug, ...]:
     return tuple(kind for kind in DEBUG_KINDS if kind in wanted)
 
 
-def _joint_lines(mirror: SceneMirror, chosen: frozenset[int] | None) -> tuple[NDArray[Any], NDArray[Any]]:
+def _joint_lines(mirror: SceneMirror, means: Callable[[Collection[int]], bool]) -> tuple[NDArray[Any], NDArray[Any]]:
     """From joints' components: arms (L, 2, 3) from who is held to the anchors, and axes (K, 2, 3) of those that have one."""
     arms: list[tuple[Any, Any]] = []
     axes: list[tuple[Any, Any]] = []
     for entity, found in mirror.entities.items():
         joint: Any = found.components.get("Joint")
-        if not isinstance(joint, Joint) or not mirror.world_enabled(entity):
-            continue
-        if chosen is not None and chosen.isdisjoint((entity, joint.other)):
+        if not isinstance(joint, Joint) or not means((entity, joint.other)):
             continue
         own = mirror.world_pose(entity)
         rotation = np.asarray(own.rotation, np.float64)

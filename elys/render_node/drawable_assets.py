@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from typing import Final, NamedTuple
@@ -17,6 +18,8 @@ from elys.common.errors import AssetError, ElysError
 from elys.render_node.images import decode_image
 from elys.render_node.radiance_files import decode_radiance
 
+FIRST_PAUSE: Final = 1.0  # [s] until what could not be had is asked for again, and twice as long each time it fails
+LONGEST_PAUSE: Final = 60.0  # [s]
 THREAD_COUNT: Final = 2  # decoding scales to two (measured), and fetching mostly waits
 
 
@@ -28,6 +31,17 @@ class Extent(NamedTuple):
     radius: float
 
 
+Take = Callable[[str, bytes], None]
+
+
+class _Setback(NamedTuple):
+    """What could not be had, but may be later."""
+
+    take: Take
+    pause: float  # [s] after the last time
+    due: float  # [s] by the clock
+
+
 # Of what is not here yet: never culled for being too small, and no reason to look elsewhere.
 UNKNOWN_EXTENT: Final = Extent((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1e3)
 _log = logging.getLogger(__name__)
@@ -36,14 +50,22 @@ _log = logging.getLogger(__name__)
 class DrawableAssets:
     """A cache in front of `fetch`, which gives the bytes of a reference or raises an ElysError, and may block.
 
-    `on_ready` is called, on any thread, when something asked for has come; `version` rises when a mesh or skin came or failed.
+    `on_ready` is called, on any thread, when something asked for has come or cannot be had; `version` rises when a mesh or skin
+    came or failed. What could not be had is asked for again by `retry_due`, later each time; what came and holds nothing that can
+    be drawn is not, for the same name means the same bytes.
     """
 
     def __init__(
-        self, fetch: Callable[[str], bytes] | None = None, *, on_ready: Callable[[], None] = lambda: None
+        self,
+        fetch: Callable[[str], bytes] | None = None,
+        *,
+        on_ready: Callable[[], None] = lambda: None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._fetch = fetch
         self._on_ready = on_ready
+        self._clock = clock
+        self._setbacks: dict[str, _Setback] = {}
         self._lock = threading.Lock()
         self._meshes: dict[str, Mesh] = {}
         self._skins: dict[str, SkinBinding] = {}
@@ -134,29 +156,57 @@ class DrawableAssets:
         """Forgets what could not be had, as when another host may have it."""
         with self._lock:
             self.failed.clear()
+            self._setbacks.clear()
             self.version += 1
+
+    def give_up(self, reference: str, reason: str) -> None:
+        """Notes that something came in vain, as where the graphics card has no room for it; says so."""
+        _log.warning("drawn without %s: %s", reference, reason)
+        with self._lock:
+            self._setbacks.pop(reference, None)
+        self._fail(reference, reason)
+
+    @property
+    def retry_pause(self) -> float | None:
+        """Seconds until `retry_due` asks for something again; None where nothing waits for that."""
+        with self._lock:
+            due = [setback.due for name, setback in self._setbacks.items() if name not in self._pending]
+        return max(0.0, min(due) - self._clock()) if due else None
+
+    def retry_due(self) -> None:
+        """Asks again for what could not be had, where its time has come. It counts as failed until it is here."""
+        now = self._clock()
+        with self._lock:
+            for name, setback in self._setbacks.items():
+                if setback.due <= now and name not in self._pending:
+                    self._submit(name, setback.take)
 
     def close(self) -> None:
         """Ends the threads; what is on its way is given up."""
         if self._pool is not None:
             self._pool.shutdown(wait=False, cancel_futures=True)
 
-    def _ask(self, reference: str, take: Callable[[str, bytes], None]) -> None:
+    def _ask(self, reference: str, take: Take) -> None:
         with self._lock:
-            if reference in self._pending or reference in self.failed:
-                return
-            if self._pool is None:
-                self._pool = ThreadPoolExecutor(THREAD_COUNT, thread_name_prefix="elys-assets")
-            self._pending[reference] = self._pool.submit(self._load, reference, take)
+            if reference not in self._pending and reference not in self.failed:
+                self._submit(reference, take)
 
-    def _load(self, reference: str, take: Callable[[str, bytes], None]) -> None:
+    def _submit(self, reference: str, take: Take) -> None:
+        """With the lock held."""
+        if self._pool is None:
+            self._pool = ThreadPoolExecutor(THREAD_COUNT, thread_name_prefix="elys-assets")
+        self._pending[reference] = self._pool.submit(self._load, reference, take)
+
+    def _load(self, reference: str, take: Take) -> None:
         try:
-            if self._fetch is None:
-                raise AssetError(f"there is no asset {reference!r}: nobody serves any")
-            take(reference, self._fetch(reference))
+            data = self._got(reference, take)
+            if data is not None:
+                take(reference, data)
+                self._recover(reference)
         except ElysError as error:
-            _log.warning("drawn without %s: %s", reference, error)
-            self._fail(reference, str(error))
+            self.give_up(reference, str(error))
+        except MemoryError:
+            self.give_up(reference, "there is not memory enough to decode it; use fewer and smaller images and meshes")
         except Exception as error:
             _log.exception("drawn without %s", reference)
             self._fail(reference, str(error))
@@ -164,6 +214,38 @@ class DrawableAssets:
             with self._lock:
                 self._pending.pop(reference, None)
             self._on_ready()
+
+    def _got(self, reference: str, take: Take) -> bytes | None:
+        """The bytes; None where they cannot be had now, which is said the first time."""
+        try:
+            if self._fetch is None:
+                raise AssetError(f"there is no asset {reference!r}: nobody serves any")
+            return self._fetch(reference)
+        except (ElysError, TimeoutError) as error:
+            reason = str(error) or "nobody has answered in time"
+        with self._lock:
+            before = self._setbacks.get(reference)
+            pause = FIRST_PAUSE if before is None else min(2.0 * before.pause, LONGEST_PAUSE)
+            self._setbacks[reference] = _Setback(take, pause, self._clock() + pause)
+        if before is None:
+            _log.warning("drawn without %s, until it comes: %s", reference, reason)
+            self._fail(reference, reason)
+        return None
+
+    def _recover(self, reference: str) -> None:
+        with self._lock:
+            if self._setbacks.pop(reference, None) is None:
+                return
+            self.failed.pop(reference, None)
+            self.version += 1
+        _log.info("%s has come", reference)
+
+    def _fail(self, reference: str, reason: str) -> None:
+        with self._lock:
+            self.failed[reference] = reason
+            self.version += 1
+
+    # --- what came -------------------------------------------------------------------------------------------------
 
     def _take_mesh(self, reference: str, data: bytes) -> None:
         mesh = decode_mesh(data)
@@ -186,11 +268,6 @@ class DrawableAssets:
         radiance = decode_radiance(data)
         with self._lock:
             self._radiances[reference] = radiance
-            self.version += 1
-
-    def _fail(self, reference: str, reason: str) -> None:
-        with self._lock:
-            self.failed[reference] = reason
             self.version += 1
 
 

@@ -106,6 +106,7 @@ class SceneFollower:
         self.arrived_count = 0  # of meshes and images
         self.state_arrived_at = 0.0  # [s] by the monotonic clock
         self._closed = False
+        self._retrying: asyncio.TimerHandle | None = None  # for what could not be had
         session.on_link(self._link_changed)
 
     async def start(self) -> None:
@@ -138,6 +139,8 @@ class SceneFollower:
     def close(self) -> None:
         """Stops following."""
         self._closed = True
+        if self._retrying is not None:
+            self._retrying.cancel()
         self._debug.close()
         self._reader.close()
         self.world.assets.close()
@@ -182,8 +185,22 @@ class SceneFollower:
             self._loop.call_soon_threadsafe(self._show_asset)
 
     def _show_asset(self) -> None:
+        if self._closed:
+            return
         self.arrived_count += 1
         self.touch()
+        self._plan_retry()
+
+    def _plan_retry(self) -> None:
+        """Sees to it that what could not be had is asked for again when its time has come."""
+        if self._retrying is not None:
+            self._retrying.cancel()
+        pause = self.world.assets.retry_pause
+        self._retrying = self._loop.call_later(pause, self._retry) if pause is not None else None
+
+    def _retry(self) -> None:
+        self.world.assets.retry_due()
+        self._plan_retry()
 
     def _fetch(self, reference: str) -> bytes:
         """On a thread of the assets' pool: asks the bus, which lives on the loop."""
@@ -309,7 +326,7 @@ class _ViewServer:
         """Draws what a view shows, and puts it where it is wanted."""
         request, world = view.request, self._follower.world
         if request.shows == "shaded":
-            marks = self._follower.drawing.marks(world, request.debug, request.debug_entities)
+            marks = self._follower.drawing.marks(world, request.debug, request.debug_entities, hidden=request.hidden)
             picture = renderer.draw(
                 world,
                 camera,

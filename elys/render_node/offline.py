@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -15,7 +15,6 @@ from elys.bus.messages.state_frame import StateFrame
 from elys.bus.messages.views import Debug, Shows, ViewCamera
 from elys.bus.mirror import SceneMirror
 from elys.common.errors import ElysError
-from elys.render_node.camera import Region
 from elys.render_node.data_colors import data_pixels, depth_unit_of
 from elys.render_node.debug_drawing import DebugDrawing
 from elys.render_node.drawable_assets import DrawableAssets
@@ -23,9 +22,11 @@ from elys.render_node.film import VideoWriter as VideoWriter
 from elys.render_node.gpu import Context, offscreen_context
 from elys.render_node.lettering import write_on
 from elys.render_node.marks import LETTERS, NO_MARKS, Marks, stamp_text
+from elys.render_node.passes.bloom import Glow
 from elys.render_node.passes.data import DataKind
 from elys.render_node.picture_files import PICTURE_SUFFIXES, holds_numbers, output_kind, save_picture, save_values
 from elys.render_node.picture_files import load_picture as load_picture
+from elys.render_node.picture_parts import Part, parts_of, reach_of
 from elys.render_node.quality import EXACT, FULL, Quality
 from elys.render_node.render_world import RenderWorld
 from elys.render_node.renderer import Renderer
@@ -156,9 +157,10 @@ class OfflineRenderer:
             return self._data(self._shows, camera)
         renderer = self._renderer(EXACT)
         light = np.empty((self.height, self.width, 3), np.float32)
-        for region in self._regions():
-            renderer.draw(self.world, camera or self._camera(), self.width, self.height, region=region)
-            _put(light, region, renderer.read_light(region[2], region[3]))
+        parts, glow = self._parts(renderer, camera or self._camera(), NO_MARKS)
+        for part in parts:
+            renderer.draw(self.world, camera or self._camera(), self.width, self.height, region=part.drawn, glow=glow)
+            _put(light, part, renderer.read_light(part.drawn[2], part.drawn[3]))
         return light
 
     def write_picture(self, path: Path, *, camera: ViewCamera | None = None) -> None:
@@ -204,9 +206,12 @@ class OfflineRenderer:
 
     def _draw_shaded(self, pixels: NDArray[np.uint8], camera: ViewCamera) -> None:
         renderer, marks = self._renderer(self._quality), self.overlay.marks(self.world)
-        for region in self._regions():
-            target = renderer.draw(self.world, camera, self.width, self.height, marks=marks, region=region)
-            _put(pixels, region, renderer.read_pixels(target))
+        parts, glow = self._parts(renderer, camera, marks)
+        for part in parts:
+            target = renderer.draw(
+                self.world, camera, self.width, self.height, marks=marks, region=part.drawn, glow=glow
+            )
+            _put(pixels, part, renderer.read_pixels(target))
 
     def _stamp(self) -> str:
         bodies = self.world.bodies()
@@ -216,24 +221,27 @@ class OfflineRenderer:
 
     def _data(self, kind: DataKind, camera: ViewCamera | None) -> NDArray[Any]:
         whole: NDArray[Any] | None = None
-        for region in self._regions():
-            part = self._renderer(self._quality).draw_data(
-                self.world, camera or self._camera(), self.width, self.height, kind, region=region
+        for part in parts_of(self.width, self.height, edge=self._tile_edge, reach=0):
+            values = self._renderer(self._quality).draw_data(
+                self.world, camera or self._camera(), self.width, self.height, kind, region=part.drawn
             )
-            if region[2:] == (self.width, self.height):
-                return part
+            if part.kept[2:] == (self.width, self.height):
+                return values
             if whole is None:
-                whole = np.empty((self.height, self.width, part.shape[-1]), part.dtype)
-            _put(whole, region, part)
+                whole = np.empty((self.height, self.width, values.shape[-1]), values.dtype)
+            _put(whole, part, values)
         assert whole is not None
         return whole
 
-    def _regions(self) -> Iterator[Region]:
-        """The parts in which the picture is drawn; one, unless it is larger than the card or its memory takes."""
-        edge = self._tile_edge
-        for y in range(0, self.height, edge):
-            for x in range(0, self.width, edge):
-                yield x, y, min(edge, self.width - x), min(edge, self.height - y)
+    def _parts(self, renderer: Renderer, camera: ViewCamera, marks: Marks) -> tuple[tuple[Part, ...], Glow | None]:
+        """The parts in which the picture is drawn; one, unless it is larger than the card or its memory takes. And what light
+        spreads from each into others.
+        """
+        reach = reach_of(self.world.settings.picture)
+        parts = parts_of(self.width, self.height, edge=self._tile_edge, reach=reach)
+        if len(parts) == 1:
+            return parts, None
+        return parts, renderer.gather_glow(self.world, camera, self.width, self.height, parts, marks=marks)
 
     def _camera(self) -> ViewCamera:
         aspect = self.width / self.height
@@ -259,6 +267,6 @@ def check_size(width: int, height: int) -> None:
         )
 
 
-def _put(whole: NDArray[Any], region: Region, part: NDArray[Any]) -> None:
-    x, y, width, height = region
-    whole[y : y + height, x : x + width] = part[..., : whole.shape[-1]]
+def _put(whole: NDArray[Any], part: Part, drawn: NDArray[Any]) -> None:
+    x, y, width, height = part.kept
+    whole[y : y + height, x : x + width] = drawn[part.kept_rows, part.kept_columns, : whole.shape[-1]]

@@ -18,6 +18,19 @@ VIDEO_SUFFIXES: Final = (".mp4",)
 # Names of an EXR file's only channel, by what it holds; colours are R, G, B.
 CHANNEL_NAMES: Final = {"depth": "Z", "entity": "id"}
 LUMINANCE: Final = "Y"
+# Red, green, blue and white of sRGB (ITU-R BT.709), x and y of each: what readers would take for granted, said.
+CHROMATICITIES: Final = (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329)
+# What the numbers are, in words for who opens the file.
+MEANINGS: Final = {
+    "shaded": "linear radiance, before exposure and tone mapping",
+    "normals": "unit normals along the world's axes, 0 for nothing",
+    "albedo": "base color, linear",
+    "roughness": "roughness, 0 to 1",
+    "depth": "metres along the camera's axis, infinite for nothing",
+    "entity": "entity ids, 0 for nothing",
+    "wireframe": "linear colors",
+    "overdraw": "how often the pixel was shaded",
+}
 
 
 def output_kind(path: Path) -> Literal["picture", "video"]:
@@ -65,7 +78,13 @@ def save_values(path: Path, values: NDArray[Any], *, view: str) -> None:
             return
         import OpenEXR  # here: whoever writes other files does without it
 
-        header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+        header = {
+            "compression": OpenEXR.ZIP_COMPRESSION,
+            "type": OpenEXR.scanlineimage,
+            "comments": f"ELYS: {MEANINGS.get(view, view)}",
+        }
+        if plain.ndim == 3 and view != "normals":
+            header["chromaticities"] = CHROMATICITIES
         name = "RGB" if plain.ndim == 3 else CHANNEL_NAMES.get(view, LUMINANCE)
         OpenEXR.File(header, {name: plain}).write(str(path))
     except (OSError, RuntimeError) as error:  # the second is what OpenEXR raises

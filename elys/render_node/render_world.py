@@ -223,6 +223,11 @@ class RenderWorld:
         """These entities and all below them, ascending."""
         return np.sort(self._tables.entity[self._tables.subtree(entities)])
 
+    @property
+    def switched_off(self) -> NDArray[np.uint32]:
+        """The entities that are disabled, or below one that is, ascending."""
+        return np.sort(self._tables.entity[~self._tables.enabled])
+
     def local_boxes(self, rows: Rows) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Corners (N, 3) of a box along each of these instances' own axes, in its own space."""
         return self._lower[rows].astype(np.float64), self._upper[rows].astype(np.float64)

@@ -6,7 +6,7 @@ RenderWorld ──plan_picture──> PicturePlan ──passes──> light (RGB
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any, Final
@@ -20,7 +20,7 @@ from elys.render_node.frame_block import frame_block
 from elys.render_node.gpu import BLOCK_BINDINGS, Context, Format, Framebuffer
 from elys.render_node.marks import NO_MARKS, Marks
 from elys.render_node.passes.backdrop import GridPass, SkyPass
-from elys.render_node.passes.bloom import BloomPass
+from elys.render_node.passes.bloom import BloomPass, Glow
 from elys.render_node.passes.data import DataKind, DataPass
 from elys.render_node.passes.environment import EnvironmentPass, mirror_tiles
 from elys.render_node.passes.finishing import FxaaPass, OutlinePass, TonemapPass
@@ -29,6 +29,7 @@ from elys.render_node.passes.occlusion import OcclusionPass
 from elys.render_node.passes.picking import PickingPass
 from elys.render_node.passes.shading import OpaquePass, TransparentPass
 from elys.render_node.passes.shadow import LampShadowPass, ShadowPass
+from elys.render_node.picture_parts import Part
 from elys.render_node.picture_plan import PicturePlan, plan_picture
 from elys.render_node.quality import FULL, Quality
 from elys.render_node.render_world import RenderWorld
@@ -101,24 +102,74 @@ class Renderer:
         marks: Marks = NO_MARKS,
         target: Framebuffer | None = None,
         region: Region | None = None,
+        glow: Glow | None = None,
     ) -> Framebuffer:
         """Draws the world as it is placed now; returns the picture, which the next one of that size overwrites.
 
         `hidden` entities, and all below them, are not drawn and throw no shadows. `target` is where it goes instead, a
         framebuffer of that size, such as a window's. With a `region` only that part of the picture is drawn, into a framebuffer
-        of its size.
+        of its size; `glow` is what `gather_glow` made of all parts.
         """
         self.resources.programs.reload_changed()
         with self._timed("plan"):
             view = View.of(camera, width, height)
-            plan = self._plan(world, view, selection=selection, hidden=hidden, grid=grid, marks=marks)
-            self.planned = plan
-            if region is not None:  # planned as a whole, so that shadows are the same in all parts
-                plan = replace(plan, view=plan.view.of_region(region))
+            whole = self._plan(world, view, selection=selection, hidden=hidden, grid=grid, marks=marks)
+            self.planned = whole
+        plan, targets = self._draw_light(whole, region)
+        picture = target if target is not None else targets.picture
+        with self._timed("finish"):
+            if self._bloom.is_needed(plan):
+                if glow is not None and region is not None:
+                    self._bloom.mix_into(plan, targets.light, glow, region)
+                else:
+                    self._bloom.draw(plan, targets.light)
+            if self._fxaa.is_needed(plan):
+                self._show(plan, targets, self._fxaa.source(plan))
+                self._fxaa.draw(plan, picture)
+            else:
+                self._show(plan, targets, picture)
+            if self._outline.is_needed(plan):
+                self._outline.draw(plan, picture)
+            if self._letters.is_needed(plan):
+                self._letters.draw(plan, view, region, picture)
+        self.context.collect()
+        self.context.check("drawing a picture")
+        return picture
+
+    def gather_glow(
+        self,
+        world: RenderWorld,
+        camera: ViewCamera,
+        width: int,
+        height: int,
+        parts: Sequence[Part],
+        *,
+        marks: Marks = NO_MARKS,
+    ) -> Glow | None:
+        """What bright light spreads over a picture that is drawn in parts; None where the scene wants none.
+
+        All parts are drawn for it, and drawn again with it: their light together would be too large to be kept.
+        """
+        glow: Glow | None = None
+        for part in parts:
+            view = View.of(camera, width, height)
+            whole = self._plan(world, view, selection=(), hidden=(), grid=False, marks=marks)
+            if not self._bloom.is_needed(whole):
+                return None
+            glow = glow if glow is not None else Glow(self.context, width, height)
+            _, targets = self._draw_light(whole, part.drawn)
+            self._bloom.gather(glow, targets.light, part.drawn, part.kept)
+        if glow is not None:
+            self._bloom.spread(glow)
+        return glow
+
+    def _draw_light(self, whole: PicturePlan, region: Region | None) -> tuple[PicturePlan, Targets]:
+        """Draws the light of a planned picture, or of a region of it; returns the plan of what was drawn, and where it is."""
+        # Planned as a whole, so that shadows are the same in all parts.
+        plan = whole if region is None else replace(whole, view=whole.view.of_region(region))
         targets = self._targets_of(
             plan.view.width, plan.view.height, to_screen=self._quality.writes_screen(plan.picture)
         )
-        picture = target if target is not None else targets.picture
         with self._timed("environment"):
             if self._environment.is_needed(plan):
                 self._environment.draw(plan)
@@ -152,22 +203,9 @@ class Renderer:
         with self._timed("marks"):
             if self._lines.is_needed(plan):
                 self._lines.draw(plan, targets.drawn)
-        with self._timed("finish"):
+        with self._timed("resolve"):
             targets.resolve()
-            if self._bloom.is_needed(plan):
-                self._bloom.draw(plan, targets.light)
-            if self._fxaa.is_needed(plan):
-                self._show(plan, targets, self._fxaa.source(plan))
-                self._fxaa.draw(plan, picture)
-            else:
-                self._show(plan, targets, picture)
-            if self._outline.is_needed(plan):
-                self._outline.draw(plan, picture)
-            if self._letters.is_needed(plan):
-                self._letters.draw(plan, view, region, picture)
-        self.context.collect()
-        self.context.check("drawing a picture")
-        return picture
+        return plan, targets
 
     def pick(
         self,

@@ -12,6 +12,7 @@ from elys.common.assets import Mesh
 from elys.common.assets.images import placeholder_image
 from elys.common.assets.tangents import with_tangents
 from elys.common.assets.texture import Sampling, split_texture
+from elys.common.errors import DisplayError
 from elys.render_node.gpu import TEXTURE_UNITS, Buffer, Context, Format, Program, ProgramCache, Texture, VertexArray
 from elys.render_node.images import decode_image
 from elys.render_node.look import TEXTURE_FIELDS, Look, texture_of, variant_of
@@ -132,7 +133,11 @@ class Resources:
                 return None
             if arrays.tangents is None and key[1] is not None:
                 arrays = with_tangents(arrays, uv_set=key[1])
-            geometry = self._geometries[key] = Geometry(self.context, arrays)
+            try:
+                geometry = self._geometries[key] = Geometry(self.context, arrays)
+            except DisplayError as error:
+                world.assets.give_up(batch.mesh, str(error))
+                return None
         return None if geometry.is_empty else geometry
 
     def show_poses(self, world: RenderWorld) -> None:
@@ -202,9 +207,13 @@ class Resources:
                 pixels = np.ascontiguousarray(pixels[::step, ::step])
                 height, width = pixels.shape[:2]
             form: Format = "srgba8" if is_color else "rgba8"
-            texture = Texture(self.context, (width, height), form, data=pixels)
             repeat = (sampling.wrap[0] == "repeat", sampling.wrap[1] == "repeat")
-            texture.sample(repeat=repeat, magnify=sampling.magnify, minify=sampling.minify)
+            try:
+                texture = Texture(self.context, (width, height), form, data=pixels)
+                texture.sample(repeat=repeat, magnify=sampling.magnify, minify=sampling.minify)
+            except DisplayError as error:
+                world.assets.give_up(reference, str(error))
+                return self._placeholder() if is_color else None
             self._textures[key] = texture
         return self._textures[key]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable, Collection
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -110,13 +111,9 @@ class ContactLog:
         """Starts anew."""
         self._lasting.clear()
 
-    def touching(self, mirror: SceneMirror, entities: frozenset[int] | None) -> Touching:
-        """Contacts where they are now; of all, or of those in which one of these entities takes part."""
-        found = [
-            lasting
-            for pair, lasting in self._lasting.items()
-            if lasting[0] in mirror.entities and (entities is None or not entities.isdisjoint(pair))
-        ]
+    def touching(self, mirror: SceneMirror, means: Callable[[Collection[int]], bool]) -> Touching:
+        """Contacts where they are now, between entities that are meant."""
+        found = [lasting for pair, lasting in self._lasting.items() if lasting[0] in mirror.entities and means(pair)]
         if not found:
             return Touching(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
         positions = np.array([mirror.world_pose(carrier).position for carrier, *_ in found], np.float64)

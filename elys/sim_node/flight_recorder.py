@@ -52,7 +52,9 @@ class Beat(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class _Keyframe:
+class Keyframe:
+    """A whole state at an instant."""
+
     instant: int
     state: State
     edited: EditedMemory  # of the scene as a person would save it
@@ -80,7 +82,7 @@ class FlightRecorder:
         self.position = self.end = 0
         self._beats: deque[Beat] = deque()  # the first leads away from instant `_first`
         self._first = 0
-        self._keyframes: list[_Keyframe] = []
+        self._keyframes: list[Keyframe] = []
         self._command_size = 0
         self._simulation.capture()  # what is loaded at its first use does not count as the cost of a keyframe
         self._simulation.state_hash()
@@ -113,6 +115,21 @@ class FlightRecorder:
     def size(self) -> int:
         """What keyframes and commands take [bytes]."""
         return size_of(keyframe.state for keyframe in self._keyframes) + self._command_size
+
+    @property
+    def keyframes(self) -> Sequence[Keyframe]:
+        """The states that are kept, oldest first."""
+        return self._keyframes
+
+    @property
+    def oldest(self) -> Keyframe:
+        """The state with which begins what is kept."""
+        return self._keyframes[0]
+
+    @property
+    def newest(self) -> Keyframe:
+        """The last state that is kept."""
+        return self._keyframes[-1]
 
     @property
     def keyframe_count(self) -> int:
@@ -246,11 +263,11 @@ class FlightRecorder:
                 self._restore(keyframe)
                 self._is_corrected = True
 
-    def _restore(self, keyframe: _Keyframe) -> None:
+    def _restore(self, keyframe: Keyframe) -> None:
         self._simulation.restore(keyframe.state)
         self._simulation.edited.put_back(keyframe.edited)
 
-    def _keyframes_at(self, instant: int) -> Iterator[_Keyframe]:
+    def _keyframes_at(self, instant: int) -> Iterator[Keyframe]:
         return (keyframe for keyframe in self._keyframes if keyframe.instant == instant)
 
     def _beat(self, instant: int) -> Beat:
@@ -267,7 +284,7 @@ class FlightRecorder:
         state = self._simulation.capture(before.state)
         if self.size + state.size <= self._room:
             self._keyframes.insert(
-                place, _Keyframe(self.position, state, self._simulation.edited.kept(), self._simulation.state_hash())
+                place, Keyframe(self.position, state, self._simulation.edited.kept(), self._simulation.state_hash())
             )
 
     def _take_keyframe(self) -> None:
@@ -275,7 +292,7 @@ class FlightRecorder:
         previous = self._keyframes[-1].state if self._keyframes else None
         state = self._simulation.capture(previous)
         self._keyframes.append(
-            _Keyframe(self.position, state, self._simulation.edited.kept(), self._simulation.state_hash())
+            Keyframe(self.position, state, self._simulation.edited.kept(), self._simulation.state_hash())
         )
         self.capture_times.append(time.perf_counter() - began)
         self._worked = 0.0

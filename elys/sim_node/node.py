@@ -33,16 +33,21 @@ from elys.bus.messages.commands import (
     SetPlaying,
     SetRate,
     StepTicks,
+    Time,
     Undo,
 )
 from elys.bus.messages.history import HistoryReply, HistoryRequest
+from elys.bus.messages.physics import Touching, TouchingRequest
 from elys.bus.messages.plan import PhysicsPlan, PlanRequest
 from elys.bus.messages.scene import SceneDelta, Snapshot, SnapshotRequest
 from elys.bus.messages.session import Event, EventBatch, SessionStatus
+from elys.bus.messages.state_frame import INSTANTS
 from elys.bus.messages.timeline import Markers, MarkersRequest
+from elys.bus.prefab_service import serve_prefabs
 from elys.bus.session import Node, Session
 from elys.common.clock import FixedStepClock
 from elys.common.errors import EditConflict, ElysError, RequestError
+from elys.sim_node.chronicle import Chronicle
 from elys.sim_node.edit_history import Done, EditHistory
 from elys.sim_node.flight_recorder import SECONDS, FlightRecorder
 from elys.sim_node.guard import Guard
@@ -60,6 +65,7 @@ from elys.sim_node.systems.publish_state import (
     publish_profile,
     scene_delta,
     state_frame,
+    touching,
 )
 from elys.sim_node.timing import StageTimes, process_age
 
@@ -120,9 +126,8 @@ class SimulationNode:
         self._is_another_scene = False
         self._wake = asyncio.Event()
         self.flight = FlightRecorder(simulation, seconds=keep) if keep > 0.0 else None
+        self.chronicle = Chronicle(simulation, self.flight, epoch=session.epoch, tell=self._publish_command)
         self._markers = MarkerLog()
-        self._done: list[Command] = []  # what changed the world since the last instant
-        self._is_broken = False  # a command failed in the middle: what led here cannot be done again
         self._repeated = False  # what the tick did was kept already
         self._is_whole = True  # its commands and its step are all that happened in it
         self._forked_until = -1.0  # [s] how far the future went that a fork made void
@@ -144,10 +149,13 @@ class SimulationNode:
         session.serve(topics.COMMAND, self._take_command)
         session.on_nodes(self._node_changed)
         session.serve(topics.SNAPSHOT, self._give_snapshot)
+        session.serve(topics.EXACT, self.chronicle.give_exact)
         session.serve(topics.HISTORY, self._give_history)
         session.serve(topics.MARKERS, self._give_markers)
         session.serve(topics.PLAN, self._give_plan)
+        session.serve(topics.TOUCHING, self._give_touching)
         serve_assets(session, self.simulation.assets)
+        serve_prefabs(session, self.simulation.world.hierarchy.has_instance_of)
         self._publish_status()
         self._publish_frame()  # who subscribes before the first tick sees the scene as it was loaded
         async with asyncio.TaskGroup() as group:
@@ -183,7 +191,7 @@ class SimulationNode:
         stages = StageTimes()
         late = self._clock.lateness() * 1000.0
         if not self.playing and any(edits_of(waiting.request.command) for waiting in self._waiting):
-            self._paused_physics.keep(self.history.content)
+            self._paused_physics.keep(self.history.content, self.chronicle.instant)
         replies = self._apply_commands()
         stages.done("apply_commands")
         self._repeated, self._is_whole = False, True
@@ -194,9 +202,10 @@ class SimulationNode:
             self.simulation.settle()
             self._is_whole = not self._paused_physics.follow(self.history.content)
             stages.done("follow_changes")
+        self.chronicle.tell(steps=stepping, physics_of=-1 if self._is_whole else self._paused_physics.instant)
         is_told = self._publish_changes()
         if replies or (stepping and is_heard(self.session, topics.STATE)):
-            self._publish_frame()
+            self._publish_frame(steps=stepping and not self._repeated)
         if stepping and (found := publish_diagnostics(self.session, self.simulation)) and self.guard is not None:
             self._events += self.guard.look(found)
         events = self._publish_events()
@@ -241,15 +250,10 @@ class SimulationNode:
 
     def _keep_instant(self, stages: StageTimes, *, stepping: bool, is_told: bool) -> None:
         """What happened at the newest instant becomes part of what can be gone back to."""
-        done, self._done = self._done, []
-        if self.flight is None:
-            return
-        if self._is_broken:
-            self._is_broken = False
-            self.flight.start_anew()
-        elif not self._repeated and self.flight.note(
-            done, steps=stepping, is_told=is_told, seconds=stages.total * 1e-3, is_whole=self._is_whole
+        if (self.chronicle.is_broken or not self._repeated) and self.chronicle.note(
+            steps=stepping, is_told=is_told, seconds=stages.total * 1e-3, is_whole=self._is_whole
         ):
+            assert self.flight is not None  # it has taken a keyframe
             self._markers.forget_before(self.flight.ticks[0])
         stages.done("keep_instant")
 
@@ -267,6 +271,7 @@ class SimulationNode:
             tick = self.simulation.tick
             self._forked_until = max(self._forked_until, self.flight.end_time)
             dropped = self.flight.fork()
+            self.chronicle.forked()
             self.history.forget_older()
             self._markers.forget_after(tick)
             self._events.append(Event(kind="forked", values={"from_tick": tick, "dropped_ticks": dropped}))
@@ -276,10 +281,10 @@ class SimulationNode:
         """The flight recorder, with all in it that was done so far."""
         if self.flight is None:
             raise RequestError("nothing is kept to go back to: start the simulation with --keep SECONDS above 0")
-        if self._done:  # just before, in the same tick
+        if self.chronicle.has_changes:  # just before, in the same tick
             self.simulation.settle()
-            done, self._done = self._done, []
-            self.flight.note(done, steps=False, is_told=True, seconds=0.0)
+            self.chronicle.tell(steps=False)
+            self.chronicle.note(steps=False, is_told=True, seconds=0.0)
             self._events += self.simulation.take_events()
             self._is_elsewhere = True  # nobody was told of it yet
         return self.flight
@@ -314,7 +319,7 @@ class SimulationNode:
                 accepted=reply.accepted,
                 reason=reply.reason,
             )
-            self.session.publish(topics.COMMANDS, record)
+            self.chronicle.add(record, is_change=reply.accepted and not isinstance(command, Time | NoteSaved))
             self._markers.add(markers_of_command(record, self.simulation.time))
         if self._waiting:
             self._wake.set()
@@ -329,14 +334,13 @@ class SimulationNode:
                 done = self._apply_to_scene(request)
                 if not isinstance(done.command, NoteSaved):
                     self._fork()
-                    self._done.append(done.command)
         except ElysError as error:
             is_conflict = isinstance(error, EditConflict)
             reason = str(error)[:REASON_LENGTH]
             return request.command, CommandReply(accepted=False, tick=tick, reason=reason, is_conflict=is_conflict)
         except Exception as error:  # a fault of ELYS's own: it is told in full, and does not end everybody's session
             _log.exception("command %s failed", type(request.command).__name__)
-            self._is_broken = True
+            self.chronicle.breaks()
             reason = f"ELYS failed: {error!r}"[:REASON_LENGTH]
             return request.command, CommandReply(accepted=False, tick=tick, reason=reason)
         reply = CommandReply(
@@ -439,6 +443,11 @@ class SimulationNode:
     async def _give_plan(self, request: PlanRequest, key: str) -> PhysicsPlan:
         return physics_plan(self.simulation)
 
+    async def _give_touching(self, request: TouchingRequest, key: str) -> Touching:
+        if not self.simulation.physics.settings.events:
+            raise RequestError("contacts are not told: events are switched off by the scene's settings")
+        return touching(self.simulation, epoch=self.session.epoch)
+
     async def _give_snapshot(self, request: SnapshotRequest, key: str) -> Snapshot:
         return self.snapshot(as_edited=request.as_edited)
 
@@ -457,6 +466,9 @@ class SimulationNode:
             content=self.history.content,
             **({"columns_of": simulation.edited.columns} if as_edited else {}),
         )
+
+    def _publish_command(self, record: CommandRecord) -> None:
+        self.session.publish(topics.COMMANDS, record)
 
     def _publish_changes(self) -> bool:
         """Returns whether there were any."""
@@ -498,7 +510,7 @@ class SimulationNode:
             topics.DELTA, SceneDelta(epoch=self.session.epoch, sequence=self._sequence, tick=tick, resync=True)
         )
 
-    def _publish_frame(self) -> None:
+    def _publish_frame(self, *, steps: bool = False) -> None:
         frame = state_frame(
             self.simulation,
             epoch=self.session.epoch,
@@ -506,6 +518,7 @@ class SimulationNode:
             playing=self.playing,
             is_told_again=self._is_rewound,
             is_forked=self.simulation.time <= self._forked_until,
+            instant=self.chronicle.leads_to(steps=steps) % INSTANTS,
         )
         self.session.publish(topics.STATE, frame)
 
@@ -541,6 +554,7 @@ class SimulationNode:
             start_time=self.flight.start_time if self.flight is not None else simulation.time,
             end_time=self.flight.end_time if self.flight is not None else simulation.time,
             is_rewound=self._is_rewound,
+            changes=self.chronicle.changes,
         )
         self.session.publish(topics.STATUS, status)
 

@@ -15,20 +15,22 @@ from elys.sim_node.simulation import Simulation
 
 
 class PausedPhysics:
-    """Of one simulation."""
+    """Of one simulation. `instant`: of which it is kept, see `Chronicle`."""
 
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
+        self.instant = -1
         self._kept: dict[str, NDArray[Any]] | None = None
         self._tick = -1
         self._content = 0  # of the scene, see EditHistory
         self._last_content = 0
 
-    def keep(self, content: int) -> None:
-        """An edit is about to be made while time stands still, in a scene of this content."""
+    def keep(self, content: int, instant: int) -> None:
+        """An edit is about to be made while time stands still at an instant, in a scene of this content."""
         if self._kept is None or self._tick != self._simulation.tick:
             self._kept, self._tick = self._simulation.physics.snapshot(), self._simulation.tick
             self._content = self._last_content = content
+            self.instant = instant
 
     def follow(self, content: int) -> bool:
         """Bodies have followed edits, which left this content; returns whether physics is what it was before them."""

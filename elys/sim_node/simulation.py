@@ -124,6 +124,8 @@ class Simulation:
         changes = world.drain_changes()
         if changes:
             self._changes.append(changes)
+            if self._animations.is_needed:  # clips pose what they move at once, before time goes on
+                self.edited.capture()
             self._tell_where_they_are([*self._animations.follow(changes), *self._bodies.follow(changes)])
             self._note_changes()
             self._report_problems()

@@ -38,6 +38,8 @@ _DIGEST_SIZE: Final = 16
 _SMALL: Final = 1 << 15  # [bytes] of arrays that are compared at once
 _FIRST_LOOK: Final = 1 << 14  # [bytes] of larger ones
 
+_encode: Final = msgspec.msgpack.Encoder().encode
+
 ATOMS: Final = frozenset({type(None), bool, int, float, str, bytes})
 # Immutable through and through, so that a state may hold them as they are.
 RECORDS: Final[Mapping[str, type[Any]]] = {
@@ -126,10 +128,26 @@ class State:
 
     def to_bytes(self) -> bytes:
         """For files and other processes."""
-        content = msgspec.msgpack.encode(
-            (self.tick, self.time, [(path, _packed(v)) for path, v in self.values.items()])
-        )
-        return b"".join((MAGIC, VERSION.to_bytes(4, "little"), _digest(content), content))
+        return b"".join(self.to_parts())
+
+    def to_parts(self) -> list[bytes | memoryview]:
+        """The bytes in pieces, where large arrays are not copied: for who writes them anyway."""
+        content: list[bytes | memoryview] = []
+        small = bytearray(b"\x93" + _encode(self.tick) + _encode(self.time) + _list_head(len(self.values)))
+        for path, value in self.values.items():
+            small += b"\x92" + _encode(path)
+            if type(value) is Column and len(value.data) > _SMALL:
+                name, descr, shape, data = _packed(value)
+                small += b"\x94" + _encode(name) + _encode(descr) + _encode(shape) + _data_head(len(data))
+                content += [bytes(small), data]
+                small.clear()
+            else:
+                small += _encode(_packed(value))
+        content.append(bytes(small))
+        digest = hashlib.blake2b(digest_size=_DIGEST_SIZE)
+        for part in content:
+            digest.update(part)
+        return [MAGIC, VERSION.to_bytes(4, "little"), digest.digest(), *content]
 
     @classmethod
     def from_bytes(cls, data: bytes) -> State:
@@ -178,6 +196,16 @@ def copied(value: Any) -> Any:
     if isinstance(value, np.generic):
         return value.item()
     raise TypeError(f"a {kind.__module__}.{kind.__qualname__} cannot be part of a state")
+
+
+def _list_head(count: int) -> bytes:
+    """What msgpack writes before a list."""
+    return bytes((0x90 | count,)) if count < 16 else b"\xdd" + count.to_bytes(4, "big")
+
+
+def _data_head(size: int) -> bytes:
+    """What msgpack writes before bytes of some length."""
+    return b"\xc6" + size.to_bytes(4, "big")
 
 
 def _packed(value: Any) -> Any:

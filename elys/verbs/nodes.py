@@ -14,6 +14,7 @@ from typing import Any
 
 from elys.bus.log import log_to_session, start_logging
 from elys.bus.session import Session
+from elys.verbs.playback import Playback
 
 _log = logging.getLogger(__name__)
 
@@ -150,9 +151,9 @@ def editor(connect: str | None, *, starts_alone: bool = False, frame_limit: int)
     run_until_asked(work())
 
 
-def player(recording: Path, *, listen: str | None, paused: bool, rate: float, loop: bool) -> None:
+def player(recording: Path, playback: Playback, *, listen: str | None) -> None:
     """A player's process."""
     from elys.verbs.replay import serve_recording
 
     start_logging()
-    run_until_asked(serve_recording(recording, listen=listen, paused=paused, rate=rate, loop=loop))
+    run_until_asked(serve_recording(recording, playback, listen=listen))

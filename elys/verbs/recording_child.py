@@ -50,7 +50,14 @@ class RecordingChild:
 
     def attach(self, session: Session, node: SimulationNode, assets: AssetStore, *, lossless: bool) -> None:
         """From now on everything that the session publishes is recorded, and a lossless run keeps step with the recorder."""
-        self._tap = RecordingTap(session, self._writing, take_snapshot=node.snapshot, assets=assets, lossless=lossless)
+        self._tap = RecordingTap(
+            session,
+            self._writing,
+            take_snapshot=node.snapshot,
+            assets=assets,
+            lossless=lossless,
+            exact=node.chronicle,
+        )
         node.recorder = self._tap
 
     async def finish(self) -> int:

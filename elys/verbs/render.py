@@ -256,7 +256,7 @@ async def _draw_now(endpoint: str, order: Order) -> None:
             drawing.take_state(frame)
             listens.heard_state(frame)
 
-        listener = DebugListener(session, drawing, listens.heard_lines)
+        listener = DebugListener(session, drawing, lambda key: listens.heard_lines(key, drawing.told_tick(key)))
         closers = [follow_state(session, mirror, heard), listener.close]
         closers.append(await follow_scene(session, mirror))
         listener.want(order.debug)
@@ -278,31 +278,43 @@ async def _draw_now(endpoint: str, order: Order) -> None:
 
 
 class DebugPatience:
-    """Waits until a session has said what debug drawing needs, as long as it goes on to say anything."""
+    """Waits until a session has said what debug drawing needs, as long as it goes on to say anything.
+
+    Lines of physics are enough when all kinds are of the tick in which things are seen.
+    """
 
     def __init__(self, kinds: tuple[Debug, ...]) -> None:
         self._wants_trails = "trajectories" in kinds
-        self._lines_left = {PHYSICS_LINES[kind] for kind in kinds if kind in PHYSICS_LINES}
+        self._told = {PHYSICS_LINES[kind]: -1 for kind in kinds if kind in PHYSICS_LINES}  # of which tick
+        self._tick = -1
         self._since: float | None = None
         self._news = asyncio.Event()
 
     def heard_state(self, frame: StateFrame) -> None:
-        """Notes how long a way is known."""
+        """Notes when things are seen, and how long a way is known."""
+        self._tick = frame.tick
         self._since = frame.simulation_time if self._since is None else min(self._since, frame.simulation_time)
         if frame.simulation_time - self._since >= TRAIL_SECONDS:
             self._wants_trails = False
         self._news.set()
 
-    def heard_lines(self, key: str) -> None:
+    def heard_lines(self, key: str, tick: int) -> None:
         """Notes that lines of a kind are here."""
-        self._lines_left.discard(key)
+        if key in self._told:
+            self._told[key] = tick
         self._news.set()
+
+    @property
+    def is_enough(self) -> bool:
+        """Whether nothing is missing that is to be expected."""
+        ticks = self._told.values()
+        return not self._wants_trails and all(tick >= 0 and self._tick in (-1, tick) for tick in ticks)
 
     async def enough(self) -> None:
         """Returns when all is there, or when it can be expected no more: who is paused or replays says little."""
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(TRAIL_SECONDS + 2.0 * STATE_PATIENCE if self._wants_trails else STATE_PATIENCE):
-                while self._wants_trails or self._lines_left:
+                while not self.is_enough:
                     self._news.clear()
                     await asyncio.wait_for(self._news.wait(), STATE_PATIENCE)
 

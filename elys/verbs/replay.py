@@ -16,6 +16,7 @@ from elys.bus.session import Session
 from elys.launch import before_exec
 from elys.verbs.nodes import hosted, joined, run_until_asked
 from elys.verbs.output import print_json, print_table, size_text
+from elys.verbs.playback import Playback
 
 if TYPE_CHECKING:
     from elys.bus.recording_lineage import Lineage
@@ -25,11 +26,11 @@ PATIENCE: Final = 5.0  # [s]
 _log = logging.getLogger(__name__)
 
 
-def play(recording: Path, *, listen: str | None, paused: bool, rate: float, loop: bool, editor: bool) -> None:
+def play(recording: Path, playback: Playback, *, listen: str | None, editor: bool) -> None:
     """Serves a recording in this process, or under the supervisor with an editor on it."""
     start_logging()
     if not editor:
-        run_until_asked(serve_recording(recording, listen=listen, paused=paused, rate=rate, loop=loop))
+        run_until_asked(serve_recording(recording, playback, listen=listen))
         return
     from elys.bus.recording_info import recording_info
     from elys.render_node.window import probe_display
@@ -37,16 +38,17 @@ def play(recording: Path, *, listen: str | None, paused: bool, rate: float, loop
 
     recording_info(recording)  # what is no recording is one line here and not a crash of a node
     probe_display()
-    options = ["--rate", str(rate)] + ["--paused"] * paused + ["--loop"] * loop
-    sys.exit(start("replay", {"recording": str(recording)}, endpoint=listen, extra={"player": options}))
+    sys.exit(start("replay", {"recording": str(recording)}, endpoint=listen, extra={"player": playback.options()}))
 
 
-async def serve_recording(recording: Path, *, listen: str | None, paused: bool, rate: float, loop: bool) -> None:
+async def serve_recording(recording: Path, playback: Playback, *, listen: str | None) -> None:
     """Hosts a recording as a session until it is told to end.
 
     Raises:
-        RecordingError: it is none. BusError: the endpoint cannot be listened at.
+        RecordingError: it is none. RequestError: it is not there from `start` to `end`.
+        BusError: the endpoint cannot be listened at.
     """
+    from elys.bus.messages.commands import SetRange
     from elys.bus.player import Player
     from elys.bus.recording import Recording
 
@@ -54,7 +56,11 @@ async def serve_recording(recording: Path, *, listen: str | None, paused: bool, 
         scene = opened.mirror_at(0).scene
         async with hosted(listen, name=scene, kind="replay", scene=scene, epoch=time.time_ns()) as (session, endpoint):
             _log.info("playing %s at %s: attach with `elys view` or `elys edit`", recording, endpoint)
-            await Player(opened, session, playing=not paused, rate=rate, loop=loop).run()
+            part = SetRange(start=playback.start, end=playback.end)
+            player = Player(
+                opened, session, playing=not playback.paused, rate=playback.rate, loop=playback.loop, part=part
+            )
+            await player.run()
 
 
 def record(

@@ -15,13 +15,14 @@ from elys.bus.compressed_video import VIDEO_PREFIX, video_body, video_channel
 from elys.bus.messages.state_frame import HEADER, StateFrame
 from elys.bus.recording import Recording
 from elys.bus.transports.mcap import COMPONENTS_NAME, METADATA_NAME, McapWriter, recorded_channels
+from elys.bus.transports.mcap_frames import STATE_KEYS_NAME
 from elys.bus.transports.mcap_index import SCENE_INDEX_NAME, STATE_CHANNEL, STATE_INDEX_NAME
 from elys.common.errors import RecordingError
 from elys.render_node.view_encoder import ViewEncoder
 
 KEYFRAME_TIME: Final = 2.0  # [s] of simulation between pictures that can be seen by themselves
 PRESET: Final = "veryfast"  # of x264: there is time
-_MADE_ANEW: Final = (COMPONENTS_NAME, STATE_INDEX_NAME, SCENE_INDEX_NAME)
+_MADE_ANEW: Final = (COMPONENTS_NAME, STATE_INDEX_NAME, SCENE_INDEX_NAME, STATE_KEYS_NAME)
 _log = logging.getLogger(__name__)
 
 Draw = Callable[[StateFrame], NDArray[np.uint8]]  # RGBA (H, W, 4) of a frame

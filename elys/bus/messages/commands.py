@@ -111,6 +111,13 @@ class SetLoop(msgspec.Struct, frozen=True, kw_only=True, tag="set_loop"):
     loop: bool
 
 
+class SetRange(msgspec.Struct, frozen=True, kw_only=True, tag="set_range"):
+    """Replay only: play, and loop, from `start` to `end` [s]; None for the recording's own. Seeking and stepping go beyond."""
+
+    start: float | None = None
+    end: float | None = None
+
+
 Edit = (
     SetComponent | AddComponent | RemoveComponent | Spawn | Despawn | Rename | Reparent | SetEnabled | SetSettings
 )  # what changes a scene
@@ -186,7 +193,7 @@ class Release(msgspec.Struct, frozen=True, kw_only=True, tag="release"):
 
 
 Hand = Grab | Release  # what changes how a simulation goes on, without being an edit of the scene
-Time = SetPlaying | StepTicks | Seek | SetRate | SetLoop | Rewind | Resume  # what is asked of the clock
+Time = SetPlaying | StepTicks | Seek | SetRate | SetLoop | SetRange | Rewind | Resume  # what is asked of the clock
 Command = Edit | Batch | Undo | Redo | LoadScene | NoteSaved | Time | Hand
 
 
@@ -220,10 +227,24 @@ class CommandReply(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class CommandRecord(msgspec.Struct, frozen=True, kw_only=True):
-    """A command with its answer, for recordings and for who looks over the shoulder."""
+    """A command with its answer, for recordings and for who looks over the shoulder.
+
+    A simulation says in which of its beats the command was applied, so that it can be run again (docs/recording-format.md):
+    a beat is commands and then a step, or while time stands still none, and leads from one instant to the next. Of an undo
+    the command is what it did.
+    """
 
     tick: int
     origin: str
     command: Command
     accepted: bool
     reason: str = ""
+    epoch: int = 0
+    number: int = -1  # of the changes of this epoch, from 1; -1: it changed nothing
+    beat: int = -1  # the instant that its beat leads to; of what goes on as a fork, the instant from which it does
+    previous: int = -1  # the beat of the change before it; -1: it is the first
+    steps: bool = False  # whether the beat ends with a step
+    fork: int = 0  # how many forks there were
+    forked_from: int = -1  # the instant after which this command made another future
+    physics_of: int = -1  # after its beat physics was put back to what it was at this instant
+    is_broken: bool = False  # it failed in the middle: what it left, only the exact state after it tells

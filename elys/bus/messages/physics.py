@@ -46,6 +46,18 @@ class ContactBatch(msgspec.Struct, frozen=True, kw_only=True):
     exited: Visits = Visits()
 
 
+class TouchingRequest(msgspec.Struct, frozen=True, kw_only=True):
+    """Asks the host what touches: batches tell only what begins and ends."""
+
+
+class Touching(msgspec.Struct, frozen=True, kw_only=True):
+    """All contacts that go on after a tick, asleep or awake."""
+
+    epoch: int
+    tick: int
+    contacts: Meetings
+
+
 class Diagnostics(msgspec.Struct, frozen=True, kw_only=True):
     """What a tick has left in the physics. Entities are 0 where there is nothing to name; a joint is named by who carries it.
 
@@ -76,7 +88,8 @@ class DebugLines(msgspec.Struct, frozen=True, kw_only=True):
     """Lines that show how physics sees the world, of the kind that the key names: raw little-endian rows.
 
     `positions` are (L, 2, 3) f32, both ends of each line in world space [m]; `colors` (L,) u8 say which lines belong together;
-    `values` (L,) f32 what each line measures, where its kind measures anything, else empty.
+    `values` (L,) f32 what each line measures, where its kind measures anything, else empty; `entities` (L, 2) u32 whose it is, 0
+    for nobody, or empty where that is not said.
     """
 
     epoch: int
@@ -84,3 +97,4 @@ class DebugLines(msgspec.Struct, frozen=True, kw_only=True):
     positions: bytes
     colors: bytes
     values: bytes = b""
+    entities: bytes = b""

@@ -6,7 +6,7 @@ from typing import Any
 
 import msgspec
 
-from elys.common.scene import SceneSettings
+from elys.common.scene import EntityRecord, SceneSettings
 
 
 class FieldColumn(msgspec.Struct, frozen=True, kw_only=True):
@@ -57,6 +57,20 @@ class SnapshotRequest(msgspec.Struct, frozen=True, kw_only=True):
     """Asks the host for the scene as it is; `as_edited`: with bodies, animations and joints as they were edited, not moved."""
 
     as_edited: bool = False
+
+
+class PrefabRequest(msgspec.Struct, frozen=True, kw_only=True):
+    """Asks the host what stands in a file that entities of the scene are instances of, if it is another than that of `known`."""
+
+    path: str  # as the scene names it
+    known: float = -1.0  # when what the asker has was changed last
+
+
+class PrefabContent(msgspec.Struct, frozen=True, kw_only=True):
+    """The entities of a prefab, its root first; none where the asker has them already."""
+
+    modified: float  # [s since 1970] when the file was changed last
+    records: tuple[EntityRecord, ...] | None
 
 
 class Spawned(msgspec.Struct, frozen=True, kw_only=True, tag="spawned"):

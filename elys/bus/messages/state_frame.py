@@ -14,6 +14,8 @@ It is sent each tick to whoever looks, newest wins, so it is laid out to be copi
     60      4      flags             u32  bit 0: playing, bit 1: a tail follows the bodies,
                                               bit 2: told again, from a simulation's flight recorder,
                                               bit 3: of a fork, before it is as old as what it was forked from
+                                              bits 4 to 31: the instant that it shows (see CommandRecord) + 1,
+                                              modulo 2^28; 0: not told
     64      24 N   position          f64 x 3  [m]      world
             16 N   rotation          f32 x 4  x y z w  world
             12 N   linear velocity   f32 x 3  [m/s]
@@ -72,6 +74,8 @@ PLAYING: Final = 1
 HAS_TAIL: Final = 2
 TOLD_AGAIN: Final = 4
 FORKED: Final = 8
+INSTANT_SHIFT: Final = 4
+INSTANTS: Final = 1 << 28  # that can be told apart
 
 
 def _no_rows(dtype: str, *width: int) -> NDArray[Any]:
@@ -120,7 +124,8 @@ class StateFrame:
     weight_entity: NDArray[np.uint32] = field(default_factory=lambda: _NO_IDS)
     weight_target: NDArray[np.uint32] = field(default_factory=lambda: _NO_IDS)
     is_told_again: bool = False  # what a flight recorder shows of the past: it is not new
-    is_forked: bool = False  # of a fork: later ticks that were told before it are void
+    is_forked: bool = False  # of a fork: what was told before it of later instants is void
+    instant: int = -1  # that it shows, modulo `INSTANTS`; -1: not told
 
     @property
     def body_count(self) -> int:
@@ -130,6 +135,11 @@ class StateFrame:
 
 def pack_frame(frame: StateFrame) -> bytes:
     """Header, columns and, where anything is animated, the tail, without the protocol prefix."""
+    return b"".join(frame_parts(frame))
+
+
+def frame_parts(frame: StateFrame) -> list[bytes | memoryview]:
+    """What `pack_frame` joins, so that who puts something before it copies the columns once and not twice."""
     local_count, weight_count = len(frame.local_entity), len(frame.weight_entity)
     has_tail = local_count + weight_count > 0
     header = HEADER.pack(
@@ -143,17 +153,23 @@ def pack_frame(frame: StateFrame) -> bytes:
         (PLAYING if frame.playing else 0)
         | (HAS_TAIL if has_tail else 0)
         | (TOLD_AGAIN if frame.is_told_again else 0)
-        | (FORKED if frame.is_forked else 0),
+        | (FORKED if frame.is_forked else 0)
+        | ((frame.instant + 1) % INSTANTS << INSTANT_SHIFT),
     )
-    parts = [header, *_packed(frame, COLUMNS)]
+    parts: list[bytes | memoryview] = [header, *_packed(frame, COLUMNS)]
     if has_tail:
         parts += [TAIL_HEADER.pack(local_count, weight_count)]
         parts += [*_packed(frame, LOCAL_COLUMNS), *_packed(frame, WEIGHT_COLUMNS)]
-    return b"".join(parts)
+    return parts
 
 
-def _packed(frame: StateFrame, columns: tuple[tuple[str, str, int], ...]) -> list[bytes]:
-    return [np.ascontiguousarray(getattr(frame, name), dtype).tobytes() for name, dtype, _ in columns]
+def instant_of(flags: int) -> int:
+    """The instant that a frame with these flags shows, modulo `INSTANTS`; -1: it does not say."""
+    return (flags >> INSTANT_SHIFT) - 1
+
+
+def _packed(frame: StateFrame, columns: tuple[tuple[str, str, int], ...]) -> list[memoryview]:
+    return [np.ascontiguousarray(getattr(frame, name), dtype).data for name, dtype, _ in columns]
 
 
 def is_whole(payload: bytes | memoryview, *, offset: int = 0) -> bool:
@@ -209,6 +225,7 @@ def unpack_frame(payload: bytes, *, offset: int = 0) -> StateFrame:
         playing=bool(flags & PLAYING),
         is_told_again=bool(flags & TOLD_AGAIN),
         is_forked=bool(flags & FORKED),
+        instant=instant_of(flags),
         **arrays,
     )
 

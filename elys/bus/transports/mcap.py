@@ -1,10 +1,11 @@
 """Sessions on disk: MCAP files, written so that a hard kill costs little, and read even when one did.
 
     channel     one per recorded topic, named like it, plus "snapshot"; messages in the order in which they came
-    body        as on the bus without the protocol prefix: JSON with its schema, or the packed state frame
+    body        as on the bus without the protocol prefix: JSON with its schema; state frames packed, see `elys.bus.state_packing`
     log_time    wall clock of the recorder [ns]; tick and simulation time stand in the messages themselves
     video/NAME  pictures of views, where they were asked for: foxglove.CompressedVideo
-    attachment  every asset the scene names, by its reference; at the end indexes of the state frames and the scene
+    attachment  every asset the scene names, by its reference; at the end indexes of state frames, keys and the scene
+    exact       now and then the whole state of a simulation, so that it can be run again: see `elys.bus.messages.exact_state`
     metadata    "elys": versions of protocol and program, session, start
 
 Chunks close by time as well as by size and reach the disk once a second, so that a kill of everything at once loses no more
@@ -23,14 +24,20 @@ from pathlib import Path
 from typing import Any, BinaryIO, Final
 
 import msgspec
+import numpy as np
 from mcap.writer import CompressionType, Writer
 
 import elys
 from elys.bus import topics
 from elys.bus.compressed_video import SCHEMA_NAME, video_schema
+from elys.bus.messages.exact_state import EXACT_HEADER
 from elys.bus.messages.scene import Snapshot
-from elys.bus.messages.state_frame import COLUMNS, HEADER, LOCAL_COLUMNS, TAIL_HEADER, WEIGHT_COLUMNS
+from elys.bus.state_packing import compact as steps
+from elys.bus.state_packing.frames import STATE_ENCODING, Kind, head_of
+from elys.bus.state_packing.schema import state_schema
+from elys.bus.state_packing.stream import FramePacker
 from elys.bus.topics import PROTOCOL_VERSION, Encoding
+from elys.bus.transports.mcap_frames import STATE_KEYS, STATE_KEYS_NAME
 from elys.bus.transports.mcap_index import (
     SCENE_INDEX_NAME,
     SNAPSHOT_CHANNEL,
@@ -44,11 +51,12 @@ from elys.common.errors import RecordingError
 
 PROFILE: Final = "elys"
 METADATA_NAME: Final = "elys"
-STATE_ENCODING: Final = "elys.state.v1"
+EXACT_ENCODING: Final = "elys.exact.v1"
+EXACT_CHANNEL: Final = topics.EXACT.name
 COMPONENTS_NAME: Final = "elys/components.schema.json"
 
 _CHUNK_SECONDS: Final = 0.2
-_CHUNK_SIZE: Final = 1 << 20  # [bytes]
+_CHUNK_SIZE: Final = 4 << 20  # [bytes]
 _SYNC_SECONDS: Final = 1.0
 _log = logging.getLogger(__name__)
 
@@ -56,14 +64,20 @@ _log = logging.getLogger(__name__)
 class McapWriter:
     """Writes one recording. `close` makes it whole; without it a reader can still mend the file.
 
+    With `compact` state frames are kept in small steps instead of bits, see `elys.bus.state_packing.compact`.
+
     Raises:
         RecordingError: the file cannot be written, at the start or later (a full disk).
     """
 
-    def __init__(self, path: Path, *, session: str, scene: str = "") -> None:
+    def __init__(self, path: Path, *, session: str, scene: str = "", compact: bool = False) -> None:
         self.path = path
         self.message_count = 0
         self._index = IndexBuilder()
+        self._compact = compact
+        self._packer = FramePacker(compact=compact)
+        self._keys: list[tuple[int, int, int]] = []  # number, chunk, message
+        self._is_entry = True  # whether the open chunk has no frame yet
         self._chunk_number = 0
         self._message_number = 0  # in the open chunk
         self._chunk_bytes = 0
@@ -81,8 +95,13 @@ class McapWriter:
             raise
 
     def write(self, channel: str, body: bytes | memoryview, *, log_time: int) -> None:
-        """Adds a message in the order of the calls; `body` is without the protocol prefix."""
+        """Adds a message in the order of the calls; `body` is without the protocol prefix, a state frame's as it was on the bus."""
         self._index.add(channel, body, self._chunk_number, self._message_number)
+        if channel == STATE_CHANNEL:
+            packed = self._pack(body)
+            if packed is None:
+                return
+            body = packed
         if self._message_number == 0:
             self._chunk_opened = time.monotonic()
         self._writer.add_message(
@@ -95,6 +114,17 @@ class McapWriter:
             self._flush()
         else:
             self.keep_time()
+
+    def _pack(self, body: bytes | memoryview) -> bytes | None:
+        packed = self._packer.pack(body, is_entry=self._is_entry)
+        if packed is None:
+            _log.debug("not recorded: a state frame of %d bytes has no header", len(body))
+            return None
+        self._is_entry = False
+        head = head_of(packed)
+        if head.kind is Kind.KEY:
+            self._keys.append((head.number, self._chunk_number, self._message_number))
+        return packed
 
     def add_video(self, channel: str) -> None:
         """Makes a channel for pictures of that name, see `elys.bus.compressed_video`; once is enough."""
@@ -139,6 +169,7 @@ class McapWriter:
             with _disk_errors(self.path):
                 self._attach_index(STATE_INDEX_NAME, self._index.frames().tobytes())
                 self._attach_index(SCENE_INDEX_NAME, self._index.scene().tobytes())
+                self._attach_index(STATE_KEYS_NAME, np.array(self._keys, STATE_KEYS).tobytes())
                 self._writer.finish()
                 self._file.flush()
                 os.fsync(self._file.fileno())
@@ -150,7 +181,7 @@ class McapWriter:
         # This class closes chunks, so that it knows in which one each frame stands.
         self._writer = Writer(self._file, chunk_size=1 << 62, compression=CompressionType.ZSTD)
         self._writer.start(profile=PROFILE, library=f"elys {elys.__version__}")
-        self._writer.add_metadata(METADATA_NAME, _metadata(session, scene))
+        self._writer.add_metadata(METADATA_NAME, _metadata(session, scene, compact=self._compact))
         self._writer.add_attachment(0, time.time_ns(), COMPONENTS_NAME, "application/schema+json", _component_schemas())
         self._channels = {name: self._register(name) for name in recorded_channels()}
         self._flush()
@@ -164,21 +195,25 @@ class McapWriter:
         if self._message_number:
             self._chunk_number += 1
         self._message_number = self._chunk_bytes = 0
+        self._is_entry = True
 
     def _register(self, name: str) -> int:
         if name == STATE_CHANNEL:
-            schema = self._writer.register_schema("elys.StateFrame", STATE_ENCODING, _state_layout())
+            schema = self._writer.register_schema("elys.StateFrame", "jsonschema", state_schema())
             return int(self._writer.register_channel(name, STATE_ENCODING, schema))
+        if name == EXACT_CHANNEL:
+            schema = self._writer.register_schema("elys.ExactState", EXACT_ENCODING, _exact_layout())
+            return int(self._writer.register_channel(name, EXACT_ENCODING, schema))
         struct = Snapshot if name == SNAPSHOT_CHANNEL else topics.topic_named(name).message
         schema = self._writer.register_schema(f"elys.{struct.__name__}", "jsonschema", _json_schema(struct))
         return int(self._writer.register_channel(name, "json", schema))
 
 
 def recorded_channels() -> tuple[str, ...]:
-    """The channels of a recording: the snapshot and every recorded topic."""
+    """The channels of a recording: the snapshot, the exact state and every recorded topic."""
     recorded = tuple(topic.name for topic in topics.TOPICS if topic.recorded)
     assert all(topic.encoding in (Encoding.JSON, Encoding.STATE) for topic in topics.TOPICS if topic.recorded)
-    return (SNAPSHOT_CHANNEL, *recorded)
+    return (SNAPSHOT_CHANNEL, EXACT_CHANNEL, *recorded)
 
 
 def open_alone(path: Path) -> BinaryIO:
@@ -205,13 +240,21 @@ def _disk_errors(path: Path) -> Iterator[None]:
         raise RecordingError(f"the recording {path} cannot be written any further: {error.strerror}") from error
 
 
-def _metadata(session: str, scene: str) -> dict[str, str]:
+def _metadata(session: str, scene: str, *, compact: bool) -> dict[str, str]:
+    errors = {
+        "position_error_m": f"{steps.POSITION_ERROR:.3g}",
+        "rotation_error_degrees": f"{steps.ROTATION_ERROR:.3g}",
+        "linear_velocity_error_m_s": f"{steps.LINEAR_ERROR:.3g}",
+        "angular_velocity_error_rad_s": f"{steps.ANGULAR_ERROR:.3g}",
+    }
     return {
         "protocol": str(PROTOCOL_VERSION),
         "elys": elys.__version__,
         "session": session,
         "scene": scene,
         "started_ns": str(time.time_ns()),
+        "state": "compact" if compact else "lossless",
+        **(errors if compact else {}),
     }
 
 
@@ -226,33 +269,12 @@ def _component_schemas() -> bytes:
     return msgspec.json.encode({name: component_schema(name) for name in declarations()})
 
 
-def _state_layout() -> bytes:
-    header = ["epoch", "tick", "simulation_time", "published_at", "delta_sequence", "state_hash", "body_count", "flags"]
+def _exact_layout() -> bytes:
+    names = ["epoch", "instant", "changes", "tick", "simulation_time", "state_hash", "fork", "flags"]
     return msgspec.json.encode(
         {
-            "description": "little-endian: the header, then one column after the other, a row per body",
-            "header": {"format": HEADER.format, "names": header, "bytes": HEADER.size},
-            "columns": [{"name": name, "dtype": dtype, "width": width} for name, dtype, width in COLUMNS],
-            "flags": {"1": "playing", "2": "a tail follows"},
-            "tail": {
-                "header": {
-                    "format": TAIL_HEADER.format,
-                    "names": ["local_count", "weight_count"],
-                    "bytes": TAIL_HEADER.size,
-                },
-                "columns": [
-                    {"name": name, "dtype": dtype, "width": width, "rows": rows}
-                    for rows, columns in (("local_count", LOCAL_COLUMNS), ("weight_count", WEIGHT_COLUMNS))
-                    for name, dtype, width in columns
-                ],
-            },
-            "units": {
-                "simulation_time": "s",
-                "published_at": "ns",
-                "position": "m",
-                "rotation": "x y z w",
-                "linear_velocity": "m/s",
-                "angular_velocity": "rad/s",
-            },
+            "description": "little-endian: the header, then the state of a simulation as ELYS of the same version reads it",
+            "header": {"format": EXACT_HEADER.format, "names": names, "bytes": EXACT_HEADER.size},
+            "flags": {"1": "what led here is not in commands and steps"},
         }
     )

@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elys.bus import topics
-from elys.bus.messages.state_frame import FORKED, HEADER, TOLD_AGAIN, is_whole
+from elys.bus.messages.state_frame import FORKED, HEADER, TOLD_AGAIN, instant_of, is_whole
+from elys.bus.state_packing.frames import HEAD_SIZE, Kind, head_of
+from elys.common.errors import RecordingError
 
 SNAPSHOT_CHANNEL: Final = topics.SNAPSHOT.name
 STATE_CHANNEL: Final = topics.STATE.name
@@ -52,13 +54,29 @@ class IndexBuilder:
 
     def __init__(self) -> None:
         self._frames: list[tuple[int, int, float, int, int, int, int]] = []
+        self._instants: list[int] = []  # of each of them
         self._told_again: list[tuple[int, int, float, int, int, int, int]] = []
         self._scene: list[tuple[int, int, bool, int, int]] = []
 
-    def add(self, channel: str, body: bytes | memoryview, chunk: int, message: int) -> None:
-        """Looks at a message at its place."""
-        if channel == STATE_CHANNEL:
+    def add_stored(self, channel: str, body: bytes, chunk: int, message: int, *, is_packed: bool) -> None:
+        """Looks at a message as it stands in a file; `is_packed` says that the file packs frames."""
+        if channel != STATE_CHANNEL or not is_packed:
+            self.add(channel, body, chunk, message)
+            return
+        try:
+            kind = head_of(body).kind
+        except RecordingError:
+            return
+        if kind is Kind.VERBATIM:
+            self.add(channel, body[: HEADER.size] + body[HEAD_SIZE:], chunk, message)
+        else:
             self._add_frame(body, chunk, message)
+
+    def add(self, channel: str, body: bytes | memoryview, chunk: int, message: int) -> None:
+        """Looks at a message, a frame as on the bus, at its place."""
+        if channel == STATE_CHANNEL:
+            if is_whole(body):
+                self._add_frame(body, chunk, message)
         elif channel in (SNAPSHOT_CHANNEL, DELTA_CHANNEL):
             try:
                 head = _heads.decode(body)
@@ -68,15 +86,27 @@ class IndexBuilder:
                 self._scene.append((head.epoch, head.sequence, channel == SNAPSHOT_CHANNEL, chunk, message))
 
     def _add_frame(self, body: bytes | memoryview, chunk: int, message: int) -> None:
-        if len(body) < HEADER.size:
-            return
         epoch, tick, time, _, sequence, _, count, flags = HEADER.unpack_from(body)
-        if not (is_whole(body) and math.isfinite(time)):
+        if not math.isfinite(time):
             return
-        frames = self._told_again if flags & TOLD_AGAIN else self._frames
-        while flags & FORKED and frames and frames[-1][0] == epoch and frames[-1][1] > tick:
+        if flags & TOLD_AGAIN:
+            self._told_again.append((epoch, tick, time, sequence, count, chunk, message))
+            return
+        instant = instant_of(flags)
+        if flags & FORKED:
+            self._drop_void(epoch, tick, instant)
+        self._frames.append((epoch, tick, time, sequence, count, chunk, message))
+        self._instants.append(instant)
+
+    def _drop_void(self, epoch: int, tick: int, instant: int) -> None:
+        """Drops what a fork made void by a frame of this instant; ticks count where instants are not told."""
+        frames, instants = self._frames, self._instants
+        while frames and frames[-1][0] == epoch:
+            is_told = instant >= 0 and instants[-1] >= 0
+            if not (instants[-1] >= instant if is_told else frames[-1][1] > tick):
+                return
             frames.pop()
-        frames.append((epoch, tick, time, sequence, count, chunk, message))
+            instants.pop()
 
     def frames(self) -> NDArray[np.void]:
         """[F] STATE_INDEX, in the order of the file."""

@@ -12,17 +12,20 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Message, Schema
 from mcap.writer import CompressionType, Writer
 
-from elys.bus.transports.mcap_chunks import records_in
-from elys.bus.transports.mcap_index import SCENE_INDEX_NAME, STATE_INDEX_NAME, IndexBuilder
+from elys.bus.state_packing.frames import Kind, head_of
+from elys.bus.transports.mcap_frames import STATE_KEYS, STATE_KEYS_NAME
+from elys.bus.transports.mcap_index import SCENE_INDEX_NAME, STATE_CHANNEL, STATE_INDEX_NAME, IndexBuilder
 from elys.bus.transports.mcap_reading import UNREADABLE, McapReader
+from elys.bus.transports.mcap_records import RecordedMessage, records_in
 from elys.common.errors import RecordingError
 
-_INDEXES: Final = (STATE_INDEX_NAME, SCENE_INDEX_NAME)
+_INDEXES: Final = (STATE_INDEX_NAME, SCENE_INDEX_NAME, STATE_KEYS_NAME)
 _DEFINITIONS: Final = {Opcode.SCHEMA: Schema, Opcode.CHANNEL: Channel}
 _log = logging.getLogger(__name__)
 
@@ -72,40 +75,58 @@ def mend(reader: McapReader, target: Path, metadata: dict[str, dict[str, str]]) 
         for name in reader.attachments:
             if name not in _INDEXES:
                 _copy_attachment(reader, name, writer, mending)
-        index = IndexBuilder()
-        copying = _ChunkCopying(writer)
+        copying = _ChunkCopying(writer, reader, mending)
         for record in reader.definitions:
             copying.define(record)
         for number in range(reader.chunk_count):
-            _copy_chunk(reader, number, copying, index, mending)
+            copying.chunk(number)
             writer.flush()
-        for name, data in zip(_INDEXES, (index.frames().tobytes(), index.scene().tobytes()), strict=True):
-            writer.add_attachment(0, time.time_ns(), name, "application/octet-stream", data)
+        copying.finish()
         writer.finish()
     return mending
 
 
 class _ChunkCopying:
-    """Writes the records of chunks, with schemas and channels under new numbers."""
+    """Writes the records of chunks, with schemas and channels under new numbers, and the indexes of what it wrote."""
 
-    def __init__(self, writer: Writer) -> None:
+    def __init__(self, writer: Writer, reader: McapReader, mending: Mending) -> None:
         self._writer = writer
+        self._reader = reader
+        self._mending = mending
+        self._index = IndexBuilder()
+        self._keys: list[tuple[int, int, int]] = []  # number, chunk, message
         self._schemas: dict[int, int] = {0: 0}
         self._channels: dict[int, int] = {}
+        self._lost_frames = 0
 
-    def knows_channels_of(self, records: list[Any]) -> bool:
-        """Whether every message's channel was described, here or before."""
-        described = self._channels.keys() | {record.id for record in records if isinstance(record, Channel)}
-        return all(record.channel_id in described for record in records if isinstance(record, Message))
-
-    def copy(self, records: list[Any]) -> None:
-        """Writes what stands in a chunk."""
+    def chunk(self, number: int) -> None:
+        """Writes what stands in a chunk, or says why not."""
+        mending, lost = self._mending, self._mending.lost
+        try:
+            records = _parsed(self._reader.chunk_records(number))
+            messages = self._reader.chunk(number)
+        except (RecordingError, *UNREADABLE) as error:
+            offset, length = self._reader.chunk_place(number)
+            lost.append(f"{length} bytes from byte {offset} on ({error.__cause__ or error})")
+            return
         for record in records:
             if not isinstance(record, Message):
                 self.define(record)
+        numbers = [record for record in records if isinstance(record, Message)]
+        if any(record.channel_id not in self._channels for record in numbers):
+            lost.append(f"{len(messages)} messages of channels that are described in a part that is lost")
+            return
+        place = 0
+        for record, message in zip(numbers, messages, strict=True):
+            if not self._is_readable(message):
+                self._lost_frames += 1
                 continue
             channel = self._channels[record.channel_id]
             self._writer.add_message(channel, record.log_time, record.data, record.publish_time, record.sequence)
+            self._note(message, place)
+            place += 1
+        mending.chunks += place > 0
+        mending.messages += place
 
     def define(self, record: Any) -> None:
         """Writes a schema or a channel, once."""
@@ -118,25 +139,30 @@ class _ChunkCopying:
                 record.topic, record.message_encoding, schema, record.metadata
             )
 
+    def finish(self) -> None:
+        """Writes where things stand, and says which frames were lost."""
+        keys = np.array(self._keys, STATE_KEYS)
+        for name, array in zip(_INDEXES, (self._index.frames(), self._index.scene(), keys), strict=True):
+            if name != STATE_KEYS_NAME or self._reader.packs_frames:
+                self._writer.add_attachment(0, time.time_ns(), name, "application/octet-stream", array.tobytes())
+        if self._lost_frames:
+            self._mending.lost.append(f"{self._lost_frames} frames that were told against others that are lost")
 
-def _copy_chunk(reader: McapReader, number: int, copying: _ChunkCopying, index: IndexBuilder, mending: Mending) -> None:
-    try:
-        records = _parsed(reader.chunk_records(number))
-        messages = reader.chunk(number)
-    except (RecordingError, *UNREADABLE) as error:
-        offset, length = reader.chunk_place(number)
-        mending.lost.append(f"{length} bytes from byte {offset} on ({error.__cause__ or error})")
-        return
-    if not copying.knows_channels_of(records):
-        mending.lost.append(f"{len(messages)} messages of channels that are described in a part that is lost")
-        return
-    copying.copy(records)
-    if not messages:
-        return
-    for place, message in enumerate(messages):
-        index.add(message.channel, message.body, mending.chunks, place)
-    mending.chunks += 1
-    mending.messages += len(messages)
+    def _is_readable(self, message: RecordedMessage) -> bool:
+        """Whether a message can be had: a packed frame only with those that it was told against."""
+        if message.channel != STATE_CHANNEL or not self._reader.packs_frames:
+            return True
+        try:
+            self._reader.message_at(message.place)
+        except RecordingError:
+            return False
+        return True
+
+    def _note(self, message: RecordedMessage, place: int) -> None:
+        is_packed, chunk = self._reader.packs_frames, self._mending.chunks
+        self._index.add_stored(message.channel, message.body, chunk, place, is_packed=is_packed)
+        if is_packed and message.channel == STATE_CHANNEL and (head := head_of(message.body)).kind is Kind.KEY:
+            self._keys.append((head.number, chunk, place))
 
 
 def _parsed(data: bytes) -> list[Any]:

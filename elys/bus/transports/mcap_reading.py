@@ -1,7 +1,8 @@
 """Reading a recording: through its summary, or, where a kill left none, through what can be found from its beginning.
 
 Nothing in the file is believed before it has been compared with the file: offsets, lengths and sizes of chunks are checked,
-so that a damaged or a hostile file costs a sentence, not the memory or the process.
+so that a damaged or a hostile file costs a sentence, not the memory or the process. State frames come out as they were on the
+bus, however they are stored (`mcap_frames`).
 """
 
 from __future__ import annotations
@@ -15,8 +16,9 @@ from collections import Counter, OrderedDict
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
+import numpy as np
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
@@ -34,15 +36,17 @@ from mcap.records import (
 )
 from mcap.stream_reader import StreamReader
 
-from elys.bus.transports.mcap_chunks import RECORD as _RECORD
-from elys.bus.transports.mcap_chunks import decompress, records_in
+from elys.bus.state_packing.frames import STATE_ENCODING, Kind, head_of
+from elys.bus.topics import STATE
+from elys.bus.transports.mcap_frames import STATE_KEYS, STATE_KEYS_NAME, FrameReader, StoredFrames
+from elys.bus.transports.mcap_records import BEGINNING as BEGINNING
+from elys.bus.transports.mcap_records import RECORD, channels_in, messages_in, unpacked_chunk
+from elys.bus.transports.mcap_records import Place as Place
+from elys.bus.transports.mcap_records import RecordedMessage as RecordedMessage
 from elys.common.errors import RecordingError
 
-MAX_CHUNK_SIZE: Final = 512 << 20  # [bytes] of a chunk unpacked
 _MAGIC: Final = b"\x89MCAP0\r\n"
 _FOOTER: Final = struct.Struct("<BQQQI")
-_CHUNK_HEAD: Final = struct.Struct("<QQQI")
-_MESSAGE: Final = struct.Struct("<HIQQ")
 _CACHED_CHUNKS: Final = 4
 _CACHED_BYTES: Final = 64 << 20  # of what those hold, the newest left out
 NEAR: Final = 3  # recordings that are named beside one that is missing
@@ -60,25 +64,6 @@ UNREADABLE: Final = (
 _log = logging.getLogger(__name__)
 
 
-class Place(NamedTuple):
-    """Where a message stands: the number of its chunk in the file and its own in the chunk."""
-
-    chunk: int
-    message: int
-
-
-BEGINNING: Final = Place(0, 0)
-
-
-class RecordedMessage(NamedTuple):
-    """A message as it was written, with its place; `body` has no protocol prefix."""
-
-    channel: str
-    body: bytes
-    log_time: int  # [ns]
-    place: Place
-
-
 @dataclass(slots=True)
 class _Chunk:
     offset: int
@@ -91,6 +76,7 @@ class _Contents:
     """What a file holds, from its summary or found record by record."""
 
     channels: dict[int, str] = field(default_factory=dict)
+    encodings: dict[str, str] = field(default_factory=dict)  # of messages, by channel
     chunks: list[_Chunk] = field(default_factory=list)
     counts: Counter[int] = field(default_factory=Counter)
     attachments: dict[str, tuple[int, int]] = field(default_factory=dict)
@@ -134,6 +120,9 @@ class McapReader:
         self.whole_size = contents.whole_size if self.mended else self.size
         self.chunk_count = len(contents.chunks)
         self._unpacked: OrderedDict[int, list[RecordedMessage]] = OrderedDict()
+        self.packs_frames = contents.encodings.get(STATE.name) == STATE_ENCODING
+        self._frames = FrameReader(StoredFrames(self.chunk, self._keys))
+        self._key_places: dict[int, Place] | None = None
 
     def close(self) -> None:
         """Closes the file."""
@@ -155,8 +144,15 @@ class McapReader:
         """Messages in the order of the file, from `start` on and before `end`; of some channels or of all.
 
         Raises:
-            RecordingError: a chunk is damaged.
+            RecordingError: a chunk or a frame is damaged.
         """
+        for message in self.stored_messages(channels, start=start, end=end):
+            yield self._as_said(message)
+
+    def stored_messages(
+        self, channels: Collection[str] | None = None, *, start: Place = BEGINNING, end: Place | None = None
+    ) -> Iterator[RecordedMessage]:
+        """The same as they stand in the file: state frames packed, if it packs them."""
         wanted = None if channels is None else {n for n, name in self._contents.channels.items() if name in channels}
         last = self.chunk_count if end is None else min(end.chunk + 1, self.chunk_count)
         for number in range(start.chunk, last):
@@ -173,7 +169,7 @@ class McapReader:
     def message_at(self, place: Place) -> RecordedMessage:
         """The message at a place; RecordingError if there is none."""
         if 0 <= place.chunk < self.chunk_count and 0 <= place.message < len(messages := self.chunk(place.chunk)):
-            return messages[place.message]
+            return self._as_said(messages[place.message])
         raise RecordingError(f"{self.path} has no message {place.message} in a chunk {place.chunk}")
 
     def attachment(self, name: str) -> bytes:
@@ -188,19 +184,19 @@ class McapReader:
             raise RecordingError(f"{self.path} has no attachment {name!r}")
         offset, length = self.attachments[name]
         try:
-            return Attachment.read(ReadDataStream(io.BytesIO(self._read(offset, length)[_RECORD.size :])))
+            return Attachment.read(ReadDataStream(io.BytesIO(self._read(offset, length)[RECORD.size :])))
         except UNREADABLE as error:
             raise RecordingError(f"the attachment {name!r} of {self.path} is damaged: {error}") from error
 
     def chunk(self, number: int) -> list[RecordedMessage]:
-        """All messages of a chunk; the last few chunks are remembered."""
+        """All messages of a chunk as they stand in the file; the last few chunks are remembered."""
         if number in self._unpacked:
             self._unpacked.move_to_end(number)
             return self._unpacked[number]
         chunk = self._contents.chunks[number]
         try:
-            data = self._unpack(self._read(chunk.offset, chunk.length))
-            messages = list(_messages_in(data, number, self._contents.channels))
+            data = unpacked_chunk(self._read(chunk.offset, chunk.length))
+            messages = list(messages_in(data, number, self._contents.channels))
         except UNREADABLE as error:
             raise RecordingError(f"chunk {number} of {self.path} is damaged: {error}") from error
         held = sum(len(message.body) for known in self._unpacked.values() for message in known)
@@ -216,11 +212,41 @@ class McapReader:
 
     def chunk_records(self, number: int) -> bytes:
         """The records of a chunk as they are: schemas, channels and messages. RecordingError if it is damaged."""
-        chunk = self._contents.chunks[number]
         try:
-            return self._unpack(self._read(chunk.offset, chunk.length))
+            return unpacked_chunk(self._read(*self.chunk_place(number)))
         except UNREADABLE as error:
             raise RecordingError(f"chunk {number} of {self.path} is damaged: {error}") from error
+
+    def _as_said(self, message: RecordedMessage) -> RecordedMessage:
+        if not self.packs_frames or message.channel != STATE.name:
+            return message
+        try:
+            return message._replace(body=self._frames.body(message))
+        except RecordingError as error:
+            raise RecordingError(f"{self.path} is damaged: {error}") from error
+
+    def _keys(self) -> dict[int, Place]:
+        """Where the frames stand that are told against nothing, by number."""
+        if self._key_places is None:
+            self._key_places = self._known_keys() or self._find_keys()
+        return self._key_places
+
+    def _known_keys(self) -> dict[int, Place]:
+        if (
+            self.mended or STATE_KEYS_NAME not in self.attachments
+        ):  # what is left of its chunks need not be numbered as they were
+            return {}
+        data = self.attachment(STATE_KEYS_NAME)
+        if len(data) % STATE_KEYS.itemsize:
+            return {}
+        keys = np.frombuffer(data, STATE_KEYS)
+        keys = keys[keys["chunk"] < self.chunk_count]
+        return {number: Place(chunk, message) for number, chunk, message in keys.tolist()}
+
+    def _find_keys(self) -> dict[int, Place]:
+        stored = self.stored_messages((STATE.name,))
+        heads = ((head_of(message.body), message.place) for message in stored)
+        return {head.number: place for head, place in heads if head.kind is Kind.KEY}
 
     # --- opening ---------------------------------------------------------------------------------------------------
 
@@ -267,13 +293,14 @@ class McapReader:
                 contents.definitions.append(record)
             if isinstance(record, Channel):
                 contents.channels[record.id] = record.topic
+                contents.encodings[record.topic] = record.message_encoding
             elif isinstance(record, ChunkIndex):
                 known = frozenset(record.message_index_offsets) or None
                 contents.chunks.append(_Chunk(record.chunk_start_offset, record.chunk_length, known))
             elif isinstance(record, AttachmentIndex):
                 contents.attachments[record.name] = (record.offset, record.length)
             elif isinstance(record, MetadataIndex):
-                raw = self._read(record.offset, record.length)[_RECORD.size :]
+                raw = self._read(record.offset, record.length)[RECORD.size :]
                 contents.metadata[record.name] = Metadata.read(ReadDataStream(io.BytesIO(raw))).metadata
             elif isinstance(record, Statistics):
                 contents.counts.update(record.channel_message_counts)
@@ -306,21 +333,23 @@ class McapReader:
     def _records(self) -> Iterator[tuple[int, int, int]]:
         """Opcode, offset and whole length of each record that lies within the file."""
         offset = len(_MAGIC)
-        while offset + _RECORD.size <= self.size:
-            opcode, length = _RECORD.unpack(self._read(offset, _RECORD.size))
-            if opcode == 0 or offset + _RECORD.size + length > self.size:
+        while offset + RECORD.size <= self.size:
+            opcode, length = RECORD.unpack(self._read(offset, RECORD.size))
+            if opcode == 0 or offset + RECORD.size + length > self.size:
                 return
-            yield opcode, offset, _RECORD.size + length
-            offset += _RECORD.size + length
+            yield opcode, offset, RECORD.size + length
+            offset += RECORD.size + length
 
     def _find(self, contents: _Contents, opcode: int, offset: int, length: int) -> None:
         if opcode not in (Opcode.CHUNK, Opcode.ATTACHMENT, Opcode.METADATA, Opcode.HEADER):
             return
         raw = self._read(offset, length)
         if opcode == Opcode.CHUNK:
-            data = self._unpack(raw)
-            contents.channels.update(_channels_in(data))
-            messages = list(_messages_in(data, len(contents.chunks), contents.channels))
+            data = unpacked_chunk(raw)
+            for record in channels_in(data):
+                contents.channels[record.id] = record.topic
+                contents.encodings[record.topic] = record.message_encoding
+            messages = list(messages_in(data, len(contents.chunks), contents.channels))
             numbers = {name: number for number, name in contents.channels.items()}
             contents.counts.update(numbers[message.channel] for message in messages)
             contents.chunks.append(_Chunk(offset, length, frozenset(numbers[m.channel] for m in messages)))
@@ -328,7 +357,7 @@ class McapReader:
                 contents.start_time = min(times) if not contents.start_time else min(contents.start_time, *times)
                 contents.end_time = max(contents.end_time, *times)
             return
-        stream = ReadDataStream(io.BytesIO(raw[_RECORD.size :]))
+        stream = ReadDataStream(io.BytesIO(raw[RECORD.size :]))
         if opcode == Opcode.ATTACHMENT:
             contents.attachments[Attachment.read(stream).name] = (offset, length)
         elif opcode == Opcode.METADATA:
@@ -336,41 +365,6 @@ class McapReader:
             contents.metadata[record.name] = record.metadata
         else:
             Header.read(stream)
-
-    def _unpack(self, raw: bytes) -> bytes:
-        """The records of a chunk record."""
-        view = memoryview(raw)[_RECORD.size :]
-        _, _, size, checksum = _CHUNK_HEAD.unpack_from(view)
-        place = _CHUNK_HEAD.size
-        (name_length,) = struct.unpack_from("<I", view, place)
-        compression = bytes(view[place + 4 : place + 4 + name_length])
-        place += 4 + name_length
-        (packed_size,) = struct.unpack_from("<Q", view, place)
-        packed = view[place + 8 : place + 8 + packed_size]
-        if size > MAX_CHUNK_SIZE:
-            raise ValueError(f"a chunk claims to unpack to {size} bytes")
-        data = decompress(compression, packed, size)
-        if len(data) != size or (checksum and zlib.crc32(data) != checksum):
-            raise ValueError("a chunk's checksum or size is wrong")
-        return data
-
-
-def _messages_in(data: bytes, number: int, channels: dict[int, str]) -> Iterator[RecordedMessage]:
-    ordinal = 0
-    for opcode, start, end in records_in(data):
-        if opcode != Opcode.MESSAGE:
-            continue
-        channel, _, log_time, _ = _MESSAGE.unpack_from(data, start)
-        body = data[start + _MESSAGE.size : end]
-        yield RecordedMessage(channels[channel], body, log_time, Place(number, ordinal))
-        ordinal += 1
-
-
-def _channels_in(data: bytes) -> Iterator[tuple[int, str]]:
-    for opcode, start, end in records_in(data):
-        if opcode == Opcode.CHANNEL:
-            record: Any = Channel.read(ReadDataStream(io.BytesIO(data[start:end])))
-            yield record.id, record.topic
 
 
 def _remedy(path: Path) -> str:

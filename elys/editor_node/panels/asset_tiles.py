@@ -165,10 +165,15 @@ class AssetTiles:
         if held is not None and imgui.is_item_activated():
             self._library.give(file)
         if held is not None and self._library.is_at_host(file):
-            reference, kind = held
+            choices, kind = tuple(held[0].items()), held[1]
             if imgui.is_item_active():
                 self.dragged = file
-            drag_asset(ui, DraggedAsset(reference=reference, kind=kind, name=file.name))
+            is_one = len(choices) == 1
+            reference = choices[0][1] if is_one else ""
+            drag_asset(
+                ui,
+                DraggedAsset(reference=reference, choices=() if is_one else choices, kind=kind, name=file.name),
+            )
         elif imgui.begin_drag_drop_source():
             self.dragged, ui.dragged_asset = file, None
             imgui.set_drag_drop_payload_py_id(FILE_PAYLOAD, 0)

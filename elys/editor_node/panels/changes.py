@@ -9,6 +9,7 @@ from imgui_bundle import imgui
 from elys.common.errors import ElysError
 from elys.editor_node.language import tr, tr_label
 from elys.editor_node.scene_diff import DiffKind, DiffLine
+from elys.editor_node.sentences import tr_sentence
 from elys.editor_node.theme import ERROR, GOOD, WARNING, Rgba, icons
 from elys.editor_node.ui import Ui, centered_text, dim_text
 
@@ -53,7 +54,7 @@ class ChangesPanel:
             try:
                 self.lines, self._error = await ui.model.documents.changes(), ""
             except ElysError as error:
-                self.lines, self._error = [], str(error)
+                self.lines, self._error = [], tr_sentence(str(error))
             finally:
                 self._is_busy = False
                 ui.model.request_redraw(0.0)

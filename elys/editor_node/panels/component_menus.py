@@ -12,6 +12,7 @@ from elys.common.errors import ComponentError
 from elys.editor_node.component_clipboard import components_in, text_of
 from elys.editor_node.field_search import offers
 from elys.editor_node.language import tr, tr_label
+from elys.editor_node.sentences import tr_sentence
 from elys.editor_node.theme import icons
 from elys.editor_node.ui import Ui, dim_text
 
@@ -54,7 +55,7 @@ def paste_values(ui: Ui, entities: Sequence[int], component: str) -> None:
     try:
         found = components_in(imgui.get_clipboard_text(), ui.model.scene)
     except ComponentError as error:
-        ui.model.say("error", str(error))
+        ui.model.say("error", tr_sentence(str(error)))
         return
     if component in found:
         ui.model.edit.set_fields(entities, component, found[component])
@@ -65,9 +66,13 @@ def paste_as_new(ui: Ui, entities: Sequence[int]) -> None:
     try:
         found = components_in(imgui.get_clipboard_text(), ui.model.scene)
     except ComponentError as error:
-        ui.model.say("error", str(error))
+        ui.model.say("error", tr_sentence(str(error)))
         return
-    ui.model.edit.lay_over(f"Paste {', '.join(found)} into", {entity: dict(found) for entity in entities})
+    ui.model.edit.lay_over(
+        "Paste {components} into {what}",
+        {entity: dict(found) for entity in entities},
+        components=", ".join(found),
+    )
 
 
 def draw_component_menu(

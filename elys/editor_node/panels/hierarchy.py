@@ -15,6 +15,7 @@ from elys.editor_node.theme import WARNING, icons
 from elys.editor_node.tree_rows import Order, TreeRows
 from elys.editor_node.ui import Ui, centered_text, icon_button
 
+_SHARE: Final = 4e-3  # [s] of a frame for making the lines of a large scene anew
 TITLE: Final = f"{icons.ICON_FA_SITEMAP}  Hierarchy###Hierarchy"
 
 
@@ -53,7 +54,7 @@ class HierarchyPanel:
             self._problem = error
 
     def rows(self, ui: Ui) -> TreeRows:
-        """The lines of the tree as this panel shows them."""
+        """The lines of the tree as this panel shows them; all of them, even where a frame shows them later."""
         return ui.model.scene.tree.show(self._filter, self._order)
 
     @property
@@ -124,13 +125,15 @@ class HierarchyPanel:
 
     def _draw_tree(self, ui: Ui) -> None:
         self._reveal_selection(ui)
-        rows = self.rows(ui)
-        if not rows:
+        rows = ui.model.scene.tree.show(self._filter, self._order, share=_SHARE)
+        if rows.is_behind:
+            ui.model.request_redraw(0.0)
+        elif not rows:
             self._draw_nothing(ui)
         imgui.push_style_var_y(imgui.StyleVar_.item_spacing, 1.0)
         height = imgui.get_frame_height()
         self.page = max(1, int(imgui.get_window_height() / (height + 1.0)) - 1)
-        if self._scroll_to:
+        if self._scroll_to and not rows.is_behind:
             self._scroll(rows, height + 1.0)
         clipper = imgui.ListClipper()
         clipper.begin(len(rows), height + 1.0)

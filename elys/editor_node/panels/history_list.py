@@ -8,6 +8,7 @@ from imgui_bundle import imgui
 
 from elys.editor_node.history_rows import HistoryRow, history_rows
 from elys.editor_node.language import tr, tr_label
+from elys.editor_node.sentences import tr_sentence
 from elys.editor_node.theme import GOOD, TEXT, TEXT_DIM, WARNING, icons
 from elys.editor_node.ui import Ui, centered_text
 
@@ -63,7 +64,7 @@ class HistoryPanel:
         mark = icons.ICON_FA_FLOPPY_DISK if row.is_saved else icons.ICON_FA_CARET_RIGHT if row.is_now else " "
         color = GOOD if row.is_saved else TEXT if row.is_made else TEXT_DIM
         imgui.push_style_color(imgui.Col_.text, imgui.ImVec4(*color))
-        label = row.label or tr("As it was at first")
+        label = tr_sentence(row.label) or tr("As it was at first")
         if imgui.selectable(f"{mark}  {label}###{place}", row.is_now)[0]:
             ui.model.session.start(ui.model.history.go_to(place))
         imgui.pop_style_color()

@@ -24,6 +24,7 @@ from elys.editor_node.panels.component_menus import AddComponentPopup, component
 from elys.editor_node.panels.field_rows import FieldActions, FieldRows, FieldState
 from elys.editor_node.panels.scene_settings import draw_scene_settings
 from elys.editor_node.prefab_values import PrefabEntity
+from elys.editor_node.sentences import tr_sentence
 from elys.editor_node.theme import ACCENT, icons
 from elys.editor_node.ui import Ui, centered_text, color_code, dim_text
 
@@ -40,6 +41,8 @@ class InspectorPanel:
         self._search = ""
         self._focuses_search = False
         self._shown: tuple[int, ...] = ()  # what the rows are of
+        self._entities: list[int] = []  # those of the selection that live
+        self._living_of: tuple[int, ...] = ()  # when that was found
         self._comparison: Comparison | None = None
         self._starts: tuple[object, dict[int, Any]] = (None, {})  # a stroke, and the values from before it
         self._waiting: tuple[ComponentDeclaration, FieldDeclaration, tuple[int, ...], FieldChange] | None = None
@@ -66,7 +69,7 @@ class InspectorPanel:
             prefab = ui.model.prefabs.of(entity)
             if prefab is not None:
                 changes[entity] = prefab.changes(_as_set(ui, entity))
-        ui.model.edit.lay_over("Revert to the prefab:", changes)
+        ui.model.edit.lay_over("Revert to the prefab: {what}", changes)
 
     def draw(self, ui: Ui) -> None:
         """Draws the panel."""
@@ -75,7 +78,7 @@ class InspectorPanel:
             if ui.model.is_replay:
                 dim_text(f"{icons.ICON_FA_FILM}  {tr('this is a recording: it cannot be edited')}")
                 ui.landmarks.note("inspector/recording")
-            entities = [e for e in ui.model.selection if ui.model.scene.exists(e)]
+            entities = self._living(ui)
             if entities:
                 self._draw_header(ui, entities)
                 self._draw_search(ui)
@@ -87,6 +90,15 @@ class InspectorPanel:
                 imgui.dummy((0.0, imgui.get_frame_height()))
                 centered_text(tr("Waiting for the scene"), imgui.get_content_region_avail().x)
         imgui.end()
+
+    def _living(self, ui: Ui) -> Sequence[int]:
+        """Those of the selection that live; of fifty thousand looked for when one may have gone, not each frame."""
+        selection, scene = ui.model.selection, ui.model.scene
+        key = (selection.version, scene.structure_version, scene.mirror.epoch)
+        if key != self._living_of:
+            self._living_of, living = key, scene.mirror.entities
+            self._entities = [entity for entity in selection if entity in living]
+        return self._entities
 
     def _begin_frame(self, ui: Ui) -> None:
         selection = ui.model.selection
@@ -303,7 +315,7 @@ class InspectorPanel:
         try:
             chosen = values_of_each(declaration, declared, own, change)
         except ComponentError as error:
-            self.rows.refuse(path, str(error))
+            self.rows.refuse(path, tr_sentence(str(error)))
             return
         if change.entry is not None or change.keeps_proportions:
             self.rows.show(path, next(reversed(chosen.values())))
@@ -331,7 +343,7 @@ class InspectorPanel:
             prefab = ui.model.prefabs.of(entity)
             if prefab is not None and component in prefab.components:
                 changes[entity] = {component: {field: getattr(prefab.components[component], field)}}
-        ui.model.edit.lay_over("Revert to the prefab:", changes)
+        ui.model.edit.lay_over("Revert to the prefab: {what}", changes)
 
 
 def entity_label(entity: int) -> str:

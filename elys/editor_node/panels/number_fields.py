@@ -12,6 +12,7 @@ from elys.common.components.decimals import shortest_decimal
 from elys.editor_node.expressions import MAX_LENGTH, ExpressionError, read_entry
 from elys.editor_node.field_values import has_bar
 from elys.editor_node.fields import MIXED, FieldContext, FieldEdit, element_width, inner_spacing
+from elys.editor_node.sentences import tr_sentence
 from elys.editor_node.theme import AXES
 from elys.editor_node.ui import color_code
 
@@ -165,7 +166,8 @@ class _Number:
         try:
             edit.entry = read_entry(text, self._unit)
         except (ExpressionError, KeyError) as error:
-            self._context.refuse(str(error) if isinstance(error, ExpressionError) else f"no unit {error} is known here")
+            why = str(error) if isinstance(error, ExpressionError) else f"no unit {error} is known here"
+            self._context.refuse(tr_sentence(why))
             typing.starts = True  # it stays to be mended
             return False
         edit.changed = edit.began = edit.ended = True

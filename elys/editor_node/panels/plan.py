@@ -11,6 +11,7 @@ from imgui_bundle import imgui
 from elys.bus.messages.plan import StagePlan
 from elys.editor_node.instruments import Instruments
 from elys.editor_node.language import tr, tr_label, tr_title
+from elys.editor_node.sentences import tr_sentence
 from elys.editor_node.theme import GOOD, TEXT, TEXT_DIM, WARNING, icons
 from elys.editor_node.ui import Ui, colored_text, dim_text
 
@@ -48,7 +49,7 @@ class PlanPanel:
         imgui.separator_text(tr("Simulation"))
         plan = self._instruments.plan
         if plan.newest is None:
-            dim_text(plan.refusal or tr("waiting for the answer"))
+            dim_text(tr_sentence(plan.refusal) or tr("waiting for the answer"))
             return
         numbers = {"tick": plan.newest.tick, "bodies": plan.newest.bodies, "contacts": plan.newest.contacts}
         dim_text(tr("tick {tick}: {bodies} bodies, {contacts} contacts", **numbers))
@@ -75,13 +76,13 @@ class PlanPanel:
                 continue
             imgui.table_next_row()
             imgui.table_next_column()
-            colored_text(TEXT if stage.is_on else TEXT_DIM, stage.name.replace("_", " "))
+            colored_text(TEXT if stage.is_on else TEXT_DIM, tr(stage.name.replace("_", " ")))
             ui.landmarks.note(f"plan/{name}/{stage.name}")
             imgui.table_next_column()
             colored_text(*_switch(stage))
             imgui.table_next_column()
             imgui.push_text_wrap_pos(0.0)
-            dim_text(stage.why)
+            dim_text(tr_sentence(stage.why))
             imgui.pop_text_wrap_pos()
         imgui.end_table()
 

@@ -74,11 +74,14 @@ def edit_asset(field: FieldDeclaration, value: str, context: FieldContext) -> Fi
     if shown != value and not is_mixed and imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip):
         imgui.set_tooltip(value)
     dropped = dropped_asset(context.ui, expected_kind(field.name))
-    if dropped is not None:
+    if dropped is not None and dropped.choices:
+        _open_list(context.picking)
+        context.picking.offered = dict(dropped.choices)
+    elif dropped is not None:
         edit.choose(dropped.reference)
     if _small_button(icons.ICON_FA_CROSSHAIRS, "pick", tr("Pick one that the scene knows"), context):
         _open_list(context.picking)
-    found = _draw_list(context, _assets(context.scene, field, context.picking), lambda asset: asset_label(field, asset))
+    found = _draw_list(context, _assets(context.scene, field, context.picking), _asset_name(field, context.picking))
     if found is not None:
         edit.choose(found)
     is_empty = value == field.default and not is_mixed
@@ -157,14 +160,22 @@ def _assets(scene: EditorScene, field: FieldDeclaration, state: PickState) -> Ca
         if state.kept_for != key:
             state.kept_for, state.kept = key, known_assets(scene, field)
         words = state.search.casefold().split()
+        if state.offered:
+            named = [ref for name, ref in state.offered.items() if all(word in name.casefold() for word in words)]
+            return named[:LISTED]
         fitting = [a for a in state.kept if all(w in f"{asset_label(field, a)} {a}".casefold() for w in words)]
         return fitting[:LISTED]
 
     return found
 
 
+def _asset_name(field: FieldDeclaration, state: PickState) -> Callable[[str], str]:
+    names = {reference: name for name, reference in state.offered.items()}
+    return lambda asset: names.get(asset) or asset_label(field, asset)
+
+
 def _open_list(state: PickState) -> None:
-    state.search, state.found_for, state.kept_for = "", (), ()
+    state.search, state.found_for, state.kept_for, state.offered = "", (), (), {}
     imgui.open_popup("pick")
 
 

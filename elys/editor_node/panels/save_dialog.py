@@ -14,6 +14,7 @@ from elys.common.scene import SCENE_SUFFIX
 from elys.editor_node.file_choice import FileChoice
 from elys.editor_node.language import tr, tr_label
 from elys.editor_node.preferences import remember
+from elys.editor_node.sentences import tr_sentence
 from elys.editor_node.theme import ERROR, icons
 from elys.editor_node.ui import Ui, dim_text
 
@@ -261,9 +262,9 @@ class SaveDialog:
             try:
                 await work
             except ElysError as error:
-                self._error, self._afterwards = str(error), None
+                self._error, self._afterwards = tr_sentence(str(error)), None
                 self._asks = self._asks or on_failure
-                ui.model.say("error", str(error))
+                ui.model.say("error", self._error)
             else:
                 self._done = dialog
                 self._go_on()

@@ -16,6 +16,7 @@ from elys.editor_node.field_search import shows_field
 from elys.editor_node.field_values import values_of_each
 from elys.editor_node.language import tr
 from elys.editor_node.panels.field_rows import FieldActions, FieldRows, FieldState
+from elys.editor_node.sentences import tr_sentence
 from elys.editor_node.ui import Ui, dim_text
 
 _DEFAULTS: Final = SceneSettings()
@@ -120,7 +121,7 @@ def _draw_setting(
     try:
         chosen = values_of_each(owner, declared, {0: value}, change)[0]
     except ComponentError as error:
-        rows.refuse(path, str(error))
+        rows.refuse(path, tr_sentence(str(error)))
         return
     if change.entry is not None:
         rows.show(path, chosen)

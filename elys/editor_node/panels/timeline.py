@@ -9,6 +9,7 @@ from imgui_bundle import imgui
 from elys.bus.messages.session import SessionStatus
 from elys.bus.messages.timeline import Marker, MarkerKind
 from elys.editor_node.language import tr, tr_label
+from elys.editor_node.sentences import tr_sentence
 from elys.editor_node.theme import ACCENT, ERROR, FIELD, GOOD, TEXT, TEXT_DIM, WARNING, Rgba, icons
 from elys.editor_node.timeline import Cluster, Timeline, round_times
 from elys.editor_node.ui import Ui, action_item, centered_text, color_code, dim_text, icon_button
@@ -279,11 +280,11 @@ def _told(ui: Ui, marker: Marker) -> str:
         case "trigger":
             text = tr("{other} enters {one}", one=one, other=other)
         case "edit" if marker.entity:
-            text = f"{tr('Edited')}: {marker.text}, {one}"
+            text = f"{tr('Edited')}: {tr_sentence(marker.text)}, {one}"
         case "edit":
-            text = f"{tr('Edited')}: {marker.text}"
+            text = f"{tr('Edited')}: {tr_sentence(marker.text)}"
         case _:
-            text = marker.text
+            text = tr_sentence(marker.text)
     return f"{marker.time:.2f} s   {text}"
 
 

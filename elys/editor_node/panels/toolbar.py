@@ -8,6 +8,7 @@ from typing import Final
 from imgui_bundle import imgui
 
 from elys.editor_node.language import tr, tr_label
+from elys.editor_node.sentences import tr_sentence
 from elys.editor_node.theme import ACCENT, ERROR, GOOD, TEXT_DIM, WARNING, Rgba, icons
 from elys.editor_node.ui import Tool, Ui, action_item, color_code, colored_text, dim_text, icon_button, with_keys
 
@@ -52,14 +53,14 @@ class Toolbar:
         model, history = ui.model, ui.model.history
         tooltip = tr("Nothing to undo")
         if history.undo_label:
-            tooltip = with_keys(ui, f"{tr('Undo')} {history.undo_label}", "edit.undo")
+            tooltip = with_keys(ui, tr_sentence(f"Undo {history.undo_label}"), "edit.undo")
         if icon_button(icons.ICON_FA_ROTATE_LEFT, "undo", tooltip, enabled=bool(history.undo_label)):
             model.undo()
         ui.landmarks.note("toolbar/undo")
         imgui.same_line(0.0, 2.0)
         tooltip = tr("Nothing to redo")
         if history.redo_label:
-            tooltip = with_keys(ui, f"{tr('Redo')} {history.redo_label}", "edit.redo")
+            tooltip = with_keys(ui, tr_sentence(f"Redo {history.redo_label}"), "edit.redo")
         if icon_button(icons.ICON_FA_ROTATE_RIGHT, "redo", tooltip, enabled=bool(history.redo_label)):
             model.redo()
         ui.landmarks.note("toolbar/redo")

@@ -50,7 +50,7 @@ _FIELDS: Final[Mapping[str, tuple[int, str, str]]] = {
 
 
 class Buffer:
-    """Bytes on the card, growing as needed."""
+    """Bytes on the card, growing as needed. Raises DisplayError where it has no room."""
 
     def __init__(self, context: Context, data: NDArray[Any] | bytes | None = None, *, size: int = 0) -> None:
         self._context = context
@@ -58,6 +58,7 @@ class Buffer:
             data if data is not None else None, reserve=0 if data is not None else max(size, 16)
         )
         self._finalizer = context.adopt(self, "buffer", self.raw)
+        context.check(f"making a buffer of {self.size} bytes")
 
     @property
     def size(self) -> int:
@@ -68,6 +69,7 @@ class Buffer:
         """Replaces the content from the start; what is on its way to the screen keeps the old one."""
         if data.nbytes > self.size:
             self.raw.orphan(max(data.nbytes, 2 * self.size))
+            self._context.check(f"making a buffer of {self.size} bytes")
         else:
             self.raw.orphan()
         if data.nbytes:

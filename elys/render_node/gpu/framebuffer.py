@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from elys.common.errors import DisplayError
 from elys.render_node.gpu.context import Context
 from elys.render_node.gpu.texture import FORMATS, Format, Texture
 
@@ -29,7 +30,7 @@ class Framebuffer:
         smooth: bool = True,
         compare: bool = False,
     ) -> None:
-        """`samples` of 0 is one sample a pixel; more cannot be read by shaders, only resolved."""
+        """`samples` of 0 is one sample a pixel; more cannot be read by shaders, only resolved. Raises DisplayError."""
         context.check_size("a framebuffer", width, height)
         self.width, self.height, self.samples = width, height, samples
         self._context = context
@@ -48,7 +49,13 @@ class Framebuffer:
             self.depth = Texture(context, size, "depth", compare=compare) if depth else None
             raw_colors = [texture.raw for texture in self.colors]
             raw_depth = self.depth.raw if self.depth is not None else None
-        self.raw = context.gl.framebuffer(raw_colors, raw_depth)
+        what = f"making a framebuffer of {width} x {height} pixels"
+        context.check(what)
+        try:
+            self.raw = context.gl.framebuffer(raw_colors, raw_depth)
+        except Exception as error:  # moderngl raises plain Error, as where an attachment has got no memory
+            context.check(what)
+            raise DisplayError(f"{what} failed: {error}") from error
         self._finalizers.append(context.adopt(self, "framebuffer", self.raw))
 
     @classmethod

@@ -66,9 +66,10 @@ class Texture:
         self._finalizer = context.adopt(self, "texture", self.raw)
         self._context = context
         self._has_mipmaps = mipmaps
-        context.check(f"making a texture of {size[0]} x {size[1]} pixels")
+        self._check()
         if mipmaps:
             self.raw.build_mipmaps()
+            self._check()
             self.raw.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
             self.raw.anisotropy = 1.0 if context.is_software else ANISOTROPY
         else:
@@ -77,14 +78,21 @@ class Texture:
         self.raw.repeat_x = self.raw.repeat_y = repeat
 
     def sample(self, *, repeat: tuple[bool, bool], magnify: str, minify: str) -> None:
-        """Sets what happens outside of 0..1 along u and v, and how texels are looked up, by the words of Material textures."""
+        """Sets what happens outside of 0..1 along u and v, and how texels are looked up, by the words of Material textures.
+
+        Raises DisplayError where there is no room for the smaller pictures that this takes.
+        """
         self.raw.repeat_x, self.raw.repeat_y = repeat
         if "mipmap" in minify and not self._has_mipmaps:
             self.raw.build_mipmaps()
+            self._check()
             self._has_mipmaps = True
         self.raw.filter = (_FILTERS[minify], _FILTERS[magnify])
         smooth = minify == "linear-mipmap-linear" and magnify == "linear" and not self._context.is_software
         self.raw.anisotropy = ANISOTROPY if smooth else 1.0
+
+    def _check(self) -> None:
+        self._context.check(f"making a texture of {self.size[0]} x {self.size[1]} pixels")
 
     def wrap_around(self) -> None:
         """Lets its left and right edges meet, as a map of all directions does."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from elys.render_node.gpu import TEXTURE_UNITS, Framebuffer, Program
 from elys.render_node.passes.backdrop import ScreenShader
 from elys.render_node.passes.drawing import depth_program, draw_calls
@@ -11,6 +13,7 @@ from elys.render_node.render_world import Batch
 from elys.render_node.resources import Geometry, Resources
 
 OUTLINE_COLOR = (1.0, 0.55, 0.1, 1.0)  # sRGB and opacity
+FXAA_REACH: Final = 6  # [pixels] that fxaa.frag looks along an edge, and a neighbour of the last one
 
 
 class TonemapPass:

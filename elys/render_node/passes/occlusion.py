@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+from typing import Final
 
 from elys.render_node.gpu import TEXTURE_UNITS, Framebuffer, Program
 from elys.render_node.passes.backdrop import ScreenShader
@@ -10,6 +10,9 @@ from elys.render_node.passes.drawing import depth_program, draw_calls
 from elys.render_node.picture_plan import PicturePlan
 from elys.render_node.render_world import Batch
 from elys.render_node.resources import Geometry, Resources
+
+# [pixels] as far as occlusion.frag looks for horizons, the neighbours that tell it a normal, and the block of its blur.
+OCCLUSION_REACH: Final = 128 + 1 + 2
 
 
 class OcclusionPass:
@@ -51,7 +54,7 @@ class OcclusionPass:
         finding, triangle = self._find.compiled()
         finding.set("reach", plan.picture.occlusion_radius)
         finding.set("strength", plan.picture.ambient_occlusion)
-        finding.set("pixels", view.height / (2.0 * math.tan(view.camera.field_of_view / 2.0)))
+        finding.set("pixels", view.pixels_a_metre)
         self._found.use(depth_write=False)
         triangle.draw()
         blurring, triangle = self._blur.compiled()

@@ -6,7 +6,7 @@ in vec2 place;
 uniform sampler2D depths;
 uniform float reach;     // [m]
 uniform float strength;
-uniform float pixels;    // how many pixels a metre is high at a distance of one metre
+uniform float pixels;    // how many pixels a metre is high at a distance of one metre, in a parallel view at any
 layout(location = 0) out vec4 openness;
 
 const int WAYS = 4, STEPS = 4;
@@ -33,7 +33,9 @@ void main() {
         return;
     }
     n = normalize(n);
-    float radius = clamp(reach * pixels / length(p), 2.0, 128.0);
+    vec3 forward = vec3(clip_from_relative[0].w, clip_from_relative[1].w, clip_from_relative[2].w);
+    float away = dot(forward, forward) > 0.0 ? length(p) : 1.0;
+    float radius = clamp(reach * pixels / away, 2.0, 128.0);
     // Another turn for each pixel of a block of 4 by 4, which the blur evens out (interleaved).
     ivec2 cell = ivec2(gl_FragCoord.xy) & 3;
     float turn = float(cell.x * 4 + cell.y) / 16.0;
@@ -44,9 +46,9 @@ void main() {
         float most = 0.0;
         for (int i = 0; i < STEPS; ++i) {
             vec3 to = point_at(here + direction * radius * (float(i) + 0.5 + turn * 0.5) / float(STEPS)) - p;
-            float away = length(to);
-            float sine = dot(to, n) / max(away, 1e-6) - 0.1;  // flat surfaces of few triangles hide nothing of themselves
-            most = max(most, sine * clamp(1.0 - away * away / (reach * reach), 0.0, 1.0));
+            float gap = length(to);
+            float sine = dot(to, n) / max(gap, 1e-6) - 0.1;  // flat surfaces of few triangles hide nothing of themselves
+            most = max(most, sine * clamp(1.0 - gap * gap / (reach * reach), 0.0, 1.0));
         }
         hidden += most;
     }

@@ -1,7 +1,7 @@
 """How physics sees the world, as line segments: what a tool draws over a picture of it.
 
-Each kind of line is one function from a world's tables to lines; `LINES` names them all. Boxes are those that the last step
-worked with.
+Each kind of line is one function from a world's tables to lines; `LINES` names them all. Boxes are where bodies are now, but for
+fat ones, which are those that the last step worked with.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from elys.sim_node.physics.colliders import ColliderTable
 from elys.sim_node.physics.contacts import ContactStore
 from elys.sim_node.physics.joint_lines import joint_lines
 from elys.sim_node.physics.joints import JointTable
+from elys.sim_node.physics.kernels.placement import place_colliders
 from elys.sim_node.physics.kernels.tables import DYNAMIC, PLANE, STATIC
 from elys.sim_node.physics.kernels.tree import FAR
 
@@ -35,6 +36,7 @@ class Lines(NamedTuple):
 
     positions: Array  # (L, 2, 3) float32 [m], world space
     colors: Array  # (L,) uint8: what each kind says with it
+    entities: Array  # (L, 2) uint32: whose it is; 0 for nobody
     values: Array = np.zeros(0, np.float32)  # (L,) float32 where a kind measures something, else (0,)
 
 
@@ -56,14 +58,15 @@ def debug_lines(tables: Tables, kind: str) -> Lines:
 
 def _boxes(tables: Tables) -> Lines:
     """The smallest boxes of colliders, coloured by the motion of their bodies: 0 dynamic, 1 kinematic, 2 static."""
-    rows = tables.colliders.rows[_drawable(tables)]
-    return box_lines(rows["box"], tables.bodies.rows["motion"][rows["body"]])
+    rows = _placed(tables)
+    return box_lines(rows["box"], tables.bodies.rows["motion"][rows["body"]], rows["entity"])
 
 
 def _fat_boxes(tables: Tables) -> Lines:
     """The boxes that pairs are found with, coloured likewise."""
-    proxies = tables.colliders.proxies[_drawable(tables)]
-    return box_lines(proxies["fat_box"], tables.bodies.rows["motion"][proxies["body"]])
+    is_drawable = _drawable(tables)
+    proxies, entities = tables.colliders.proxies[is_drawable], tables.colliders.rows["entity"][is_drawable]
+    return box_lines(proxies["fat_box"], tables.bodies.rows["motion"][proxies["body"]], entities)
 
 
 def _contacts(tables: Tables) -> Lines:
@@ -73,29 +76,34 @@ def _contacts(tables: Tables) -> Lines:
     arms = CROSS_SIZE * np.eye(3)
     crosses = np.stack([point - arms, point + arms], axis=2).reshape(-1, 2, 3)
     normals = np.stack([contacts.point, contacts.point + NORMAL_LENGTH * contacts.normal], axis=1)
-    lines = _lines(np.concatenate([crosses, normals]), np.repeat([0, 1], [len(crosses), len(normals)]))
+    between = np.stack([contacts.entity_a, contacts.entity_b], axis=1)
+    lines = _lines(
+        np.concatenate([crosses, normals]),
+        np.repeat([0, 1], [len(crosses), len(normals)]),
+        np.concatenate([np.repeat(between, 3, axis=0), between]),
+    )
     impulse = contacts.normal_impulse.astype(np.float32)
     return lines._replace(values=np.concatenate([np.repeat(impulse, 3), impulse]))
 
 
 def _islands(tables: Tables) -> Lines:
-    """The box of each island of bodies that hold on to one another, awake or asleep, a colour for each."""
-    rows = tables.colliders.rows[_drawable(tables)]
+    """The smallest boxes of what moves, with the number of the island of bodies that hold on to one another, awake or asleep.
+
+    Who draws them joins those of an island, for it alone knows who of it is to be seen.
+    """
+    rows = _placed(tables)
     rows = rows[tables.bodies.rows["motion"][rows["body"]] == DYNAMIC]
-    names, island = np.unique(island_of(tables)[rows["body"]], return_inverse=True)
-    boxes = np.full((len(names), 6), np.inf)
-    boxes[:, 3:] = -np.inf
-    np.minimum.at(boxes[:, :3], island, rows["box"][:, :3])
-    np.maximum.at(boxes[:, 3:], island, rows["box"][:, 3:])
-    return box_lines(boxes, np.arange(len(names)) % 256)
+    _, island = np.unique(island_of(tables)[rows["body"]], return_inverse=True)
+    lines = box_lines(rows["box"], island % 256, rows["entity"])
+    return lines._replace(values=np.repeat(island, len(_EDGES)).astype(np.float32))
 
 
 def _sleeping(tables: Tables) -> Lines:
     """The smallest boxes of what sleeps, in the colour of its island."""
-    rows = tables.colliders.rows[_drawable(tables)]
+    rows = _placed(tables)
     rows = rows[tables.bodies.rows["asleep"][rows["body"]] != 0]
     _, island = np.unique(island_of(tables)[rows["body"]], return_inverse=True)
-    return box_lines(rows["box"], island % 256)
+    return box_lines(rows["box"], island % 256, rows["entity"])
 
 
 def _axes(tables: Tables) -> Lines:
@@ -105,7 +113,8 @@ def _axes(tables: Tables) -> Lines:
     axes = [quaternion.rotate(rows["rotation"], np.broadcast_to(axis, (len(rows), 3))) for axis in np.eye(3)]
     ends = rows["position"][:, None] + rows["extent"][:, None, None] * np.stack(axes, axis=1)
     starts = np.broadcast_to(rows["position"][:, None], ends.shape)
-    return _lines(np.stack([starts, ends], axis=2).reshape(-1, 2, 3), np.tile([0, 1, 2], len(rows)))
+    segments = np.stack([starts, ends], axis=2).reshape(-1, 2, 3)
+    return _lines(segments, np.tile([0, 1, 2], len(rows)), np.repeat(_alone(rows["entity"]), 3, axis=0))
 
 
 def _joints(tables: Tables) -> Lines:
@@ -125,10 +134,12 @@ LINES: Final[dict[str, Callable[[Tables], Lines]]] = {
 }
 
 
-def box_lines(boxes: Array, colors: Array) -> Lines:
-    """The twelve edges of boxes (B, 6) of lower and upper corners [m], in colours (B,)."""
+def box_lines(boxes: Array, colors: Array, entities: Array) -> Lines:
+    """The twelve edges of boxes (B, 6) of lower and upper corners [m], in colours (B,), of entities (B,)."""
     corners = np.where(_UPPER, boxes[:, None, 3:], boxes[:, None, :3])
-    return _lines(corners[:, _EDGES].reshape(-1, 2, 3), np.repeat(colors, len(_EDGES)))
+    count = len(_EDGES)
+    edges = corners[:, _EDGES].reshape(-1, 2, 3)
+    return _lines(edges, np.repeat(colors, count), np.repeat(_alone(entities), count, axis=0))
 
 
 def island_of(tables: Tables) -> Array:
@@ -155,11 +166,24 @@ def island_of(tables: Tables) -> Array:
         label = joined
 
 
+def _placed(tables: Tables) -> Array:
+    """Rows of the drawable colliders as their bodies' poses place them: those of the table stand as before the last step."""
+    rows = tables.colliders.rows[_drawable(tables)]
+    listed = np.arange(len(rows), dtype=np.int32)
+    place_colliders(tables.bodies.rows, rows, listed, len(rows), tables.colliders.geometry.arrays)
+    return rows
+
+
 def _drawable(tables: Tables) -> Array:
     """Which colliders have boxes, as (C,) bool: they were in a step, and end somewhere."""
     colliders = tables.colliders
     return np.asarray((colliders.proxies["fat_box"][:, 0] != FAR) & (colliders.rows["kind"] != PLANE))
 
 
-def _lines(positions: Array, colors: Array) -> Lines:
-    return Lines(positions.astype(np.float32), colors.astype(np.uint8))
+def _alone(entities: Array) -> Array:
+    """(N, 2) of lines that belong to one entity each (N,)."""
+    return np.stack([entities, np.zeros_like(entities)], axis=1)
+
+
+def _lines(positions: Array, colors: Array, entities: Array) -> Lines:
+    return Lines(positions.astype(np.float32), colors.astype(np.uint8), entities.astype(np.uint32))

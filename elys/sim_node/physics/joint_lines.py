@@ -18,8 +18,8 @@ APART: Final = 1e-4  # [m] nearer anchors are one
 _ARC_STEPS: Final = 16
 
 
-def joint_lines(joints: Array, bodies: Array) -> tuple[Array, Array]:
-    """Segments (L, 2, 3) [m] and their colours (L,) of the joint rows that hold, between body rows.
+def joint_lines(joints: Array, bodies: Array) -> tuple[Array, Array, Array]:
+    """Segments (L, 2, 3) [m], their colours (L,) and the entities (L, 2) that are joined, of the joint rows that hold.
 
     - ARM: from each body's centre of mass to its anchor, and from anchor to anchor where they are apart.
     - AXIS: through the anchor of b, along the axis of a's side.
@@ -28,11 +28,16 @@ def joint_lines(joints: Array, bodies: Array) -> tuple[Array, Array]:
     """
     rows = joints[(joints["broken"] == 0) & (joints["kind"] != GEAR)]
     anchors, frames, centers = _placed(rows, bodies)
-    segments = [_arms(rows, anchors, centers)]
-    segments.append(_axes(rows, anchors, frames))
+    arms, of_arms = _arms(rows, anchors, centers)
+    axes, of_axes = _axes(rows, anchors, frames)
     limits = [_limits(row, anchors[place], frames[place, 0]) for place, row in enumerate(rows)]
-    segments.append(np.concatenate(limits) if limits else np.zeros((0, 2, 3)))
-    return np.concatenate(segments), np.repeat([ARM, AXIS, LIMIT], [len(part) for part in segments])
+    of_limits = np.repeat(np.arange(len(rows)), [len(lines) for lines in limits])
+    segments = [arms, axes, np.concatenate(limits) if limits else np.zeros((0, 2, 3))]
+    return (
+        np.concatenate(segments),
+        np.repeat([ARM, AXIS, LIMIT], [len(part) for part in segments]),
+        rows["entity"][np.concatenate([of_arms, of_axes, of_limits])],
+    )
 
 
 def _placed(rows: Array, bodies: Array) -> tuple[Array, Array, Array]:
@@ -49,17 +54,20 @@ def _placed(rows: Array, bodies: Array) -> tuple[Array, Array, Array]:
     return anchors, frames, centers
 
 
-def _arms(rows: Array, anchors: Array, centers: Array) -> Array:
-    arms = np.stack([centers, anchors], axis=2)[rows["body"] >= 0]
+def _arms(rows: Array, anchors: Array, centers: Array) -> tuple[Array, Array]:
+    """Segments, and the places of their joints among the rows."""
+    held = rows["body"] >= 0
     apart = np.linalg.norm(anchors[:, 1] - anchors[:, 0], axis=1) > APART
-    return np.concatenate([arms, anchors[apart]])
+    arms = np.concatenate([np.stack([centers, anchors], axis=2)[held], anchors[apart]])
+    return arms, np.concatenate([np.nonzero(held)[0], np.flatnonzero(apart)])
 
 
-def _axes(rows: Array, anchors: Array, frames: Array) -> Array:
+def _axes(rows: Array, anchors: Array, frames: Array) -> tuple[Array, Array]:
+    """The same."""
     turning = np.isin(rows["kind"], (HINGE, SLIDER, CONE))
     along = quaternion.rotate(frames[turning, 0], np.broadcast_to([1.0, 0.0, 0.0], (int(turning.sum()), 3)))
     middle = anchors[turning, 1]
-    return np.stack([middle - LENGTH * along, middle + LENGTH * along], axis=1)
+    return np.stack([middle - LENGTH * along, middle + LENGTH * along], axis=1), np.flatnonzero(turning)
 
 
 def _limits(row: Array, anchors: Array, frame: Array) -> Array:

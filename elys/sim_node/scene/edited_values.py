@@ -1,7 +1,8 @@
 """What bodies, clips and joints were before time moved them: the scene as somebody edited it, beside the scene as it runs.
 
-Just before the first step the columns that a simulation writes into are copied, once. From then on edits are noted here too:
-the fields that they name, as the edit left them. Whoever saves the scene saves these and not where bodies have fallen.
+Just before the first step, or the first pose of a clip, the columns that a simulation writes into are copied, once. From then on
+edits are noted here too: the fields that they name, as the edit left them. Whoever saves the scene saves these and not where
+bodies have fallen.
 """
 
 from __future__ import annotations
@@ -38,11 +39,11 @@ class EditedValues:
 
     @property
     def is_captured(self) -> bool:
-        """Whether time has gone on since the scene was loaded."""
+        """Whether anything was moved since the scene was loaded."""
         return bool(self._captured)
 
     def capture(self) -> None:
-        """Takes what is there as edited, before the first step; does nothing later."""
+        """Takes what is there as edited, before anything is moved; does nothing later."""
         if self._captured:
             return
         for name, fields in MOVED.items():

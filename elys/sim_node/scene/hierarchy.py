@@ -139,6 +139,10 @@ class Hierarchy:
         """The names of the entities at [N] places."""
         return [self._names[index] for index in indices.tolist()]
 
+    def has_instance_of(self, prefab: str) -> bool:
+        """Whether an entity is the root of an instance of a prefab."""
+        return prefab in self._prefabs.values()
+
     def prefabs(self, indices: Indices) -> list[str]:
         """The prefabs of the entities at [N] places."""
         return [self._prefabs.get(index, "") for index in indices.tolist()]

@@ -40,6 +40,17 @@ class Animated(NamedTuple):
     weight_target: Entities  # (W,)
 
 
+_NOTHING_ANIMATED: Final = Animated(
+    np.zeros((0, 3), np.float32),
+    np.zeros((0, 4), np.float32),
+    np.zeros((0, 3), np.float32),
+    np.zeros(0, np.uint32),
+    np.zeros(0, np.float32),
+    np.zeros(0, np.uint32),
+    np.zeros(0, np.uint32),
+)
+
+
 class _Players(NamedTuple):
     """N entities that play one clip.
 
@@ -68,6 +79,11 @@ class Animations:
         self._problems: list[Problem] = []
         self._told: set[tuple[int, str]] = set()
 
+    @property
+    def is_needed(self) -> bool:
+        """Whether anybody plays a clip, or did so until now."""
+        return bool(len(self._query) or self._players)
+
     def take_problems(self) -> list[Problem]:
         """What could not be played, or only in part, since this was last asked."""
         problems, self._problems = self._problems, []
@@ -78,7 +94,7 @@ class Animations:
 
         Returns the entities that live and are moved no more: frames tell no longer where they are.
         """
-        if not len(self._query) and not self._players:
+        if not self.is_needed:
             return []
         before = self._world.allocator.ids[self._moved]
         if _may_bind_otherwise(changes):
@@ -124,6 +140,8 @@ class Animations:
 
     def animated(self) -> Animated:
         """What clips move, as it is now."""
+        if not self._players:
+            return _NOTHING_ANIMATED
         table = self._world.table(Transform)
         rows = table.row_of[self._moved]
         return Animated(

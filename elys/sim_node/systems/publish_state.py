@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from elys.bus import topics
-from elys.bus.messages.physics import ContactBatch, DebugLines, Diagnostics, Meetings, Touches, Visits
+from elys.bus.messages.physics import ContactBatch, DebugLines, Diagnostics, Meetings, Touches, Touching, Visits
 from elys.bus.messages.plan import PhysicsPlan, StagePlan
 from elys.bus.messages.scene import SceneDelta, SettingsSet
 from elys.bus.messages.session import TickProfile
@@ -35,6 +35,7 @@ def state_frame(
     playing: bool,
     is_told_again: bool = False,
     is_forked: bool = False,
+    instant: int = -1,
 ) -> StateFrame:
     """Where the moving bodies are now, and what animations make of others."""
     bodies, animated = simulation.moving_bodies(), simulation.animated()
@@ -48,6 +49,7 @@ def state_frame(
         playing=playing,
         is_told_again=is_told_again,
         is_forked=is_forked,
+        instant=instant,
         position=bodies.position,
         rotation=bodies.rotation,
         linear_velocity=bodies.linear_velocity,
@@ -97,6 +99,16 @@ def contact_batch(simulation: Simulation, *, epoch: int) -> ContactBatch | None:
     )
 
 
+def touching(simulation: Simulation, *, epoch: int) -> Touching:
+    """The contacts that go on after the last tick."""
+    contacts = simulation.physics.events.contacts
+    rows = {
+        name: (*getattr(contacts.begun, name).tolist(), *getattr(contacts.persisting, name).tolist())
+        for name in Meetings.__struct_fields__
+    }
+    return Touching(epoch=epoch, tick=simulation.tick, contacts=Meetings(**rows))
+
+
 def _columns(rows: NamedTuple) -> dict[str, tuple[Any, ...]]:
     return {name: tuple(column.tolist()) for name, column in rows._asdict().items()}
 
@@ -129,6 +141,7 @@ def debug_lines(simulation: Simulation, kind: str, *, epoch: int) -> DebugLines:
         positions=lines.positions.astype("<f4").tobytes(),
         colors=lines.colors.tobytes(),
         values=lines.values.astype("<f4").tobytes(),
+        entities=lines.entities.astype("<u4").tobytes(),
     )
 
 

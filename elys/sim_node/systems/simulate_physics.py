@@ -102,7 +102,21 @@ class RigidBodies:
 
     def moving(self) -> MovingBodies:
         """Where the bodies are that are not immovable."""
-        bodies, rows = self._physics.bodies, self._rows_of_moving()
+        now = self._moving_now()
+        return MovingBodies(
+            entity=now.entity.copy(),
+            position=now.position.copy(),
+            rotation=now.rotation.copy(),
+            linear_velocity=now.linear_velocity.copy(),
+            angular_velocity=now.angular_velocity.copy(),
+        )
+
+    def _moving_now(self) -> MovingBodies:
+        """The same, perhaps as views of what the next step changes."""
+        bodies, found = self._physics.bodies, self._rows_of_moving()
+        # What can move mostly stands together, behind what cannot: a slice is much faster than rows one by one.
+        is_run = len(found) > 0 and found[-1] - found[0] + 1 == len(found)
+        rows = slice(found[0], found[-1] + 1) if is_run else found
         return MovingBodies(
             entity=bodies.entity[rows],
             position=bodies.position[rows],
@@ -113,7 +127,7 @@ class RigidBodies:
 
     def write_back(self) -> None:
         """Poses and velocities of what moves, into the columns."""
-        moving = self.moving()
+        moving = self._moving_now()
         if not len(moving.entity):
             return
         self._world.transforms.set_world_poses(moving.entity, moving.position, moving.rotation)

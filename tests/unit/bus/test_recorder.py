@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import os
 import threading
 from collections.abc import Callable
@@ -118,9 +119,11 @@ async def test_other_tools_read_the_file_whole(tmp_path: Path, random_host: Host
         assert set(channels) == set(recorded_channels())
         assert channels["delta"].message_encoding == "json"
         assert summary.schemas[channels["delta"].schema_id].encoding == "jsonschema"
-        assert channels["state"].message_encoding == "elys.state.v1"
-        bodies = [message.data for _, _, message in reader.iter_messages(topics=["state"])]
-    assert bodies == [pack_frame(frame) for frame in host.frames.values()]
+        assert channels["state"].message_encoding == "elys.state.v2"
+        layout = json.loads(summary.schemas[channels["state"].schema_id].data)["layout"]
+        assert layout["frame"]["header"]["bytes"] == HEADER.size
+        headers = [message.data[: HEADER.size] for _, _, message in reader.iter_messages(topics=["state"])]
+    assert headers == [pack_frame(frame)[: HEADER.size] for frame in host.frames.values()]
 
 
 async def test_a_session_is_recorded_from_outside(tmp_path: Path, random_host: Host) -> None:

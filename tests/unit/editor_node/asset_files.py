@@ -51,6 +51,30 @@ def write_model(path: Path, *, buffer: str = "", size: float = 1.0, color=(0.8, 
     path.write_text(json.dumps(document))
 
 
+def write_cart(path: Path) -> None:
+    """A glTF model of three meshes in a tree: a cart with two wheels that share one, and a cover."""
+    write_model(path)
+    document = json.loads(path.read_text())
+    corners = document["accessors"][0]
+    for size in (2.0, 3.0):
+        points = np.array([(-size, 0, 0), (size, 0, 0), (size, size, 0), (-size, size, 0)], "<f4")
+        uri = f"data:application/octet-stream;base64,{base64.b64encode(points.tobytes()).decode()}"
+        document["buffers"].append({"byteLength": 48, "uri": uri})
+        document["bufferViews"].append({"buffer": len(document["buffers"]) - 1, "byteLength": 48})
+        view = len(document["bufferViews"]) - 1
+        bounds = {"min": points.min(0).tolist(), "max": points.max(0).tolist()}
+        document["accessors"].append({**corners, "bufferView": view, **bounds})
+        place = len(document["accessors"]) - 1
+        document["meshes"].append({"primitives": [{"attributes": {"POSITION": place}, "indices": 1, "material": 0}]})
+    document["nodes"] = [
+        {"name": "Cart", "mesh": 0, "children": [1, 2, 3]},
+        {"name": "Wheel", "mesh": 1, "translation": [1, 0, 0]},
+        {"name": "Wheel", "mesh": 1, "translation": [-1, 0, 0]},
+        {"name": "Cover", "mesh": 2},
+    ]
+    path.write_text(json.dumps(document))
+
+
 def write_light(path: Path, light=(1.0, 1.0, 2.0)) -> None:
     """A Radiance picture of linear light (H, W, 3), or of 8 x 16 pixels of one colour; it is not packed."""
     light = np.asarray(light, np.float64)

@@ -25,6 +25,7 @@ from elys.bus.messages.session import SessionStatus
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.messages.views import PickReply, PickRequest, ViewFrame, ViewRequest
 from elys.bus.mirror import SceneMirror
+from elys.bus.prefab_service import serve_prefabs
 from elys.bus.session import Session
 from elys.bus.transports.loopback import LoopbackBroker
 from elys.common.components import component_from, values_of
@@ -58,6 +59,7 @@ class SceneHost:
         session.serve(topics.COMMAND, self._take)
         session.serve(topics.SNAPSHOT, self._give_snapshot)
         session.serve(topics.HISTORY, self._give_history)
+        serve_prefabs(session, lambda path: any(e.prefab == path for e in self.mirror.entities.values()))
         self.publish_status()
 
     def load(self, records: list[EntityRecord]) -> tuple[int, ...]:

@@ -7,8 +7,23 @@ import asyncio
 import pytest
 
 from elys.editor_node.application import Application
-from elys.editor_node.events import KeyPressed, MouseMoved, WindowResized
+from elys.editor_node.events import (
+    CharacterTyped,
+    CursorEntered,
+    KeyPressed,
+    KeyReleased,
+    Modifiers,
+    MouseMoved,
+    MousePressed,
+    MouseReleased,
+    MouseScrolled,
+    WindowFocused,
+    WindowResized,
+)
+from elys.editor_node.keys import Key
 from elys.editor_node.window import Window
+
+import glfw  # isort: skip  after the window's module, which loads ImGui's own
 
 
 class Recorder:
@@ -76,6 +91,85 @@ def test_events_go_from_the_top_down_until_one_consumes_them(stacked):
         ]
 
     stacked(scenario)
+
+
+def heard_from_glfw(window: Window, name: str):
+    """The function that GLFW calls for events of a kind; it stays in its place."""
+    setter = getattr(glfw, f"set_{name}_callback")
+    callback = setter(window._window, None)
+    setter(window._window, callback)
+    return lambda *heard: callback(window._window, *heard)
+
+
+def test_what_glfw_tells_goes_down_the_stack_and_stops_where_it_is_consumed(stacked):
+    """A resize that GLFW makes itself; keys, buttons and the rest through the functions that were given to GLFW."""
+
+    async def scenario(application, log):
+        window = application.window
+        heard_from_glfw(window, "cursor_pos")(3.0, 4.0)
+        moved = MouseMoved(3.0, 4.0)
+        assert log == [("top", moved), ("middle", moved), ("bottom", moved)]
+        log.clear()
+        heard_from_glfw(window, "key")(glfw.KEY_A, 38, glfw.PRESS, glfw.MOD_CONTROL)
+        pressed = KeyPressed(glfw.KEY_A, Modifiers.CTRL)
+        assert log == [("top", pressed), ("middle", pressed)]  # the middle one consumes keys
+        log.clear()
+        glfw.set_window_size(window._window, 320, 200)
+        window.poll()
+        assert [(name, event) for name, event in log if isinstance(event, WindowResized)] == [
+            ("top", WindowResized(320, 200))
+        ]
+        log.clear()
+        for name, arguments, event in (
+            ("key", (glfw.KEY_A, 38, glfw.RELEASE, 0), KeyReleased(glfw.KEY_A, Modifiers.NONE)),
+            ("mouse_button", (1, glfw.PRESS, 0), MousePressed(1, Modifiers.NONE)),
+            ("mouse_button", (1, glfw.RELEASE, 0), MouseReleased(1, Modifiers.NONE)),
+            ("scroll", (0.0, -1.0), MouseScrolled(0.0, -1.0)),
+            ("char", (0x1F642,), CharacterTyped(0x1F642)),
+            ("cursor_enter", (1,), CursorEntered(True)),
+            ("window_focus", (1,), WindowFocused(True)),
+        ):
+            heard_from_glfw(window, name)(*arguments)
+            assert log == [(layer, event) for layer in ("top", "middle", "bottom")], name
+            log.clear()
+        application.close()
+        heard_from_glfw(window, "key")(glfw.KEY_UNKNOWN, 0, glfw.PRESS, 0)
+        assert log == []
+
+    stacked(scenario)
+
+
+@pytest.mark.gl
+def test_the_editors_layers_keep_what_is_theirs(at_the_editor):
+    """What is typed into a widget is no shortcut, and what no widget wants is."""
+
+    async def scenario(person):
+        editor = person.editor
+        kinds = [type(layer).__name__ for layer in editor.application.layers]
+        assert kinds.index("ShortcutLayer") < kinds.index("ViewportLayer") < kinds.index("ImGuiLayer")
+        press = heard_from_glfw(editor.window, "key")
+        typed = heard_from_glfw(editor.window, "char")
+
+        async def key(letter: str) -> None:
+            press(ord(letter.upper()), 0, glfw.PRESS, 0)
+            typed(ord(letter))
+            await person.frames(2)
+            press(ord(letter.upper()), 0, glfw.RELEASE, 0)
+            await person.frames(2)
+
+        await key("e")
+        assert editor.ui.tools.tool == "rotate"
+        await person.click("hierarchy/search")
+        await person.frames(2)
+        await key("r")
+        assert editor.ui.tools.tool == "rotate" and editor.workspace.hierarchy._search == "r"
+        await person.press(Key.ESCAPE)
+        await person.press(Key.ESCAPE)
+        await person.frames(2)
+        await key("r")
+        assert editor.ui.tools.tool == "scale"
+
+    at_the_editor(scenario)
 
 
 def test_frames_update_from_the_bottom_up(stacked):

@@ -19,7 +19,7 @@ from elys.common.scene import EntityRecord
 from elys.editor_node.asset_pictures import ThumbnailCache
 from elys.editor_node.events import FilesDropped, MouseMoved, MousePressed, MouseReleased, MouseScrolled
 from elys.editor_node.keys import Key
-from tests.unit.editor_node.asset_files import write_image, write_model, write_project
+from tests.unit.editor_node.asset_files import write_cart, write_image, write_model, write_project
 from tests.unit.editor_node.person import CTRL
 
 pytestmark = pytest.mark.gl
@@ -220,6 +220,54 @@ def test_an_image_is_dragged_into_a_field(at_the_browser):
         assert browser.host_assets.get(reference_of(data)) == data
         browser.editor.seat.detach()  # another host would have to be given it anew
         assert not browser.library.is_at_host(browser.file("grass.png"))
+
+    at_the_browser(scenario)
+
+
+def test_of_a_model_of_several_meshes_one_is_chosen_by_name(at_the_browser):
+    async def scenario(browser):
+        person = browser.person
+        source = await person.stage.picture_source(entity=person.stage.named("Ground"))
+        await person.until(lambda: browser.editor.stream.shown is not None)
+        write_cart(browser.folder / "cart.gltf")
+        await person.until(lambda: browser.content("cart.gltf") is not None)
+        meshes = browser.content("cart.gltf").meshes
+        assert list(meshes) == ["Cart", "Wheel", "Cover"] and len(set(meshes.values())) == 3
+        await person.click("hierarchy/Box 1")
+        for name in ("Transform", "RigidBody"):
+            await person.click(f"inspector/{name}")
+            await person.frames(2)
+        field = "inspector/MeshRenderer/mesh"
+        await browser.drop("cart.gltf", field)
+        await person.frames(3)
+        offered = {name for name in browser.landmarks.rectangles if name.startswith(f"{field}/pick/")}
+        assert offered == {f"{field}/pick/{name}" for name in meshes}
+        await person.click(f"{field}/pick/Wheel")
+        await person.until(lambda: browser.entity("Box 1").components["MeshRenderer"].mesh == meshes["Wheel"])
+        assert browser.host_assets.has(meshes["Wheel"])
+        # Or typed, and Enter takes the first of that name.
+        await browser.drop("cart.gltf", field)
+        await person.frames(3)
+        await person.type("cov")
+        await person.press(Key.ENTER)
+        await person.until(lambda: browser.entity("Box 1").components["MeshRenderer"].mesh == meshes["Cover"])
+        # What the scene knows is still what the crosshairs offer.
+        browser.landmarks.rectangles.clear()
+        await person.frames(2)
+        await person.click(f"{field}/pick")
+        await person.frames(2)
+        assert f"{field}/pick/box" in browser.landmarks.rectangles
+        await person.press(Key.ESCAPE)
+
+        # In the view it is the whole tree.
+        await browser.drop("cart.gltf", "viewport/picture")
+        await person.until(lambda: browser.entity("Cover") is not None)
+        root = browser.entity("cart")
+        assert root.prefab == str(browser.folder / "cart.gltf")
+        tree = browser.host.mirror
+        names = [tree.entities[entity].name for entity in tree.descendants(root.id)]
+        assert sorted(names) == ["Cart", "Cover", "Wheel", "Wheel 2", "cart"]
+        await source.close()
 
     at_the_browser(scenario)
 

@@ -127,7 +127,7 @@ def test_another_scene_is_opened_by_hand_after_the_question_what_becomes_of_edit
         await until(person, lambda: [entity.name for entity in host.mirror.entities.values()] == ["Pot"])
         await until(person, lambda: model.file.path == tmp_path / "kitchen.scene.json" and not model.file.is_dirty)
         assert editor.preferences.recent_scenes == [str(tmp_path / "kitchen.scene.json")]
-        assert f"Opened {tmp_path / 'kitchen.scene.json'}" in model.notice
+        await until(person, lambda: f"Opened {tmp_path / 'kitchen.scene.json'}" in model.notice)
         # It is the first of those opened lately, a click away.
         rectangles = shown(person)
         await person.frames(2)

@@ -160,11 +160,30 @@ def test_without_ends_a_simulation_loops_over_what_is_kept_and_a_recording_loops
         recording.at(10.0, playing=True, loop=True)
         line.follow(10.0)
         await asyncio.sleep(0)
-        assert recording.commands == [c.SetLoop(loop=True)]
+        assert recording.commands == [c.SetRange(), c.SetLoop(loop=True)]
         line.is_looping = False
         assert line.loops
         line.toggle_loop()
-        assert recording.commands[1:] == [c.SetLoop(loop=False)]
+        assert recording.commands[2:] == [c.SetRange(), c.SetLoop(loop=False)]
+
+    asyncio.run(main())
+
+
+def test_a_recording_loops_a_range_by_itself():
+    async def main() -> None:
+        recording = Host(kind="replay", now=3.0)
+        line = line_of(recording)
+        line.set_loop_start()
+        recording.at(5.0, playing=True)
+        line.set_loop_end()
+        assert recording.commands[2:] == [c.SetRange(start=3.0, end=5.0), c.SetLoop(loop=True)]
+        line.follow(5.0)
+        line.toggle_loop()  # its ends are remembered, and it plays on
+        assert recording.commands[4:] == [c.SetRange(), c.SetLoop(loop=False)]
+        line.toggle_loop()
+        assert recording.commands[6] == c.SetRange(start=3.0, end=5.0)
+        line.forget_loop()
+        assert recording.commands[8:] == [c.SetRange(), c.SetLoop(loop=False)]
 
     asyncio.run(main())
 

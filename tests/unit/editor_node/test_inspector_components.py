@@ -11,6 +11,7 @@ from imgui_bundle import imgui
 from elys.common.assets import AssetStore
 from elys.common.components import Component, Light, about, component, forget
 from elys.common.scene import EntityRecord, open_scene
+from elys.editor_node import prefab_values
 from elys.editor_node.fields import DraggedAsset, drag_asset
 from elys.editor_node.keys import Key
 from tests.unit.editor_node.hand import by_hand as by_hand
@@ -210,7 +211,9 @@ def test_fields_are_filtered_and_folds_are_kept(by_hand):
 
 
 def test_what_differs_from_the_prefab_is_marked_and_reverted(by_hand, tmp_path, monkeypatch, screenshot_directory):
-    monkeypatch.setenv("ELYS_CACHE_DIR", str(tmp_path / "cache"))
+    # The editor has no such file: as on another machine, all that it knows of the prefab the host has told it.
+    monkeypatch.setattr(prefab_values, "modified_at", lambda path: -1.0)
+    monkeypatch.setattr(prefab_values, "read_prefab", lambda path: pytest.fail(f"the editor read {path}"))
     bulb = {"Transform": {"position": [0, 1, 0]}, "Light": {"kind": "point", "intensity": 10}}
     lamp = {"name": "Lamp", "components": {"Transform": {}}, "children": [{"name": "Bulb", "components": bulb}]}
     (tmp_path / "lamp.prefab.json").write_text(json.dumps({"elys_scene": 1, "entities": [lamp]}), encoding="utf-8")

@@ -12,13 +12,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from elys.bus import prefab_service
 from elys.bus.messages import commands as c
 from elys.bus.messages import scene as s
 from elys.common.assets import AssetStore
 from elys.common.components import Joint, Material, RigidBody, Transform, declaration_of, declarations
-from elys.common.errors import ComponentError
+from elys.common.errors import ComponentError, RequestError
 from elys.common.scene import EntityRecord, open_scene
-from elys.editor_node import comparison
+from elys.editor_node import comparison, prefab_values
 from elys.editor_node.colors import (
     hex_from_linear,
     linear_from_hex,
@@ -362,7 +363,7 @@ def test_prefabs_tell_what_was_changed_and_take_it_back(on_stage, lamps, tmp_pat
         changes = model.prefabs.of(bulb).changes(model.scene.components_of(bulb))
         assert set(changes) == {"Light", "Camera"} and changes["Camera"] is None
         before = len(model.history.undoable)
-        await model.edit.lay_over("Revert to the prefab:", {bulb: changes})
+        await model.edit.lay_over("Revert to the prefab: {what}", {bulb: changes})
         assert model.prefabs.of(bulb).changes(model.scene.components_of(bulb)) == {}
         assert len(model.history.undoable) == before + 1
         await model.history.undo()
@@ -373,6 +374,7 @@ def test_prefabs_tell_what_was_changed_and_take_it_back(on_stage, lamps, tmp_pat
 
 def test_a_prefab_that_is_not_here_is_said_and_read_when_it_comes(on_stage, lamps, tmp_path, monkeypatch):
     monkeypatch.setenv("ELYS_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.setattr(prefab_values, "LOOK_INTERVAL", 0.0)
     file = tmp_path / "lamp.prefab.json"
     text = file.read_text(encoding="utf-8")
     file.unlink()
@@ -388,6 +390,25 @@ def test_a_prefab_that_is_not_here_is_said_and_read_when_it_comes(on_stage, lamp
         await asyncio.to_thread(file.write_text, text.replace("[0, 1, 0]", "[0, 2, 0]"), encoding="utf-8")
         bulb = model.scene.children_of(first)[0]
         await stage.until(lambda: model.prefabs.of(bulb).components["Transform"] == Transform(position=(0.0, 2.0, 0.0)))
+
+    on_stage(scenario, lamps)
+
+
+def test_where_the_host_cannot_tell_the_file_is_read_here(on_stage, lamps, tmp_path, monkeypatch):
+    """As when a recording is played on another machine than the one it was made on."""
+    monkeypatch.setattr(prefab_values, "LOOK_INTERVAL", 0.0)
+
+    def refuse(path):
+        raise RequestError("that disk is not here")
+
+    monkeypatch.setattr(prefab_service, "read_prefab", refuse)  # the host's; the editor has its own name for it
+
+    async def scenario(stage):
+        model, bulb = stage.model, stage.model.scene.children_of(stage.named("First"))[0]
+        await stage.until(lambda: model.prefabs.of(bulb) is not None)
+        assert model.prefabs.of(bulb).changed_fields(model.scene.component_of(bulb, "Light")) == {"intensity": 3.0}
+        (tmp_path / "lamp.prefab.json").unlink()
+        await stage.until(lambda: model.prefabs.of(bulb).problem == "that disk is not here")
 
     on_stage(scenario, lamps)
 

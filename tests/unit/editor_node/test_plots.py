@@ -21,6 +21,7 @@ def records() -> list[EntityRecord]:
         EntityRecord(name="Crate.left", parent=0, components={"Transform": {"position": [0, 1, 0]}}),
         EntityRecord(name="Crate", components=body),
         EntityRecord(name="world", components={"Light": {"intensity": 7.0}}),
+        EntityRecord(name="Face", enabled=False, components={"Morph": {"weights": "0.5, 0 0.25"}}),
     ]
 
 
@@ -36,7 +37,7 @@ def measured(tick: int, **values) -> Diagnostics:
 def test_paths_lead_to_the_numbers_they_name(on_stage):
     async def scenario(stage):
         paths = FieldPaths(stage.model.scene)
-        _, _, second, light = stage.model.scene.mirror.entities
+        _, _, second, light, _ = stage.model.scene.mirror.entities
         for path, number, unit in (
             ("Crate.Transform.position.z", 3.0, "m"),
             ("Crate.left.Transform.position.y", 1.0, "m"),  # the longest name that there is
@@ -44,6 +45,10 @@ def test_paths_lead_to_the_numbers_they_name(on_stage):
             ("Crate.RigidBody.mass", 5.0, "kg"),
             ("Crate.speed", 5.0, "m/s"),
             ("Crate.spin", 0.0, "rad/s"),
+            ("Crate.enabled", 1.0, ""),
+            ("Face.enabled", 0.0, ""),
+            ("Face.Morph.weights.2", 0.25, ""),
+            ("Face.Morph.weights.9", 0.0, ""),
             ("Crate.Material.base_color.g", 0.2, ""),
             (f"#{light}.Light.intensity", 7.0, None),
             (f"  #{second}.Transform.rotation.w ", 1.0, ""),
@@ -66,13 +71,18 @@ def test_paths_lead_to_the_numbers_they_name(on_stage):
         ("", "begins with no entity"),
         ("Nobody.Transform.position.y", "begins with no entity"),
         ("#999.Transform.position.y", "begins with no entity"),
-        ("Crate.Light.intensity", "Crate has no Light; it has Transform, RigidBody, Material, height, speed, spin"),
+        (
+            "Crate.Light.intensity",
+            "no Light; it has Transform, RigidBody, Material, height, speed, spin, enabled, contacts",
+        ),
         ("Crate.Transform.position", "'position' has x, y, z: name one of them"),
         ("Crate.Transform.position.w", "'position' has x, y, z"),
         ("Crate.Transform.position.xy", "'position' has x, y, z"),
         ("Crate.RigidBody.mass.x", "no parts"),
         ("Crate.RigidBody.nonsense", "RigidBody has no number 'nonsense'"),
         ("Crate.Material.base_color_texture", "no number"),
+        ("Face.Morph.weights", "Morph has no number 'weights'; it has weights.0"),
+        ("Face.Morph.weights.-1", "Morph has no number"),
         ("world.nonsense", "there is kinetic, potential"),
     ],
 )

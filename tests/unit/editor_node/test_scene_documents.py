@@ -355,3 +355,37 @@ def test_a_cyclic_move_among_several_is_refused_whole(tmp_path):
         apply_edits(simulation, (Reparent(entity=apple, parent=ground), Reparent(entity=ground, parent=apple)))
     simulation.settle()
     assert simulation.world.hierarchy.parent_of(apple) == 0 and simulation.state_hash() == before
+
+
+@pytest.mark.parametrize("played", [0, 20])
+@pytest.mark.parametrize(("folder", "file"), [("AnimatedCube", "03_animated_cube.gltf"), ("Fox", "Fox.glb")])
+def test_saving_keeps_the_poses_that_were_edited_and_not_those_of_clips(tmp_path, shared_assets, folder, file, played):
+    """A model that plays its clip from the middle on: saved before time goes on and after."""
+    (tmp_path / "models").symlink_to(shared_assets / folder)
+    node = EntityNode(name="It", prefab=f"models/{file}", components={"Animation": {"time": 0.4}})
+    path = tmp_path / "moving.scene.json"
+    write_scene(SceneDocument(name="moving", entities=[node]), path)
+    before = path.read_text()
+
+    async def scenario():
+        async with desk_at(simulation_of(path)) as desk:
+            model = desk.model
+            if played:
+                await desk.play(played)
+            await model.save(str(path))
+            assert path.read_text() == before
+            moved = desk.simulation.animated().local_entity.tolist()
+            assert moved
+            seen = model.scene.mirror.local_pose(moved[0])
+            await model.edit.set_fields([moved[0]], "Transform", {"scale": (2.0, 2.0, 2.0)})
+            await desk.play(2)
+            assert model.scene.mirror.local_pose(moved[0]) != seen
+            await model.save(str(path))
+            await model.history.undo()
+            await desk.play(2)
+            again = tmp_path / "again.scene.json"
+            await model.save(str(again))
+            assert again.read_text() == before
+
+    asyncio.run(scenario())
+    assert path.read_text() != before

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from elys.bus.messages.physics import ContactBatch, DebugLines, Meetings, Touches
-from elys.bus.messages.scene import SceneDelta, Spawned
+from elys.bus.messages.scene import EnabledSet, SceneDelta, Spawned
 from elys.bus.messages.views import ViewCamera
 from elys.bus.mirror import SceneMirror
 from elys.common.components import Component, Joint, Material, MeshRenderer, Transform, values_of
 from elys.common.errors import ElysError
 from elys.common.scene import PictureSettings, SceneSettings
 from elys.render_node.camera import View
-from elys.render_node.debug_drawing import DEBUG_KINDS, DebugDrawing, parsed_kinds
+from elys.render_node.debug_drawing import DEBUG_KINDS, PHYSICS_LINES, DebugDrawing, parsed_kinds
 from elys.render_node.lettering import Sheet, free_places, sheet_for, write_on
 from elys.render_node.marks import LETTERS, Label, Lines, Marks, arrows, box_corners, box_edges
 from elys.render_node.passes.marks import placed_labels
@@ -343,3 +343,96 @@ def test_arrows_point_to_their_ends_and_boxes_have_twelve_edges() -> None:
     edges = box_edges(box_corners(np.zeros((1, 3)), np.array([(1.0, 2.0, 3.0)])))
     lengths = sorted(np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1).tolist())
     assert lengths == [1.0] * 4 + [2.0] * 4 + [3.0] * 4
+
+
+# --- who is out of sight -------------------------------------------------------------------------------------------
+
+
+def told_boxes(
+    mirror: SceneMirror, entities: list[tuple[int, int]], *, islands: list[float] | None = None
+) -> DebugLines:
+    """Lines of physics, twelve each in the space of a unit box that stands at its first entity's number along x."""
+    edges = box_edges(
+        box_corners(np.array([(a, 0.0, 0.0) for a, _ in entities]), np.array([(a + 1, 1, 1) for a, _ in entities]))
+    )
+    return DebugLines(
+        epoch=mirror.epoch,
+        tick=1,
+        positions=edges.astype("<f4").tobytes(),
+        colors=bytes([1]) * len(edges),
+        values=b"" if islands is None else np.repeat(np.array(islands, "<f4"), 12).tobytes(),
+        entities=np.repeat(np.array(entities, "<u4"), 12, axis=0).tobytes(),
+    )
+
+
+@pytest.mark.parametrize("way", ["hidden", "hidden above", "switched off", "switched off above"])
+def test_of_who_is_out_of_sight_nothing_is_marked(make_frame: Callable[..., Any], way: str) -> None:
+    """As if it were not there: marks of a scene without it are the same."""
+    hinge = Joint(kind="hinge", other=1, anchor=(0.0, 0.5, 0.0), other_anchor=(0.0, -0.5, 0.0), axis=(0.0, 0.0, 1.0))
+    both = ("Post", 0, box((0.0, 2.0, 0.0))), ("Group", 0, ()), ("Door", 2, (*box((3.0, 1.0, 0.0)), hinge))
+    pair = {"entity_a": (1,), "entity_b": (3,), "body_a": (1,), "body_b": (3,)}
+    touches = Touches(
+        **pair, point=((0.0, 0.0, 0.0),), normal=((0.0, 1.0, 0.0),), depth=(0.0,), normal_impulse=(2.0,), speed=(1.0,)
+    )
+
+    def made(things: tuple[Any, ...], hidden: tuple[int, ...] = (), off: int = 0) -> Marks:
+        mirror = scene(*things)
+        if off:
+            mirror.apply_delta(
+                SceneDelta(epoch=1, sequence=1, tick=0, changes=(EnabledSet(entity=off, enabled=False),))
+            )
+        drawing = DebugDrawing(mirror)
+        for tick in range(2):
+            poses = {entity: (float(entity), 0.5 * tick, 0.0) for entity in (1, 3) if entity in mirror.entities}
+            frame = make_frame(poses, tick=tick, simulation_time=float(tick), published_at=tick)
+            frame.linear_velocity[:] = (0.0, 0.5, 0.0)
+            mirror.keep_frame(frame)
+            drawing.take_state(frame)
+        if 3 in mirror.entities:
+            drawing.take_contacts(ContactBatch(epoch=1, tick=1, begun=touches))
+        return drawing.marks(placed(mirror), DEBUG_KINDS, hidden=hidden)
+
+    number = 2 if way.endswith("above") else 3
+    out_of_sight = made(both, hidden=(number,)) if way.startswith("hidden") else made(both, off=number)
+    alone, everybody = made(both[:2]), made(both)
+    np.testing.assert_array_equal(out_of_sight.lines.ends, alone.lines.ends)
+    assert out_of_sight.labels == alone.labels
+    assert len(everybody.lines) > len(alone.lines) + 30
+    assert {label.text for label in everybody.labels} - {label.text for label in alone.labels} >= {"Door", "2 N s"}
+
+
+@pytest.mark.parametrize("kind", ["aabb", "contacts", "joints", "sleeping"])
+def test_lines_of_physics_are_of_whom_they_say(kind: str) -> None:
+    mirror = scene(*((name, 0, ()) for name in "ABC"))
+    world, drawing = placed(mirror), DebugDrawing(mirror)
+    drawing.take_lines(PHYSICS_LINES[kind], told_boxes(mirror, [(1, 0), (1, 2), (3, 0)]))
+
+    def nearest(**asked: Any) -> float:
+        """The least x of any line."""
+        return float(drawing.marks(world, (kind,), **asked).lines.ends[..., 0].min())
+
+    def count(**asked: Any) -> int:
+        return len(drawing.marks(world, (kind,), **asked).lines)
+
+    whole = count()
+    assert 0.9 < nearest() < 1.1
+    assert count(entities=(3,)) * 3 == count(entities=(2,)) * 3 == whole
+    assert count(entities=(1,)) * 3 == whole * 2
+    assert 2.9 < nearest(hidden=(1,)) < 3.1
+    assert count(hidden=(2,)) * 3 == whole * 2
+    assert count(entities=(1,), hidden=(2,)) * 3 == whole
+
+
+def test_an_island_is_boxed_as_far_as_it_is_seen() -> None:
+    mirror = scene(*((name, 0, ()) for name in "ABC"))
+    world, drawing = placed(mirror), DebugDrawing(mirror)
+    drawing.take_lines("islands", told_boxes(mirror, [(1, 0), (2, 0), (3, 0)], islands=[0.0, 0.0, 1.0]))
+
+    def spans(**asked: Any) -> list[tuple[float, float]]:
+        ends = drawing.marks(world, ("islands",), **asked).lines.ends.reshape(-1, 24, 3)
+        return [(float(box[:, 0].min()), float(box[:, 0].max())) for box in ends]
+
+    assert spans() == [(1.0, 3.0), (3.0, 4.0)]
+    assert spans(hidden=(1,)) == [(2.0, 3.0), (3.0, 4.0)]
+    assert spans(hidden=(1, 2)) == [(3.0, 4.0)]
+    assert spans(entities=(2,)) == [(2.0, 3.0)]

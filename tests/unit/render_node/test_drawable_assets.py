@@ -16,10 +16,12 @@ from PIL import Image
 
 from elys.common.assets import AssetStore, encode_mesh, primitive
 from elys.common.components import Material, MeshRenderer, Transform
-from elys.common.errors import AssetError
+from elys.common.errors import AssetError, DisplayError, RequestError
+from elys.common.scene import SceneSettings
 from elys.render_node.camera import framing_camera
 from elys.render_node.drawable_assets import UNKNOWN_EXTENT, DrawableAssets
 from elys.render_node.images import decode_image
+from elys.render_node.resources import Geometry
 
 RED = np.full((4, 6, 3), (250, 10, 10), np.uint8)
 
@@ -156,3 +158,139 @@ def test_hdr_pictures_in_runs_are_read_and_damaged_ones_refused() -> None:
     ):
         with pytest.raises(AssetError, match=r"hdr"):
             decode_radiance(damaged)
+
+
+class Host:
+    """Serves a store, or nothing; and a clock that is set by hand."""
+
+    def __init__(self, store: AssetStore) -> None:
+        self.store, self.serves, self.asked_at, self.now = store, False, [], 0.0
+
+    def fetch(self, reference: str) -> bytes:
+        self.asked_at.append(self.now)
+        if not self.serves:
+            raise RequestError("nobody answers")
+        return self.store.get(reference)
+
+    def assets(self) -> DrawableAssets:
+        return DrawableAssets(self.fetch, clock=lambda: self.now)
+
+
+def test_what_could_not_be_had_is_asked_for_again_ever_more_seldom_until_it_comes(caplog) -> None:
+    store = AssetStore()
+    name = store.put(encode_mesh(primitive("cone")), kind="mesh")
+    host = Host(store)
+    assets = host.assets()
+    assert assets.retry_pause is None
+    assets.mesh(name)
+    assets.settle()
+    version = assets.version
+    for _ in range(9):
+        pause = assets.retry_pause
+        assert pause is not None
+        host.now += 0.99 * pause
+        assets.retry_due()  # too early
+        assets.settle()
+        host.now += 0.011 * pause
+        assets.retry_due()
+        assets.settle()
+        assert assets.mesh(name) is None and name in assets.failed  # and drawing asks for nothing besides
+    assert np.diff(host.asked_at) == pytest.approx([1, 2, 4, 8, 16, 32, 60, 60, 60], rel=2e-3)
+    assert assets.version == version  # nothing is built anew for failing again
+    assert [record.message for record in caplog.records] == [f"drawn without {name}, until it comes: nobody answers"]
+    host.serves = True
+    host.now += 61.0
+    assets.retry_due()
+    assets.settle()
+    assert assets.mesh(name) is not None
+    assert not assets.failed and assets.version > version
+    assert assets.retry_pause is None
+    assets.close()
+
+
+def test_what_came_and_is_no_good_is_not_asked_for_again() -> None:
+    store = AssetStore()
+    garbage = store.put(b"no mesh at all", kind="mesh")
+    host = Host(store)
+    assets = host.assets()
+    assets.mesh(garbage)
+    assets.settle()
+    host.serves, host.now = True, 2.0
+    assets.retry_due()
+    assets.settle()
+    assert "not a mesh" in assets.failed[garbage]
+    assert assets.retry_pause is None
+    assets.close()
+
+
+@pytest.mark.gl
+def test_meshes_and_images_that_come_late_take_the_place_of_what_stood_for_them(stage, renderer) -> None:
+    store = AssetStore()
+    buffer = io.BytesIO()
+    Image.fromarray(np.full((8, 8, 3), (0, 200, 0), np.uint8)).save(buffer, "PNG")
+    image = store.put(buffer.getvalue(), kind="image")
+    mesh = store.put(encode_mesh(primitive("sphere")), kind="mesh")
+    glow = Material(base_color=(0.0, 0.0, 0.0), emissive=(0.0, 0.0, 1.0))
+    stage.add(Transform(), MeshRenderer(mesh=mesh), glow)
+    lit = Material(base_color=(0.0, 0.0, 0.0), emissive=(1.0, 1.0, 1.0), base_color_texture=image)
+    stage.add(Transform(position=(2.0, 0.0, 0.0)), MeshRenderer(), lit)
+    stage.settings = SceneSettings(background=(0.0, 0.0, 0.0), ambient=(1.0, 1.0, 1.0))
+    host = Host(store)
+    world = stage.world(host.assets())
+    camera = framing_camera((-1, -1, -1), (3, 1, 1), aspect=2.0, direction=(0, 0, -1))
+
+    def seen() -> np.ndarray:
+        renderer.draw(world, camera, 60, 30)
+        renderer.settle(world)
+        world.place()
+        return renderer.read_pixels(renderer.draw(world, camera, 60, 30)).astype(int)
+
+    for turn in range(2):
+        before = seen()
+        is_magenta = (before[..., 0] > 150) & (before[..., 1] < 60)
+        assert is_magenta[:, :30].sum() > 20, turn
+        host.now += 1.5
+        world.assets.retry_due()
+    host.serves, host.now = True, 10.0
+    world.assets.retry_due()
+    after = seen()
+    assert not ((after[..., 0] > 150) & (after[..., 1] < 60)).any()
+    assert ((after[..., 2] > 200) & (after[..., 0] < 60))[:, :30].sum() > 20  # the ball
+    world.assets.close()
+
+
+@pytest.mark.gl
+def test_what_the_card_has_no_room_for_is_marked_and_said_once(stage, renderer, monkeypatch, caplog) -> None:
+    """As the driver says it; `tests/process/test_memory_limits.py` takes the memory away for real."""
+    store = AssetStore()
+    buffer = io.BytesIO()
+    Image.fromarray(np.full((8, 8, 3), (0, 190, 10), np.uint8)).save(buffer, "PNG")
+    image = store.put(buffer.getvalue(), kind="image")
+    stage.add(Transform(), MeshRenderer(mesh=store.put(encode_mesh(primitive("cone")), kind="mesh")))
+    stage.add(Transform(position=(2.0, 0.0, 0.0)), MeshRenderer(), Material(base_color_texture=image))
+    world = stage.world(DrawableAssets(store.get))
+    camera = framing_camera((-1, -1, -1), (3, 1, 1), aspect=2.0, direction=(0, 0, -1))
+    full = DisplayError("making it failed: the graphics card has no memory left")
+
+    def refuse(*_: object, **__: object) -> None:
+        raise full
+
+    cones = primitive("cone").vertex_count
+    with monkeypatch.context() as patched:
+        patched.setattr(
+            "elys.render_node.resources.Geometry",
+            lambda context, mesh: refuse() if mesh.vertex_count == cones else Geometry(context, mesh),
+        )
+        patched.setattr("elys.render_node.resources.Texture.sample", refuse)
+        for _ in range(2):  # the first asks for them
+            renderer.draw(world, camera, 60, 30)
+            world.assets.settle()
+            world.place()
+    for _ in range(3):
+        world.place()
+        picture = renderer.read_pixels(renderer.draw(world, camera, 60, 30)).astype(int)
+    is_magenta = (picture[..., 0] > 150) & (picture[..., 1] < 60)
+    assert is_magenta[:, :30].sum() > 20
+    told = [record.message for record in caplog.records]
+    assert len(told) == len({*told}) == 2 and all(message.endswith("no memory left") for message in told)
+    world.assets.close()

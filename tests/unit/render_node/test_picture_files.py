@@ -5,14 +5,20 @@ from __future__ import annotations
 import struct
 import zlib
 from pathlib import Path
+from typing import get_args
 
 import av
 import numpy as np
+import OpenEXR
 import pytest
 from numpy.typing import NDArray
 
+from elys.bus.messages.views import Shows
+from elys.common.components import Camera, Component, Material, MeshRenderer, Transform
 from elys.common.errors import ElysError
-from elys.render_node.picture_files import holds_numbers, output_kind, save_values
+from elys.render_node.offline import OfflineRenderer
+from elys.render_node.picture_files import MEANINGS, holds_numbers, output_kind, save_values
+from tests.unit.render_node.test_debug_drawing import scene
 
 ROWS_PER_BLOCK = 16  # of ZIP compression
 PIXEL_TYPES = {0: "<u4", 1: "<f2", 2: "<f4"}
@@ -124,3 +130,65 @@ def test_what_cannot_be_written_is_one_sentence(tmp_path: Path) -> None:
     assert not holds_numbers(Path("a.png"))
     with pytest.raises(ElysError, match=r"known|are \.png, \.exr, \.npy, \.mp4"):
         output_kind(tmp_path / "a.tiff")
+
+
+def read_by_ffmpeg(path: Path) -> NDArray[np.float32]:
+    """R, G, B (H, W, 3) as FFmpeg's own decoder finds them, which shares no code with OpenEXR."""
+    with av.open(str(path)) as file:
+        (frame,) = file.decode(video=0)
+    assert frame.format.name == "gbrpf32le"
+    width, height = frame.width, frame.height
+    planes = [np.frombuffer(bytes(plane), np.float32).reshape(height, -1)[:, :width] for plane in frame.planes[:3]]
+    return np.stack([planes[2], planes[0], planes[1]], axis=-1)
+
+
+@pytest.mark.gl
+def test_a_scene_is_read_by_others_the_right_way_round(context, tmp_path: Path) -> None:
+    """Red stands in the upper left of it, green in the lower right, both far brighter than white."""
+
+    def glowing(place: tuple[float, float, float], color: tuple[float, float, float]) -> tuple[Component, ...]:
+        return (Transform(position=place), MeshRenderer(), Material(base_color=(0.0, 0.0, 0.0), emissive=color))
+
+    mirror = scene(
+        ("Red", 0, glowing((-1.5, 1.0, 0.0), (40.0, 0.0, 0.0))),
+        ("Green", 0, glowing((1.5, -1.0, 0.0), (0.0, 0.125, 0.0))),
+        ("Eye", 0, (Transform(position=(0.0, 0.0, 6.0)), Camera())),
+    )
+    with OfflineRenderer(mirror, width=60, height=40, environment=False, context=context) as renderer:
+        renderer.write_picture(tmp_path / "light.exr")
+        renderer.write_picture(tmp_path / "light.npy")
+    light = read_by_ffmpeg(tmp_path / "light.exr")
+    assert light.shape == (40, 60, 3)
+    np.testing.assert_array_equal(light, np.load(tmp_path / "light.npy"))
+    for color, value, rows, columns in (
+        (0, 40.0, slice(0, 20), slice(0, 30)),
+        (1, 0.125, slice(20, 40), slice(30, 60)),
+    ):
+        assert light[..., color].max() == pytest.approx(value, abs=0.05)
+        outside = light[..., color].copy()
+        outside[rows, columns] = 0.0
+        assert outside.max() < 0.05
+    with OpenEXR.File(str(tmp_path / "light.exr"), separate_channels=True) as file:
+        header, channels = dict(file.header()), file.channels()
+        assert sorted(channels) == ["B", "G", "R"]
+        for component, name in enumerate("RGB"):
+            np.testing.assert_array_equal(channels[name].pixels, light[..., component])
+    assert header["comments"] == "ELYS: linear radiance, before exposure and tone mapping"
+    np.testing.assert_allclose(header["chromaticities"], (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329), atol=1e-6)
+    for window in ("dataWindow", "displayWindow"):
+        corners = [tuple(map(int, corner)) for corner in header[window]]
+        assert corners == [(0, 0), (59, 39)]
+    assert header["lineOrder"] == OpenEXR.INCREASING_Y
+    assert float(header["pixelAspectRatio"]) == 1.0
+
+
+def test_numbers_that_are_no_colours_claim_no_primaries(tmp_path: Path) -> None:
+    for view, components, said in (("depth", 1, "metres along the camera's axis"), ("normals", 3, "unit normals")):
+        save_values(tmp_path / "it.exr", values(np.float32, components), view=view)
+        with OpenEXR.File(str(tmp_path / "it.exr")) as file:
+            assert said in file.header()["comments"]
+            assert "chromaticities" not in file.header()
+
+
+def test_every_view_says_what_its_numbers_are() -> None:
+    assert set(MEANINGS) == set(get_args(Shows))

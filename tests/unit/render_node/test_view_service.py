@@ -3,28 +3,34 @@
 from __future__ import annotations
 
 import asyncio
+import io
 import itertools
 import mmap
 import os
 from collections.abc import AsyncIterator, Callable, Coroutine
 from contextlib import asynccontextmanager
+from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 import simplejpeg
+from PIL import Image
 
 from elys.bus import topics
+from elys.bus.asset_service import serve_assets
 from elys.bus.codec import encode
 from elys.bus.messages.physics import DebugLines
 from elys.bus.messages.plan import RenderProfile
-from elys.bus.messages.scene import ComponentSet, SceneDelta, Snapshot, SnapshotRequest, Spawned
+from elys.bus.messages.scene import ComponentSet, SceneDelta, SettingsSet, Snapshot, SnapshotRequest, Spawned
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.messages.views import PickRequest, SharedRing, ViewCamera, ViewFrame, ViewRequest
 from elys.bus.mirror import SceneMirror
 from elys.bus.picture_ring import boot_id
 from elys.bus.session import Session
 from elys.bus.transports.loopback import LoopbackBroker
+from elys.common.assets import AssetStore
 from elys.common.components import Light, Material, MeshRenderer, Transform, values_of
 from elys.common.errors import BusError
 from elys.render_node.node import serve_views
@@ -388,5 +394,36 @@ def test_each_view_has_its_own_debug_drawing_and_lines_are_made_only_while_one_i
         while listened():
             await made.picture()
         assert (await made.picture(debug=("labels",), debug_entities=(99,))).jpeg == plain.jpeg
+        nothing = await made.picture(hidden=(BOX,))
+        assert (await made.picture(hidden=(BOX,), debug=("obb", "labels"))).jpeg == nothing.jpeg
+
+    run(context, act)
+
+
+def test_content_that_the_host_has_not_yet_is_shown_when_it_comes(
+    context: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without a new connection; a checker stands for it meanwhile."""
+    monkeypatch.setenv("ELYS_CACHE_DIR", str(tmp_path))
+    buffer = io.BytesIO()
+    Image.fromarray(np.full((8, 8, 3), (10, 20, 220), np.uint8)).save(buffer, "PNG")
+    image = AssetStore().put(buffer.getvalue(), kind="image")
+
+    async def act(made: Play) -> None:
+        served = AssetStore()  # which holds nothing yet
+        serve_assets(made.host, served)
+        light = msgspec.structs.replace(made.mirror.settings, background=(0.0, 0.0, 0.0), ambient=(1.0, 1.0, 1.0))
+        textured = values_of(Material(base_color_texture=image, roughness=1.0))
+        made.change(ComponentSet(entity=BOX, component="Material", values=textured), SettingsSet(settings=light))
+
+        async def shown(is_it: Callable[[int, int, int], bool]) -> None:
+            """Asks for pictures, as an editor does, until one is so."""
+            async with asyncio.timeout(PATIENCE):
+                while not is_it(*middle(await made.picture())):
+                    pass
+
+        await shown(lambda red, green, blue: green < 40 and red >= green)
+        served.put(buffer.getvalue(), kind="image")
+        await shown(lambda red, green, blue: blue > 150 and red < 60)
 
     run(context, act)

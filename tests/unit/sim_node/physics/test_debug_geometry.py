@@ -35,9 +35,10 @@ def two_stacks(steps=5):
 
 
 def test_a_box_has_twelve_edges_along_its_axes():
-    lines = box_lines(np.array([[0.0, 0, 0, 1, 2, 3]]), np.array([7]))
+    lines = box_lines(np.array([[0.0, 0, 0, 1, 2, 3]]), np.array([7]), np.array([9]))
     assert lines.positions.shape == (12, 2, 3)
     assert lines.colors.tolist() == [7] * 12
+    assert lines.entities.tolist() == [[9, 0]] * 12
     lengths = np.abs(lines.positions[:, 1] - lines.positions[:, 0])
     assert sorted(map(tuple, lengths.tolist())) == sorted([(1, 0, 0)] * 4 + [(0, 2, 0)] * 4 + [(0, 0, 3)] * 4)
     corners = {tuple(corner) for corner in lines.positions.reshape(-1, 3).tolist()}
@@ -67,16 +68,21 @@ def test_contacts_are_crosses_with_normals():
     np.testing.assert_allclose(along, world.contacts.normal, atol=1e-5)
     np.testing.assert_allclose(lines.values[lines.colors == 1], world.contacts.normal_impulse)
     np.testing.assert_array_equal(lines.values[: 3 * count : 3], lines.values[3 * count :])
+    between = np.stack([world.contacts.entity_a, world.contacts.entity_b], axis=1)
+    np.testing.assert_array_equal(lines.entities[3 * count :], between)
+    np.testing.assert_array_equal(lines.entities[1 : 3 * count : 3], between)
 
 
 @pytest.mark.parametrize("steps", [5, 90])
-def test_each_island_has_its_own_box_and_colour(steps):
+def test_each_island_has_its_own_number_and_colour(steps):
     world = two_stacks(steps)
     lines = world.debug_lines("islands")
     assert len(np.unique(lines.colors)) == 3
-    boxes = lines.positions.reshape(3, 24, 3)
-    tall = boxes[np.argsort(boxes[:, :, 0].max(1))]
-    np.testing.assert_allclose([tall[-1].min(0), tall[-1].max(0)], [[4.5, 0, -0.5], [5.5, 2, 0.5]], atol=5e-3)
+    boxes, island = lines.positions.reshape(5, 24, 3), lines.values[::12]
+    assert lines.entities[::12].tolist() == [[entity, 0] for entity in range(2, 7)]
+    assert island[0] == island[1] != island[2] == island[3] != island[4]
+    tall = boxes[2:4].reshape(-1, 3)
+    np.testing.assert_allclose([tall.min(0), tall.max(0)], [[4.5, 0, -0.5], [5.5, 2, 0.5]], atol=5e-3)
 
 
 def test_what_sleeps_is_shown_in_the_colour_of_its_island():
@@ -125,6 +131,7 @@ def test_an_unknown_kind_is_refused():
 def test_joints_reach_from_bodies_to_anchors_with_their_axis():
     lines = jointed_boxes(kind="hinge", axis_a=[0, 0, 1]).debug_lines("joints")
     assert lines.colors.tolist() == [0, 0, 1]
+    assert lines.entities.tolist() == [[1, 2]] * 3
     np.testing.assert_allclose(lines.positions[0], [[0, 5, 0], [1, 5, 0]], atol=1e-6)
     np.testing.assert_allclose(lines.positions[1], [[3, 5, 0], [1, 5, 0]], atol=1e-6)
     np.testing.assert_allclose(np.abs(lines.positions[2, 1] - lines.positions[2, 0]), [0, 0, 0.6], atol=1e-6)
@@ -160,10 +167,28 @@ def test_broken_joints_are_not_drawn_and_joined_bodies_are_one_island():
     world = jointed_boxes(kind="fixed", break_force=1.0)
     world.step(DT)
     assert len(world.debug_lines("joints").positions) == 2
-    assert len(world.debug_lines("islands").positions) == 12
+    assert len(np.unique(world.debug_lines("islands").values)) == 1
     world.apply_impulse([2], [100.0, 0.0, 0.0])
     world.step(DT)
     assert [broken.joint for broken in world.take_broken_joints()] == [7]
     assert len(world.debug_lines("joints").positions) == 0
     world.step(DT)
-    assert len(world.debug_lines("islands").positions) == 24
+    assert len(np.unique(world.debug_lines("islands").values)) == 2
+
+
+def test_boxes_are_where_bodies_are_after_the_step_and_to_look_changes_nothing():
+    def flying():
+        world = PhysicsWorld()
+        world.add_bodies([1], position=[[0, 5, 0]], linear_velocity=[[60.0, 0, 0]], gravity_scale=0.0)
+        world.add_colliders([1])
+        return world
+
+    watched, alone = flying(), flying()
+    for step in range(1, 4):
+        watched.step(DT)
+        alone.step(DT)
+        for kind in LINES:
+            watched.debug_lines(kind)
+        boxes = watched.debug_lines("boxes").positions.reshape(-1, 3)
+        np.testing.assert_allclose((boxes.min(0) + boxes.max(0)) / 2, [step, 5, 0], atol=1e-2)
+        assert watched.state_hash() == alone.state_hash()

@@ -1,0 +1,256 @@
+"""Verifying a recording: it is run again, and every tick has to come out as it was recorded, to the bit.
+
+Where it does not, one of three things is so: another build or another kind of machine runs it now; it does not even come out
+twice the same here; or the file was altered, or the machine that recorded it erred.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+
+from elys.bus.course import Course, KeptState, Missing, build_of, read_course
+from elys.bus.messages.state_frame import INSTANTS, StateFrame
+from elys.bus.recording import Recording
+from elys.common.errors import ElysError, RecordingError
+from elys.sim_node.build_facts import build_facts, differences
+from elys.sim_node.frame_comparison import Difference, compared, of_hash
+from elys.sim_node.reexecution import Reexecution, simulation_for
+
+Cause = Literal["equal", "altered", "other build", "not deterministic"]
+Progress = Callable[[float, float], None]  # seconds of simulation done, and in all
+_REPORT = 30  # frames between two tellings of progress
+
+
+class Verdict(msgspec.Struct, frozen=True, kw_only=True):
+    """What came of it."""
+
+    recording: str
+    cause: Cause
+    ticks: int  # that were compared and are equal
+    first_time: float  # [s] of the first
+    last_time: float  # [s] of the last
+    wall_time: float  # [s]
+    realtime_factor: float
+    difference: Difference | None = None
+    other: list[str] = []  # what of build and machine differs
+    notes: list[str] = []
+
+
+def verify(
+    path: Path,
+    *,
+    first: float = -math.inf,
+    last: float = math.inf,
+    threads: int = 1,
+    progress: Progress | None = None,
+) -> Verdict:
+    """Runs a recording again from the exact state at or before the time `first` [s] up to `last`.
+
+    Raises:
+        RecordingError, StateError: it cannot be run again.
+    """
+    began = time.perf_counter()
+    with Recording(path) as recording:
+        course = read_course(recording)
+        other = differences(build_of(recording), build_facts())
+        run = _Run(recording, course, first, last, threads)
+        run.through(progress)
+        cause: Cause = "equal"
+        if run.difference is not None:
+            cause = _cause_of(run, recording, course, other, threads)
+    wall = time.perf_counter() - began
+    seconds = run.last_time - run.first_time
+    return Verdict(
+        recording=str(path),
+        cause=cause,
+        ticks=run.ticks,
+        first_time=run.first_time,
+        last_time=run.last_time,
+        wall_time=wall,
+        realtime_factor=max(0.0, seconds) / wall,
+        difference=run.difference,
+        other=other,
+        notes=run.notes,
+    )
+
+
+class _Run:
+    """One time through a recording, up to what differs."""
+
+    def __init__(self, recording: Recording, course: Course, first: float, last: float, threads: int) -> None:
+        self.ticks = 0
+        self.notes: list[str] = []
+        self.difference: Difference | None = None
+        self._recording, self._course = recording, course
+        self._first, self._last = first, last
+        self.again = Reexecution(recording, course, simulation_for(recording, threads=threads))
+        self.trusted = course.state_before(first)  # the last that came out as it is in the file
+        self._begin(self.trusted)
+        changes = self.trusted.head.changes
+        self._missing = {one.beat: one for one in reversed(course.missing) if one.number > changes}
+        self.first_time = self.last_time = max(first, self.trusted.head.time)
+
+    def through(self, progress: Progress | None) -> None:
+        """Compares frame after frame."""
+        for number in range(self._recording.run_count):
+            with Recording(self._recording.path, run=number) as run:
+                if run.epoch == self._course.epoch:
+                    self._through_run(run, progress)
+            if self.difference is not None:
+                return
+        unplaced = self._missing.get(-1)
+        if unplaced is not None:
+            self.difference = self._lacks(unplaced)
+
+    def _through_run(self, run: Recording, progress: Progress | None) -> None:
+        start = self.first_time
+        end = min(self._last, float(run.time[-1]))
+        for position in range(len(run)):
+            when = float(run.time[position])
+            if when > self._last:
+                return
+            if when < self._begun.head.time:
+                continue
+            frame = run.frame(position)
+            if self.again.instant == self._begun.head.instant and self._ahead(frame) < 0:
+                continue  # from before the state with which it begins
+            if not self._follow(frame):
+                return
+            if when >= self._first:
+                self.ticks += int(position == 0 or run.tick[position] != run.tick[position - 1])
+                self.last_time = when
+            if progress is not None and position % _REPORT == 0:
+                progress(when - start, end - start)
+
+    def _follow(self, frame: StateFrame) -> bool:
+        """Goes on to the instant that a frame shows; returns whether it is as recorded, and the frames after it can be."""
+        if frame.instant < 0 or self._ahead(frame) < 0:
+            self._differs(_lacking(frame))
+        while self.difference is None and self._ahead(frame) > 0:
+            if self.again.simulation.time > frame.simulation_time + 1.0:
+                self._differs(_lacking(frame))
+            elif not self._advance():
+                return False
+        if self.difference is None and self._ahead(frame) == 0:
+            self._compare(frame)
+        return self.difference is None
+
+    def _ahead(self, frame: StateFrame) -> int:
+        """How many beats lead to a frame; negative if it is of the past."""
+        ahead = (frame.instant - self.again.instant) % INSTANTS
+        return ahead if ahead < INSTANTS // 2 else ahead - INSTANTS
+
+    def _compare(self, frame: StateFrame) -> None:
+        simulation = self.again.simulation
+        if (simulation.tick, simulation.time) != (frame.tick, frame.simulation_time):
+            self._differs(_lacking(frame))
+        elif (found := compared(frame, simulation, frame_bounds(self._recording))) is not None:
+            self._differs(found)
+        elif simulation.state_hash() != frame.state_hash:
+            self._differs(of_hash(frame, simulation))
+
+    def _advance(self) -> bool:
+        """Does the next beat, or where it cannot be done again goes to where the recording tells how it goes on."""
+        again = self.again
+        missing = self._missing.get(again.instant + 1)
+        if missing is not None:
+            self.difference = self._lacks(missing)
+            return False
+        try:
+            again.advance()
+        except RecordingError as error:
+            self.notes.append(str(error))
+            later = self._course.state_after(again.instant)
+            if later is None:
+                self._last = -math.inf
+                return False
+            self._begin(later)
+            return True
+        if again.problem:
+            self.notes.append(again.problem)
+            again.problem = ""
+        self._check_state()
+        return True
+
+    def _begin(self, kept: KeptState) -> None:
+        self.again.begin(kept)
+        self._begun = kept
+        self._check_state()
+
+    def _check_state(self) -> None:
+        """Where an exact state stands, this has to be it."""
+        kept = self._course.states.get(self.again.instant)
+        if kept is None:
+            return
+        head, simulation = kept.head, self.again.simulation
+        computed = simulation.state_hash()
+        if (head.tick, head.state_hash) == (simulation.tick, computed):
+            self.trusted = kept
+            return
+        self.difference = Difference(
+            tick=head.tick,
+            time=head.time,
+            text=(
+                f"tick {head.tick} ({head.time:.3f} s): the exact state in the recording has the hash {head.state_hash:016x}, "
+                f"and when run again it is {computed:016x} at tick {simulation.tick}"
+            ),
+            recorded=f"{head.state_hash:016x}",
+            computed=f"{computed:016x}",
+        )
+
+    def _differs(self, difference: Difference) -> None:
+        unplaced = self._missing.get(-1)
+        if unplaced is not None:
+            text = f"{difference.text}; change {unplaced.number} is not in the recording"
+            difference = msgspec.structs.replace(difference, text=text, missing_command=unplaced.number)
+        self.difference = difference
+
+    def _lacks(self, missing: Missing) -> Difference:
+        simulation = self.again.simulation
+        where = "that was made there" if missing.beat >= 0 else "that was made before the end"
+        return Difference(
+            tick=simulation.tick,
+            time=simulation.time,
+            text=(
+                f"tick {simulation.tick} ({simulation.time:.3f} s): change {missing.number} {where} is not in the recording: its "
+                "command was taken out, or lost by a recorder that could not keep up"
+            ),
+            missing_command=missing.number,
+        )
+
+
+def frame_bounds(recording: Recording) -> dict[str, float]:
+    """By column how far recorded values may lie from what they were; {} where they are as they were."""
+    return {}
+
+
+def _lacking(frame: StateFrame) -> Difference:
+    text = (
+        f"tick {frame.tick} ({frame.simulation_time:.3f} s) is in the recording, and does not come when it is run again"
+    )
+    return Difference(tick=frame.tick, time=frame.simulation_time, text=text)
+
+
+def _cause_of(run: _Run, recording: Recording, course: Course, other: list[str], threads: int) -> Cause:
+    """Why a run differs from its recording."""
+    assert run.difference is not None
+    if run.difference.missing_command:
+        return "altered"
+    if other:
+        return "other build"
+    again = Reexecution(recording, course, simulation_for(recording, threads=threads))
+    try:
+        again.begin(run.trusted)
+        while again.instant < run.again.instant:
+            again.advance()
+    except ElysError as error:
+        run.notes.append(f"run once more, it ended earlier: {error}")
+        return "not deterministic"
+    same = again.simulation.state_hash() == run.again.simulation.state_hash()
+    return "altered" if same else "not deterministic"

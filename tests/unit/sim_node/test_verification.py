@@ -1,0 +1,346 @@
+"""Verifying recordings of real sessions: equal where nothing was touched, and what was touched is found where it is."""
+
+from __future__ import annotations
+
+import asyncio
+import dataclasses
+from collections.abc import Callable, Coroutine
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from elys.bus import codec, topics
+from elys.bus.course import read_course
+from elys.bus.messages.commands import (
+    Batch,
+    CommandRecord,
+    Despawn,
+    Grab,
+    LoadScene,
+    Redo,
+    Release,
+    Rename,
+    Resume,
+    Rewind,
+    SetComponent,
+    SetPlaying,
+    SetSettings,
+    Spawn,
+    StepTicks,
+    Undo,
+)
+from elys.bus.messages.state_frame import StateFrame, pack_frame, unpack_frame
+from elys.bus.recording import Recording
+from elys.bus.topics import Encoding
+from elys.common.errors import RecordingError, StateError
+from elys.common.scene import EntityRecord, SceneSettings
+from elys.sim_node import verification
+from elys.sim_node.reexecution import Reexecution
+from elys.sim_node.scene.loading import records_of
+from elys.sim_node.simulation import Simulation
+from elys.sim_node.verification import verify
+from tests.recorded_sessions import Stage, altered, recorded, recorded_outside
+
+BOX = EntityRecord(
+    name="Late", components={"Transform": {"position": [0.1, 9.0, 0.0]}, "RigidBody": {}, "Collider": {}}
+)
+
+
+def move(entity: int, height: float) -> SetComponent:
+    return SetComponent(entity=entity, component="Transform", values={"position": [0.2, height, 0.1]})
+
+
+def any_body(stage: Stage) -> int:
+    return int(stage.simulation.moving_bodies().entity[3])
+
+
+async def edits_of_two(stage: Stage) -> None:
+    """Edits while time goes on and while it stands, undone and made again, by two people."""
+    anna, bert = await stage.person("Anna"), await stage.person("Bert")
+    await anna.step(40)
+    (late,) = await anna.do(Spawn(records=(BOX,)))
+    await bert.do(SetComponent(entity=late, component="RigidBody", values={"mass": 9.0}), Rename(entity=late, name="B"))
+    await bert.step(30)
+    await anna.do(move(late, 7.0), Undo(), Redo(), Undo())  # physics is put back
+    await anna.step(5)
+    await asyncio.gather(anna.ask(move(late, 6.0)), bert.ask(SetSettings(settings=SceneSettings(substeps=3))))
+    await bert.do(Undo())
+    await anna.step(25)
+    await anna.together(move(late, 5.0), Batch(edits=(Rename(entity=late, name="C"), Despawn(entity=10**6))))
+    await bert.do(Grab(entity=late, anchor=(0.0, 0.0, 0.0), target=(1.0, 4.0, 0.0)))
+    await bert.step(20)
+    await bert.do(Grab(entity=late, anchor=(0.1, 0.0, 0.0), target=(-1.0, 4.0, 0.0)))
+    await bert.step(20)
+    await bert.do(Release())
+    await anna.do(Despawn(entity=late), Undo())
+    await anna.step(20)
+
+
+async def forks(stage: Stage) -> None:
+    """The past is looked at, told again, and left for other futures."""
+    anna, bert = await stage.person("Anna"), await stage.person("Bert")
+    await anna.step(80)
+    (late,) = await anna.do(Spawn(records=(BOX,)))
+    await anna.step(80)
+    await anna.do(Rewind(tick=70), StepTicks(count=30))
+    await stage.stands()
+    await bert.do(move(late, 3.0))  # at 100, a fork
+    await bert.step(50)
+    await bert.do(Rewind(tick=120), Resume(), SetPlaying(playing=False))
+    await bert.together(move(late, 4.0), StepTicks(count=-1), StepTicks(count=7))
+    await stage.stands()
+    await bert.do(move(late, 8.0))
+    await anna.step(40)
+    await anna.do(Rewind(tick=90), StepTicks(count=5))
+    await stage.stands()  # and ends in the past
+
+
+async def another_scene(stage: Stage) -> None:
+    anna = await stage.person("Anna")
+    await anna.step(30)
+    records = tuple(records_of(stage.simulation.world))
+    await anna.do(LoadScene(name="again", records=records, settings=stage.simulation.settings))
+    await anna.step(20)
+    await anna.do(SetSettings(settings=SceneSettings(tick_rate=30)))
+    await anna.step(20)
+    await anna.do(SetSettings(settings=SceneSettings(tick_rate=120)), move(any_body(stage), 6.0))
+    await anna.step(60)
+
+
+Story = Callable[[Stage], Coroutine[Any, Any, None]]
+
+
+def record(folder: Path, story: Story, **options: Any) -> tuple[Path, Path]:
+    async def session() -> Stage:
+        async with recorded(folder, **options) as stage:
+            await story(stage)
+        return stage
+
+    stage = asyncio.run(session())
+    return stage.beside, stage.outside
+
+
+@pytest.mark.parametrize("keep", [60.0, 0.0])
+@pytest.mark.parametrize("story", [edits_of_two, forks, another_scene])
+def test_sessions_come_out_equal(tmp_path: Path, story: Story, keep: float) -> None:
+    if story is forks and not keep:
+        pytest.skip("without a flight recorder there is no going back")
+    for path in record(tmp_path, story, keep=keep):
+        verdict = verify(path)
+        assert (verdict.cause, verdict.difference, verdict.notes) == ("equal", None, []), verdict
+        assert verdict.ticks > 100
+        assert not verdict.other
+
+
+def test_a_recorder_that_comes_late_and_a_fork_before_it(tmp_path: Path) -> None:
+    path = tmp_path / "late.mcap"
+
+    async def story(stage: Stage) -> None:
+        anna = await stage.person("Anna")
+        await anna.step(60)
+        (late,) = await anna.do(Spawn(records=(BOX,)))
+        await anna.do(move(late, 6.0))
+        async with recorded_outside(stage, path):
+            await anna.do(Undo())  # physics is put back to what no recorder has seen
+            await anna.step(40)
+            await anna.do(Rewind(tick=30))
+            await anna.do(Spawn(records=(BOX,)))  # a fork of what was before
+            await anna.step(60)
+
+    record(tmp_path, story, outside=False)
+    verdict = verify(path)
+    assert verdict.cause == "equal", verdict
+    assert verdict.ticks >= 60
+
+
+# --- what was altered ------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return record(tmp_path_factory.mktemp("session"), edits_of_two, outside=False)[0]
+
+
+def flipped(frame: StateFrame, column: str, row: int, bit: int) -> StateFrame:
+    values = getattr(frame, column).copy()
+    values.view(f"u{values.dtype.itemsize}")[(row, *(0,) * (values.ndim - 1))] ^= 1 << bit
+    return dataclasses.replace(frame, **{column: values})
+
+
+@pytest.mark.parametrize(
+    ("column", "component", "field"),
+    [
+        ("position", "Transform", "position (world)"),
+        ("rotation", "Transform", "rotation (world)"),
+        ("linear_velocity", "RigidBody", "linear_velocity"),
+        ("angular_velocity", "RigidBody", "angular_velocity"),
+    ],
+)
+def test_a_flipped_bit_is_found_where_it_is(
+    session: Path, tmp_path: Path, column: str, component: str, field: str
+) -> None:
+    tick, row, bit = 57, 4, 3
+    entities = []
+
+    def flip(message: Any) -> bytes:
+        if message.channel == topics.STATE.name and (frame := unpack_frame(message.body)).tick == tick:
+            entities.append(int(frame.entity[row]))
+            return pack_frame(flipped(frame, column, row, bit))
+        return message.body  # type: ignore[no-any-return]
+
+    verdict = verify(altered(session, tmp_path / "a.mcap", flip))
+    assert verdict.cause == "altered"
+    found = verdict.difference
+    assert found is not None
+    assert (found.tick, found.entity, found.component, found.field) == (tick, entities[0], component, field)
+    assert found.recorded != found.computed
+    assert 0.0 < found.difference < 1e-3
+    assert verdict.ticks == 57  # 0 to 56
+
+
+def test_a_flipped_bit_of_the_hash_is_found(session: Path, tmp_path: Path) -> None:
+    def flip(message: Any) -> bytes:
+        if message.channel == topics.STATE.name and (frame := unpack_frame(message.body)).tick == 33:
+            return pack_frame(dataclasses.replace(frame, state_hash=frame.state_hash ^ 1))
+        return message.body  # type: ignore[no-any-return]
+
+    verdict = verify(altered(session, tmp_path / "a.mcap", flip))
+    assert verdict.cause == "altered"
+    assert verdict.difference is not None and verdict.difference.tick == 33
+    assert "hash" in verdict.difference.text
+
+
+def numbered(path: Path) -> list[CommandRecord]:
+    with Recording(path) as recording:
+        bodies = [message.body for message in recording.reader.messages((topics.COMMANDS.name,))]
+    records = [codec.decode_body(body, CommandRecord, Encoding.JSON) for body in bodies]
+    return [record for record in records if record.number > 0]
+
+
+def test_each_command_that_is_taken_out_is_named_at_its_tick(session: Path, tmp_path: Path) -> None:
+    records = numbered(session)
+    assert [record.number for record in records] == list(range(1, len(records) + 1))
+    assert len(records) > 15
+    for gone in records:
+
+        def take_out(message: Any, gone: CommandRecord = gone) -> bytes | None:
+            if message.channel != topics.COMMANDS.name:
+                return message.body  # type: ignore[no-any-return]
+            number = codec.decode_body(message.body, CommandRecord, Encoding.JSON).number
+            return None if number == gone.number else message.body
+
+        verdict = verify(altered(session, tmp_path / "a.mcap", take_out))
+        assert verdict.cause == "altered", gone
+        assert verdict.difference is not None
+        assert verdict.difference.missing_command == gone.number
+        if gone is not records[-1]:
+            assert verdict.difference.tick == gone.tick, (gone, verdict.difference)
+
+
+def test_a_command_that_says_something_else_is_found_at_the_next_tick(session: Path, tmp_path: Path) -> None:
+    gone = next(record for record in numbered(session) if isinstance(record.command, Grab))
+
+    def change(message: Any) -> bytes:
+        if message.channel == topics.COMMANDS.name:
+            record = codec.decode_body(message.body, CommandRecord, Encoding.JSON)
+            if record.number == gone.number:
+                command = msgspec.structs.replace(record.command, target=(1.0, 4.0, 0.5))
+                return codec.encode_body(msgspec.structs.replace(record, command=command), Encoding.JSON)
+        return message.body  # type: ignore[no-any-return]
+
+    verdict = verify(altered(session, tmp_path / "a.mcap", change))
+    assert verdict.cause == "altered"
+    assert verdict.difference is not None
+    assert verdict.difference.tick == gone.tick + 1
+    assert verdict.difference.entity == gone.command.entity
+
+
+def test_a_damaged_exact_state_is_a_sentence(session: Path, tmp_path: Path) -> None:
+    def flip(message: Any) -> bytes:
+        if message.channel != topics.EXACT.name:
+            return message.body  # type: ignore[no-any-return]
+        return message.body[:5000] + bytes([message.body[5000] ^ 1]) + message.body[5001:]  # type: ignore[no-any-return]
+
+    with pytest.raises(StateError, match="damaged"):
+        verify(altered(session, tmp_path / "a.mcap", flip))
+
+
+def test_a_recording_without_exact_states_is_a_sentence(session: Path, tmp_path: Path) -> None:
+    path = altered(session, tmp_path / "a.mcap", lambda m: None if m.channel == topics.EXACT.name else m.body)
+    with pytest.raises(RecordingError, match="holds no exact state"):
+        verify(path)
+
+
+def test_a_cut_file_is_verified_as_far_as_it_goes(session: Path, tmp_path: Path) -> None:
+    whole, path = session.read_bytes(), tmp_path / "cut.mcap"
+    ticks = []
+    for share in (0.5, 0.7, 0.95):
+        path.write_bytes(whole[: int(share * len(whole))])
+        verdict = verify(path)
+        assert verdict.cause == "equal", verdict
+        ticks.append(verdict.ticks)
+    assert 0 < ticks[0] < ticks[-1] <= verify(session).ticks
+
+
+# --- why it differs --------------------------------------------------------------------------------------------------
+
+
+def test_another_build_is_told_from_an_altered_file(session: Path, tmp_path: Path, monkeypatch: Any) -> None:
+    facts = {**verification.build_facts(), "numba": "0.1"}
+    monkeypatch.setattr(verification, "build_facts", lambda: facts)
+    assert verify(session).cause == "equal"
+    assert verify(session).other
+
+    def flip(message: Any) -> bytes:
+        if message.channel == topics.STATE.name and (frame := unpack_frame(message.body)).tick == 9:
+            return pack_frame(flipped(frame, "position", 0, 0))
+        return message.body  # type: ignore[no-any-return]
+
+    verdict = verify(altered(session, tmp_path / "a.mcap", flip))
+    assert verdict.cause == "other build"
+    assert "numba" in verdict.other[0]
+
+
+def test_what_is_not_deterministic_is_told_as_such(session: Path, monkeypatch: Any) -> None:
+    """A system with a memory of its own, which no state holds."""
+    runs = iter(range(1, 100))
+
+    def forgetful(*arguments: Any, **options: Any) -> Simulation:
+        simulation, run = made(*arguments, **options), next(runs)
+
+        def push(world: Any) -> None:
+            if simulation.tick == 20:
+                bodies = simulation.moving_bodies()
+                simulation.physics.apply_force(
+                    [int(bodies.entity[9])], np.array((100.0 * run, 0.0, 0.0)), bodies.position[9]
+                )
+
+        simulation.systems = (push, *simulation.systems)
+        return simulation
+
+    made = verification.simulation_for
+    monkeypatch.setattr(verification, "simulation_for", forgetful)
+    verdict = verify(session)
+    assert verdict.cause == "not deterministic"
+    assert verdict.difference is not None and verdict.difference.tick == 21
+
+
+def test_a_part_is_verified_from_the_state_before_it(session: Path) -> None:
+    verdict = verify(session, first=1.0, last=1.5)
+    assert verdict.cause == "equal"
+    assert verdict.ticks == 31
+
+
+def test_any_instant_is_had_again(session: Path) -> None:
+    from elys.sim_node.reexecution import simulation_for
+
+    with Recording(session) as recording:
+        again = Reexecution(recording, read_course(recording), simulation_for(recording))
+        again.begin(again.course.first)
+        while again.simulation.tick < 71:
+            again.advance()
+        frame = recording.frame(recording.position_at(71 / 60))
+        assert again.simulation.state_hash() == frame.state_hash
