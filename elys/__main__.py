@@ -32,6 +32,7 @@ app.add_typer(node_app, name="node", hidden=True)
 _EXTRA_OF = {
     "PIL": "render",
     "distributed": "cluster",
+    "foxglove": "foxglove",
     "pyarrow": "parquet",
     "vl_convert": "lab",
     "av": "render",
@@ -44,8 +45,8 @@ _EXTRA_OF = {
 
 Scene = Annotated[str, typer.Argument(help="a NAME.scene.json, .gltf or .glb; or the name of a sample (elys samples)")]
 Recording = Annotated[Path, typer.Argument(help="a recording (.mcap)")]
-From = Annotated[str, typer.Option("--from", help="simulation time at which it begins: 2, 2s, 500ms, 1m30s")]
-To = Annotated[str, typer.Option("--to", help="simulation time at which it ends")]
+Begin = Annotated[str, typer.Option("--from", help="simulation time at which it begins: 2, 2s, 500ms, 1m30s")]
+End = Annotated[str, typer.Option("--to", help="simulation time at which it ends")]
 Connect = Annotated[
     Optional[str],  # noqa: UP045  typer reads the annotation
     typer.Option(help="endpoint of the session, tcp/HOST:PORT; default: the one running on this machine"),
@@ -397,10 +398,13 @@ def export(
     recording: Recording,
     output: Annotated[
         Path,
-        typer.Argument(help="OUT.npz (arrays), OUT.csv or OUT.parquet (tables), OUT.glb (a model that moves)"),
+        typer.Argument(
+            help="OUT.npz (arrays), OUT.csv or OUT.parquet (tables), OUT.glb (a model that moves), "
+            "OUT.foxglove.mcap (for Foxglove and Rerun)"
+        ),
     ],
-    start: From = "",
-    end: To = "",
+    start: Begin = "",
+    end: End = "",
     rate: Annotated[
         float, typer.Option(help="samples per simulated second; 0: every tick", min=0.0, max=1e6, show_default=False)
     ] = 0.0,
@@ -408,19 +412,22 @@ def export(
         list[str],
         typer.Option(help="only entities of this name, with all below them; * stands for anything; several times"),
     ] = [],  # noqa: B006
+    foxglove: Annotated[
+        bool, typer.Option("--foxglove", help="for Foxglove and Rerun, whatever the .mcap is called")
+    ] = False,
 ) -> None:
     """Write a recording's motion for other programs: numpy, tables, Blender and three.js."""
     from elys.verbs import export as verb
 
-    verb.export(recording, output, start=start, end=end, rate=rate, entities=entities)
+    verb.export(recording, output, start=start, end=end, rate=rate, entities=entities, foxglove=foxglove)
 
 
 @app.command()
 def cut(
     recording: Recording,
     output: Annotated[Path, typer.Option("--output", "-o", help="the .mcap to write")],
-    start: From = "",
-    end: To = "",
+    start: Begin = "",
+    end: End = "",
 ) -> None:
     """Write a part of a recording as a recording of its own."""
     from elys.verbs import recordings as verb

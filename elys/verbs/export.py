@@ -12,12 +12,16 @@ from elys.common.errors import RecordingError
 from elys.verbs.moments import parse_moment
 from elys.verbs.output import progress_bar, size_text
 
+FOXGLOVE_SUFFIX: Final = ".foxglove.mcap"
 Exporter = Callable[[Path, Path, Selection, Progress], str]
 
 
-def export(recording: Path, output: Path, *, start: str, end: str, rate: float, entities: Sequence[str]) -> None:
+def export(
+    recording: Path, output: Path, *, start: str, end: str, rate: float, entities: Sequence[str], foxglove: bool
+) -> None:
     """Writes what of a recording is selected, and says what it was."""
-    exporter = EXPORTERS.get(output.suffix)
+    suffix = FOXGLOVE_SUFFIX if foxglove or output.name.endswith(FOXGLOVE_SUFFIX) else output.suffix
+    exporter = EXPORTERS.get(suffix)
     if exporter is None:
         raise RecordingError(
             f"{output} is no place for motion: give it the suffix {', '.join(EXPORTERS)}, for instance motion.npz"
@@ -67,4 +71,19 @@ def _glb(source: Path, target: Path, selection: Selection, progress: Progress) -
     return f"{made.nodes} nodes, {made.channels} channels of motion over {made.duration:.2f} s"
 
 
-EXPORTERS: Final[dict[str, Exporter]] = {".npz": _npz, ".csv": _csv, ".parquet": _parquet, ".glb": _glb}
+def _foxglove(source: Path, target: Path, selection: Selection, progress: Progress) -> str:
+    from elys.bus.exports.foxglove_file import export_foxglove
+
+    if target.suffix != ".mcap":
+        raise RecordingError(f"{target} is no place for Foxglove's messages: give it the suffix .mcap")
+    made = export_foxglove(source, target, selection, progress)
+    return f"{made.frames} frames of {made.entities} entities, {made.messages} messages"
+
+
+EXPORTERS: Final[dict[str, Exporter]] = {
+    ".npz": _npz,
+    ".csv": _csv,
+    ".parquet": _parquet,
+    ".glb": _glb,
+    FOXGLOVE_SUFFIX: _foxglove,
+}
