@@ -118,6 +118,14 @@ def run(
     threads: Threads = 1,
     no_guard: NoGuard = False,
     keep: Keep = 60.0,
+    foxglove: Annotated[
+        int,
+        typer.Option(
+            help="serve the session to the Foxglove app at this port of loopback; 8765 is where it looks",
+            min=0,
+            max=65535,
+        ),
+    ] = 0,
     json: Json = False,
 ) -> None:
     """Simulate a scene, with an editor attached; or --headless, for a server or a script."""
@@ -135,6 +143,7 @@ def run(
         threads=threads,
         guarded=not no_guard,
         keep=keep,
+        foxglove=foxglove,
         json=json,
     )
 
@@ -464,6 +473,19 @@ def recover(
 
 
 @app.command()
+def foxglove(
+    connect: Connect = None,
+    port: Annotated[int, typer.Option(help="port to listen at; 0: any that is free", min=0, max=65535)] = 8765,
+    host: Annotated[str, typer.Option(help="address to listen at; default: this machine alone")] = "127.0.0.1",
+    patience: Annotated[float, typer.Option(help="seconds to wait for the session", min=0.1, hidden=True)] = 5.0,
+) -> None:
+    """Serve a running session, or a replay, to the Foxglove app."""
+    from elys.verbs import foxglove as verb
+
+    verb.foxglove(connect, host=host, port=port, patience=patience)
+
+
+@app.command()
 def doctor(json: Json = False) -> None:
     """Check what ELYS needs of this machine, and say how to mend it."""
     from elys.verbs import doctor as verb
@@ -658,7 +680,7 @@ def node_player(
 def main() -> None:
     """The `elys` command: errors of ELYS become one line and exit status 1, wrong options one line and 2."""
     try:
-        sys.exit(app(prog_name="elys", standalone_mode=False) or 0)
+        sys.exit(app(_with_default_port(sys.argv[1:]), prog_name="elys", standalone_mode=False) or 0)
     except ElysError as error:
         print(f"elys: {error}", file=sys.stderr)
         sys.exit(1)
@@ -676,6 +698,14 @@ def main() -> None:
     except BrokenPipeError:  # `elys topic echo | head`: the reader has had enough
         sys.stderr.close()
         sys.exit(0)
+
+
+def _with_default_port(words: list[str]) -> list[str]:
+    """`--foxglove` without a port means the one where the app looks: typer knows no values that may be left out."""
+    made = []
+    for word, following in zip(words, [*words[1:], ""], strict=True):
+        made += [word, "8765"] if word == "--foxglove" and "run" in words[:1] and not following.isdecimal() else [word]
+    return made
 
 
 def _usage_sentence(error: typer.BadParameter) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from elys.common.errors import LaunchError
 
@@ -15,7 +15,22 @@ _PACKAGE: Final = Path(__file__).parents[1]
 LAUNCH_DIRECTORIES: Final = (_PACKAGE.parent / "launch", _PACKAGE / "_launch")  # of a checkout, of an installed wheel
 
 
-def run(
+def run(scene: str, *, listen: str | None, foxglove: int = 0, **options: Any) -> None:
+    """Simulates a scene: with an editor, or headless; with a port, also for the Foxglove app."""
+    from elys.bus.discovery import complete_endpoint
+
+    endpoint = complete_endpoint(listen) if listen else None  # what is none is said before anything takes its time
+    if not foxglove:
+        _run(scene, listen=endpoint, **options)
+        return
+    from elys.verbs.foxglove import foxglove_beside
+
+    endpoint = endpoint or free_endpoint()
+    with foxglove_beside(endpoint, foxglove):
+        _run(scene, listen=endpoint, **options)
+
+
+def _run(
     scene: str,
     *,
     headless: bool,
@@ -31,9 +46,6 @@ def run(
     json: bool,
 ) -> None:
     """Simulates a scene: with an editor, or headless; headless with a step limit runs as fast as it can."""
-    from elys.bus.discovery import complete_endpoint
-
-    endpoint = complete_endpoint(listen) if listen else None  # what is none is said before anything takes its time
     if headless:
         _run_headless(
             scene,
@@ -41,7 +53,7 @@ def run(
             record=record,
             realtime=realtime or not step_limit,
             paused=paused,
-            listen=endpoint,
+            listen=listen,
             name=name,
             threads=threads,
             guarded=guarded,
@@ -68,7 +80,7 @@ def run(
     options += [] if guarded else ["--no-guard"]
     options += ["--keep", str(keep)]
     options += ["--threads", str(threads)] if threads > 1 else []
-    sys.exit(start("editor", {"scene": scene}, endpoint=endpoint, extra={"simulation": options}))
+    sys.exit(start("editor", {"scene": scene}, endpoint=listen, extra={"simulation": options}))
 
 
 def launch(file: Path, values: list[str]) -> None:

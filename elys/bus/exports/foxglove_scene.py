@@ -114,9 +114,10 @@ class FoxgloveScene:
 
     def frames(self, mirror: SceneMirror) -> tuple[list[str], Poses]:
         """Names [N] of all frames but `scene` and their poses in it [N, 7]: position [m], then rotation x y z w."""
-        poses = np.empty((len(self.drawn), 7))
-        frame, rows = mirror.latest_frame, np.full(len(self.drawn), -1)
-        for place, entity in enumerate(self.drawn):
+        there = [entity for entity in self.drawn if entity in mirror.entities]
+        poses = np.empty((len(there), 7))
+        frame, rows = mirror.latest_frame, np.full(len(there), -1)
+        for place, entity in enumerate(there):
             row = mirror.frame_row(entity)
             if row >= 0:
                 rows[place] = row
@@ -126,7 +127,7 @@ class FoxgloveScene:
         moving = np.flatnonzero(rows >= 0)
         if frame is not None and len(moving):
             poses[moving, :3], poses[moving, 3:] = frame.position[rows[moving]], frame.rotation[rows[moving]]
-        return [self.names.of(mirror, entity) for entity in self.drawn], poses
+        return [self.names.of(mirror, entity) for entity in there], poses
 
     def urdf(self, mirror: SceneMirror) -> str:
         """What is drawn as a URDF, see `elys.bus.exports.urdf`."""

@@ -1,4 +1,4 @@
-"""What Foxglove and Rerun are given, as readers of others see it: entities, geometry and frames where they were in closed form."""
+"""What Foxglove and Rerun are given, as others read it: entities, geometry and frames, against their closed forms."""
 
 from __future__ import annotations
 
@@ -134,7 +134,9 @@ def test_what_looks_the_same_is_not_told_again(tmp_path: Path) -> None:
 def test_lines_of_the_log_and_messages_to_plot(told: Path, tmp_path: Path) -> None:
     export_foxglove(told, tmp_path / "t.foxglove.mcap")
     lines = decoded(tmp_path / "t.foxglove.mcap")["/log"]
-    assert [(m.message, m.level, m.name) for _, m in lines] == [(f"tick {t}", 3, "sim") for t in range(0, TICKS + 1, 10)]
+    assert [(m.message, m.level, m.name) for _, m in lines] == [
+        (f"tick {t}", 3, "sim") for t in range(0, TICKS + 1, 10)
+    ]
     with (tmp_path / "t.foxglove.mcap").open("rb") as file:
         events = list(make_reader(file, validate_crcs=True).iter_messages(topics=["/events"]))
     assert [json.loads(message.data)["tick"] for _, _, message in events] == list(range(0, TICKS + 1, 10))
