@@ -13,14 +13,8 @@ pytest.importorskip("foxglove")
 websockets = pytest.importorskip("websockets")
 
 
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
-def test_a_running_session_is_heard_and_ends_cleanly(elys, tmp_path):
-    port = free_port()
+def test_a_running_session_is_heard_and_ends_cleanly(elys, free_port):
+    port = free_port
     run = elys("run", "stack", "--headless", "--steps", "900", "--realtime", "--foxglove", str(port))
     run.wait_for("Foxglove: open a connection to ws://127.0.0.1")
 
@@ -50,7 +44,7 @@ def test_a_running_session_is_heard_and_ends_cleanly(elys, tmp_path):
         assert probe.connect_ex(("127.0.0.1", port)) != 0  # nobody listens there any more
 
 
-def test_without_a_session_there_is_a_sentence(elys):
-    alone = elys("foxglove", "--port", str(free_port()))
+def test_without_a_session_there_is_a_sentence(elys, free_port):
+    alone = elys("foxglove", "--port", str(free_port))
     assert alone.wait() == 1
     assert "no session is running on this machine" in alone.output
