@@ -67,7 +67,8 @@ def export_foxglove(
         positions = selected_positions(recording, selection)
         writing = _Writing(Writer(file, chunk_size=_CHUNK_SIZE, compression=CompressionType.ZSTD))
         scene, transforms = FoxgloveScene(recording.asset), FrameTransforms()
-        named, drawn = NamedEntities(selection), []
+        named = NamedEntities(selection)
+        drawn: list[int] = []
         base = recording.log_time(int(positions[0])) - _nanoseconds(recording.time[positions[0]])
         for place, (mirror, _, changed) in enumerate(selected_scenes(recording, positions, progress)):
             now = base + _nanoseconds(recording.time[positions[place]])

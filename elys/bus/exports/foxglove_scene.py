@@ -110,7 +110,9 @@ class FoxgloveScene:
         """A `foxglove.SceneUpdate` with everything that is drawn, after deleting what was: who joins late needs no other."""
         deletion = fox.SceneEntityDeletion(timestamp=stamp(time), type=fox.SceneEntityDeletionType.All)
         # Messages of protobuf one after the other are one message with all that both repeat.
-        return fox.SceneUpdate(deletions=[deletion]).encode() + b"".join(made for _, made in self._encoded.values())
+        return bytes(fox.SceneUpdate(deletions=[deletion]).encode()) + b"".join(
+            made for _, made in self._encoded.values()
+        )
 
     def frames(self, mirror: SceneMirror) -> tuple[list[str], Poses]:
         """Names [N] of all frames but `scene` and their poses in it [N, 7]: position [m], then rotation x y z w."""

@@ -208,7 +208,7 @@ class FoxgloveServer:
         )
 
 
-class _Listener(foxglove.ServerListener):
+class _Listener(foxglove.ServerListener):  # type: ignore[misc]
     """Hears from the server's threads who subscribes to what."""
 
     def __init__(self, subscribed: Callable[[str], None]) -> None:
