@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from elys.bus.recording import Recording
-from elys.bus.recording_lineage import Lineage, read_lineage, seconds_of
+from elys.bus.recording_lineage import FORK_NAME, Lineage, read_lineage, seconds_of
 from elys.bus.recording_parts import gaps_in
 from elys.bus.transports.mcap import METADATA_NAME
 from elys.bus.transports.mcap_index import DELTA_CHANNEL, STATE_CHANNEL
@@ -81,6 +81,7 @@ class RecordingInfo(msgspec.Struct, frozen=True, kw_only=True):
     channels: tuple[ChannelInfo, ...]
     health: Health
     lineage: Lineage | None = None  # what it was made of, where it was not recorded as it is
+    fork: dict[str, str] = {}  # of which recording the session was a fork, and at which instant
 
 
 def recording_info(path: Path) -> RecordingInfo:
@@ -110,6 +111,7 @@ def recording_info(path: Path) -> RecordingInfo:
             channels=found.channels(duration),
             health=found.health(),
             lineage=read_lineage(recording.reader),
+            fork=recording.reader.metadata.get(FORK_NAME, {}),
         )
 
 

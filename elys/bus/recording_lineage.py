@@ -11,6 +11,7 @@ from elys.bus.transports.mcap import METADATA_NAME
 from elys.bus.transports.mcap_reading import McapReader
 
 LINEAGE_NAME: Final = "elys/lineage"
+FORK_NAME: Final = "elys.lineage"  # metadata of a session that went on from another's recording
 _KEY: Final = "lineage"
 
 

@@ -127,6 +127,10 @@ class _PartWriting:
             compact=made.get("state") == "compact",
         )
         self._lineage = lineage
+        # What else the file says of what was simulated: of which build, and of which recording it is a fork.
+        self._facts = {
+            name: values for name, values in like.reader.metadata.items() if name not in (METADATA_NAME, LINEAGE_NAME)
+        }
         self._mirror: SceneMirror | None = None
         self._given_up = -1  # a number of deltas that cannot be reached
         self._channels = frozenset(recorded_channels()) - _SCENE
@@ -136,6 +140,8 @@ class _PartWriting:
 
     def __enter__(self) -> None:
         self._writer.add_metadata(LINEAGE_NAME, lineage_metadata(self._lineage))
+        for name, values in self._facts.items():
+            self._writer.add_metadata(name, values)
 
     def __exit__(self, *_: object) -> None:
         self._writer.close()

@@ -174,6 +174,8 @@ def info(recording: Path, *, json: bool) -> None:
     print(f"{contents}, {size_text(facts.size)}; ELYS {facts.elys_version}, protocol {facts.protocol}")
     if facts.lineage is not None:
         print("\n".join(_lineage_lines(facts.lineage)))
+    if facts.fork:
+        print(f"a fork of {facts.fork.get('parent', 'another recording')} at {facts.fork.get('time', '?')} s")
     if facts.health.sentence:
         print(f"health: {facts.health.sentence}")
     print()

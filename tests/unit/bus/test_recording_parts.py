@@ -69,6 +69,21 @@ def test_a_cut_is_what_was_there_then(told: Path, tmp_path: Path, first: int, la
     assert counts["events"] == counts["log"] == sum(tick % 10 == 0 for tick in range(first, last + 1))
 
 
+def test_a_cut_keeps_what_is_said_of_the_simulation(tmp_path: Path) -> None:
+    writer = McapWriter(tmp_path / "fork.mcap", session="told", scene="Told")
+    writer.add_metadata("elys.build", {"numba": "1"})
+    writer.add_metadata("elys.lineage", {"parent": "other.mcap", "time": "1.5"})
+    for channel, body, now in messages():
+        writer.write(channel, body, log_time=now)
+    writer.write("exact", b"state", log_time=now)
+    writer.close()
+    cut(tmp_path / "fork.mcap", tmp_path / "part.mcap", Selection(start=1.0))
+    assert recording_info(tmp_path / "part.mcap").fork == {"parent": "other.mcap", "time": "1.5"}
+    with Recording(tmp_path / "part.mcap") as part:
+        assert part.reader.metadata["elys.build"] == {"numba": "1"}
+        assert [message.body for message in part.reader.messages(("exact",))] == [b"state"]
+
+
 def test_a_cut_of_a_cut_knows_both(told: Path, tmp_path: Path) -> None:
     cut(told, tmp_path / "a.mcap", Selection(start=0.5, end=1.5))
     cut(tmp_path / "a.mcap", tmp_path / "b.mcap", Selection(start=1.0))
