@@ -19,16 +19,13 @@ def parse_moment(text: str, *, otherwise: float = 0.0) -> float:
         return otherwise
     sign = -1.0 if rest.startswith("-") else 1.0
     rest = rest.removeprefix("-")
-    seconds, is_bare = 0.0, False
-    while rest or not seconds:
+    seconds, is_over = 0.0, not rest
+    while rest and not is_over:
         part = _PART.match(rest)
-        if part is None or is_bare:
-            raise ElysError(f"'{text}' is no time: write seconds, or for instance 2s, 500ms or 1m30s")
-        seconds += float(part[1]) * _UNITS[part[2]]
-        is_bare = not part[2]
-        rest = rest[part.end() :]
-        if not rest:
+        if part is None:
             break
-    if not math.isfinite(seconds):
-        raise ElysError(f"'{text}' is no time")
+        seconds += float(part[1]) * _UNITS[part[2]]
+        rest, is_over = rest[part.end() :], not part[2]  # a number without a unit is the last one
+    if rest or (is_over and not text.strip("- ")) or not math.isfinite(seconds):
+        raise ElysError(f"'{text}' is no time: write seconds, or for instance 2s, 500ms or 1m30s")
     return sign * seconds
