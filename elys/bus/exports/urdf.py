@@ -7,10 +7,11 @@ and planes a box around them is said.
 from __future__ import annotations
 
 import math
+import re
 import struct
 from collections.abc import Sequence
 from typing import Final, NamedTuple
-from xml.sax.saxutils import quoteattr
+from xml.sax.saxutils import quoteattr as _quoteattr
 
 from elys.common.components import Vec3
 
@@ -18,6 +19,7 @@ URDF_TOPIC: Final = "/robot_description"
 URDF_SCHEMA: Final = ("std_msgs/msg/String", "ros2msg", b"string data\n")
 URDF_ENCODING: Final = "cdr"
 _ALONG_Y: Final = f"{-math.pi / 2!r} 0 0"  # its cylinders stand along z
+_NO_XML: Final = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _CAPSULE: Final = 0.25  # radius of the capsule among the primitives, which is 1 m high
 
 
@@ -47,6 +49,11 @@ def urdf_message(text: str) -> bytes:
     """The same as a `std_msgs/msg/String` in CDR, little-endian. OMG DDSI-RTPS 2.5, 10.2."""
     data = text.encode()
     return b"\x00\x01\x00\x00" + struct.pack("<I", len(data) + 1) + data + b"\0"
+
+
+def quoteattr(text: str) -> str:
+    """A text as an attribute of XML, without the characters that XML has no way to say."""
+    return _quoteattr(_NO_XML.sub("?", text))
 
 
 def _joint(parent: str, child: str, kind: str, turn: str) -> str:

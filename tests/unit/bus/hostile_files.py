@@ -16,6 +16,7 @@ import sys
 import traceback
 import zlib
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -272,6 +273,10 @@ def _open_all(path: Path, folder: Path) -> dict[str, str]:
         "play": lambda: _play(path),
         "recover": lambda: recover(path, mended),
     }
+    if find_spec("foxglove") is not None:
+        from elys.bus.exports.foxglove_file import export_foxglove
+
+        ways["foxglove"] = lambda: export_foxglove(path, folder / "out.foxglove.mcap")
     said = {}
     for name, way in ways.items():
         try:
@@ -313,7 +318,7 @@ def main(folder: Path) -> None:
     import logging
 
     from elys.bus import player, recording, recording_info, recording_recovery  # noqa: F401  before memory is short
-    from elys.bus.exports import model, tables  # noqa: F401
+    from elys.bus.exports import foxglove_file, model, tables  # noqa: F401
 
     logging.disable(logging.CRITICAL)
     _, hard = resource.getrlimit(resource.RLIMIT_AS)

@@ -193,6 +193,22 @@ def test_the_urdf_has_a_link_for_every_frame(told: Path, tmp_path: Path) -> None
     assert sorted(children) == sorted(DRAWN | {"scene"})
 
 
+def test_a_urdf_of_odd_names_can_be_read() -> None:
+    from elys.bus.exports.urdf import Link, urdf_of
+
+    names = ['a "b" <c> & d', "tab\t nul\0 bell\7", "é 東京"]
+    links = [
+        Link(name, "mesh", (1.0, 2.0, -3.0), (1.0, 1.0, 1.0, 1.0), (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)) for name in names
+    ]
+    robot = ElementTree.fromstring(urdf_of("x\1", "world", "scene", links))
+    found = [link.get("name") for link in robot.iter("link")][2:]
+    assert found[0] == names[0] and found[2] == names[2]
+    box = robot.find("link/visual/geometry/box")
+    assert box is not None and box.get("size") == "1.0 2.0 3.0"
+    origin = robot.find("link/visual/origin")
+    assert origin is not None and origin.get("xyz") == "0.5 1.0 -1.5"
+
+
 def test_rerun_draws_boxes_on_the_frames(told: Path, tmp_path: Path) -> None:
     chunks = pytest.importorskip("rerun.chunk", reason="rerun-sdk is not installed here")
     program = shutil.which("rerun", path=str(Path(sys.executable).parent)) or shutil.which("rerun")
