@@ -84,3 +84,19 @@ def test_wrong_words_are_said(elys, tmp_path: Path) -> None:
     assert "give it the suffix .mcap" in elys("export", "run.mcap", "o.csv", "--foxglove").sentence
     assert "recordings have the suffix .mcap" in elys("cut", "run.mcap", "-o", "o.csv").sentence
     assert "cannot be written" in elys("export", "run.mcap", "nowhere/o.csv").sentence
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["run", "x", "--foxglove"], ["run", "x", "--foxglove", "8765"]),
+        (["run", "--foxglove", "x"], ["run", "--foxglove", "8765", "x"]),
+        (["run", "x", "--foxglove", "9000", "--headless"], ["run", "x", "--foxglove", "9000", "--headless"]),
+        (["run", "x", "--foxglove", "--headless"], ["run", "x", "--foxglove", "8765", "--headless"]),
+        (["export", "a.mcap", "b.mcap", "--foxglove"], ["export", "a.mcap", "b.mcap", "--foxglove"]),
+    ],
+)
+def test_the_port_for_foxglove_may_be_left_out(words: list[str], expected: list[str]) -> None:
+    from elys.__main__ import _with_default_port
+
+    assert _with_default_port(words) == expected
