@@ -34,6 +34,7 @@ from elys.bus.transports.mcap import json_schema
 from elys.bus.transports.mcap_reading import RecordedMessage
 from elys.common.errors import MessageError, RecordingError
 
+_LATEST: Final = ((1 << 32) - 1) * 1_000_000_000  # [ns] that their moments can say; only a file of nonsense says more
 _CHUNK_SIZE: Final = 1 << 20  # [bytes]
 _MISSING: Final = "Foxglove's messages need foxglove-sdk: pip install 'elys[foxglove]'"
 # What is plotted or read as text there; the scene is told in messages of its own.
@@ -71,7 +72,7 @@ def export_foxglove(
         drawn: list[int] = []
         base = recording.log_time(int(positions[0])) - _nanoseconds(recording.time[positions[0]])
         for place, (mirror, _, changed) in enumerate(selected_scenes(recording, positions, progress)):
-            now = base + _nanoseconds(recording.time[positions[place]])
+            now = min(max(base + _nanoseconds(recording.time[positions[place]]), 0), _LATEST)
             if changed or not place:
                 named.look(mirror)
             if scene.may_differ(mirror) or changed or not place:

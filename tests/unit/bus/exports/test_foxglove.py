@@ -264,3 +264,16 @@ def test_without_the_sdk_there_is_a_sentence(told: Path, tmp_path: Path, monkeyp
     with pytest.raises(RecordingError, match=r"pip install 'elys\[foxglove\]'"):
         export_foxglove(told, tmp_path / "t.foxglove.mcap")
     assert not (tmp_path / "t.foxglove.mcap").exists()
+
+
+@pytest.mark.parametrize("log_time", [0, 1, (1 << 63) - 1])
+def test_times_that_cannot_be_are_the_nearest_that_can(tmp_path: Path, log_time: int) -> None:
+    from elys.bus.transports.mcap import McapWriter
+    from tests.unit.bus.told_recordings import messages
+
+    writer = McapWriter(tmp_path / "odd.mcap", session="told", scene="Told")
+    for channel, body, _ in messages(first=20, last=25):
+        writer.write(channel, body, log_time=log_time)
+    writer.close()
+    export_foxglove(tmp_path / "odd.mcap", tmp_path / "t.foxglove.mcap")
+    assert len(decoded(tmp_path / "t.foxglove.mcap")["/tf"]) == 6
