@@ -91,7 +91,7 @@ def export_foxglove(
 
 
 def _nanoseconds(seconds: float) -> int:
-    return round(float(seconds) * 1e9)
+    return round(min(max(float(seconds), -1e10), 1e10) * 1e9)
 
 
 def _said(recording: Recording, positions: np.ndarray[Any, Any], place: int) -> Iterator[RecordedMessage]:
