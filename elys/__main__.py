@@ -32,7 +32,8 @@ app.add_typer(node_app, name="node", hidden=True)
 _EXTRA_OF = {
     "PIL": "render",
     "distributed": "cluster",
-    "pyarrow": "lab",
+    "foxglove": "foxglove",
+    "pyarrow": "parquet",
     "vl_convert": "lab",
     "av": "render",
     "glfw": "render",
@@ -53,6 +54,8 @@ Topics = Annotated[
     str, typer.Option(help="record these topics, with commas between, and states and scene; default: all")
 ]
 Recording = Annotated[Path, typer.Argument(help="a recording (.mcap)")]
+Begin = Annotated[str, typer.Option("--from", help="simulation time at which it begins: 2, 2s, 500ms, 1m30s")]
+End = Annotated[str, typer.Option("--to", help="simulation time at which it ends")]
 Connect = Annotated[
     Optional[str],  # noqa: UP045  typer reads the annotation
     typer.Option(help="endpoint of the session, tcp/HOST:PORT; default: the one running on this machine"),
@@ -131,6 +134,14 @@ def run(
     limit: Limit = "",
     topics: Topics = "",
     at: At = "",
+    foxglove: Annotated[
+        int,
+        typer.Option(
+            help="serve the session to the Foxglove app at this port of loopback; 8765 is where it looks",
+            min=0,
+            max=65535,
+        ),
+    ] = 0,
     json: Json = False,
 ) -> None:
     """Simulate a scene, with an editor attached; or --headless, for a server or a script."""
@@ -151,6 +162,7 @@ def run(
         guarded=not no_guard,
         keep=keep,
         plan=plan,
+        foxglove=foxglove,
         json=json,
         at=at,
     )
@@ -479,12 +491,84 @@ def diff(
 @app.command()
 def export(
     recording: Recording,
-    output: Annotated[Path, typer.Argument(help="out.npz: time, name, position, rotation, velocities as arrays")],
+    output: Annotated[
+        Path,
+        typer.Argument(
+            help="OUT.npz (arrays), OUT.csv or OUT.parquet (tables), OUT.glb (a model that moves), "
+            "OUT.foxglove.mcap (for Foxglove and Rerun)"
+        ),
+    ],
+    start: Begin = "",
+    end: End = "",
+    rate: Annotated[
+        float, typer.Option(help="samples per simulated second; 0: every tick", min=0.0, max=1e6, show_default=False)
+    ] = 0.0,
+    entities: Annotated[
+        list[str],
+        typer.Option(help="only entities of this name, with all below them; * stands for anything; several times"),
+    ] = [],  # noqa: B006
+    foxglove: Annotated[
+        bool, typer.Option("--foxglove", help="for Foxglove and Rerun, whatever the .mcap is called")
+    ] = False,
 ) -> None:
-    """Write a recording's motion as numpy arrays."""
-    from elys.verbs import replay
+    """Write a recording's motion for other programs: numpy, tables, Blender and three.js."""
+    from elys.verbs import export as verb
 
-    replay.export(recording, output)
+    verb.export(recording, output, start=start, end=end, rate=rate, entities=entities, foxglove=foxglove)
+
+
+@app.command()
+def cut(
+    recording: Recording,
+    output: Annotated[Path, typer.Option("--output", "-o", help="the .mcap to write")],
+    start: Begin = "",
+    end: End = "",
+) -> None:
+    """Write a part of a recording as a recording of its own."""
+    from elys.verbs import recordings as verb
+
+    verb.cut(recording, output, start=start, end=end)
+
+
+@app.command()
+def merge(
+    recordings: Annotated[list[Path], typer.Argument(help="recordings of one session", show_default=False)],
+    output: Annotated[Path, typer.Option("--output", "-o", help="the .mcap to write")],
+) -> None:
+    """Put the parts of a session together, or what several recorders have of it."""
+    from elys.verbs import recordings as verb
+
+    verb.merge(recordings, output)
+
+
+@app.command()
+def recover(
+    recording: Recording,
+    output: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option("--output", "-o", help="the .mcap to write; default: NAME.recovered.mcap", show_default=False),
+    ] = None,
+    in_place: Annotated[
+        bool, typer.Option("--in-place", help="put the whole file in its place and keep the damaged one as .bak")
+    ] = False,
+) -> None:
+    """Make a whole file of a recording that was cut off or is damaged."""
+    from elys.verbs import recordings as verb
+
+    verb.recover(recording, output, in_place=in_place)
+
+
+@app.command()
+def foxglove(
+    connect: Connect = None,
+    port: Annotated[int, typer.Option(help="port to listen at; 0: any that is free", min=0, max=65535)] = 8765,
+    host: Annotated[str, typer.Option(help="address to listen at; default: this machine alone")] = "127.0.0.1",
+    patience: Annotated[float, typer.Option(help="seconds to wait for the session", min=0.1, hidden=True)] = 5.0,
+) -> None:
+    """Serve a running session, or a replay, to the Foxglove app."""
+    from elys.verbs import foxglove as verb
+
+    verb.foxglove(connect, host=host, port=port, patience=patience)
 
 
 @app.command()
@@ -691,7 +775,7 @@ def node_player(
 def main() -> None:
     """The `elys` command: errors of ELYS become one line and exit status 1, wrong options one line and 2."""
     try:
-        sys.exit(app(prog_name="elys", standalone_mode=False) or 0)
+        sys.exit(app(_with_default_port(sys.argv[1:]), prog_name="elys", standalone_mode=False) or 0)
     except ElysError as error:
         print(f"elys: {error}", file=sys.stderr)
         sys.exit(1)
@@ -709,6 +793,14 @@ def main() -> None:
     except BrokenPipeError:  # `elys topic echo | head`: the reader has had enough
         sys.stderr.close()
         sys.exit(0)
+
+
+def _with_default_port(words: list[str]) -> list[str]:
+    """`--foxglove` without a port means the one where the app looks: typer knows no values that may be left out."""
+    made = []
+    for word, following in zip(words, [*words[1:], ""], strict=True):
+        made += [word, "8765"] if word == "--foxglove" and "run" in words[:1] and not following.isdecimal() else [word]
+    return made
 
 
 def _usage_sentence(error: typer.BadParameter) -> str:

@@ -1,21 +1,27 @@
-"""A recording for other programs: arrays of every body's motion, and the facts about it."""
+"""A recording for other programs: arrays of every body's motion. More kinds of files are in `elys.bus.exports`."""
 
 from __future__ import annotations
 
-from collections import Counter
 from pathlib import Path
 from typing import Any, Final
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from elys.bus import codec, topics
+from elys.bus.exports.files import whole_file
+from elys.bus.exports.selection import (
+    EVERYTHING,
+    NamedEntities,
+    Progress,
+    Selection,
+    no_progress,
+    selected_positions,
+    selected_scenes,
+)
 from elys.bus.messages.physics import Diagnostics
 from elys.bus.recording import Recording
-from elys.bus.recording_storage import StateStorage, state_storage
 from elys.bus.topics import Encoding
-from elys.bus.transports.mcap import METADATA_NAME
 from elys.common.errors import RecordingError
 
 _COLUMNS: Final = {
@@ -26,67 +32,9 @@ _COLUMNS: Final = {
 }
 
 
-class ChannelInfo(msgspec.Struct, frozen=True, kw_only=True):
-    """One channel of a recording."""
-
-    name: str
-    count: int
-    bytes: int
-    rate: float  # [Hz] of simulation time
-
-
-class RecordingInfo(msgspec.Struct, frozen=True, kw_only=True):
-    """What there is to say of a recording."""
-
-    path: str
-    size: int  # [bytes]
-    complete: bool  # False: it was never finished, and is read as far as it goes
-    scene: str
-    session: str
-    elys_version: str
-    protocol: int
-    started: float  # [s] since 1970
-    duration: float  # [s] of simulation
-    ticks: int
-    first_tick: int
-    last_tick: int
-    tick_rate: int  # [Hz]
-    body_count: int
-    entity_count: int
-    asset_count: int
-    channels: tuple[ChannelInfo, ...]
-    states: StateStorage
-
-
-def recording_info(path: Path) -> RecordingInfo:
-    """The facts about a recording; RecordingError if it is none."""
-    with Recording(path) as recording:
-        mirror = recording.mirror_at(0)
-        made = recording.reader.metadata[METADATA_NAME]
-        duration = float(recording.time[-1] - recording.time[0])
-        return RecordingInfo(
-            path=str(path),
-            size=recording.reader.size,
-            complete=not recording.reader.mended,
-            scene=mirror.scene,
-            session=made.get("session", ""),
-            elys_version=made.get("elys", ""),
-            protocol=int(made["protocol"]),
-            started=_nanoseconds(made.get("started_ns", "")) / 1e9,
-            duration=duration,
-            ticks=len(np.unique(recording.tick)),
-            first_tick=int(recording.tick[0]),
-            last_tick=int(recording.tick[-1]),
-            tick_rate=mirror.settings.tick_rate,
-            body_count=int(recording.body_count.max()),
-            entity_count=len(mirror.entities),
-            asset_count=len(recording.asset_references()),
-            channels=_channels(recording, duration),
-            states=state_storage(recording),
-        )
-
-
-def export_npz(source: Path, target: Path) -> dict[str, tuple[int, ...]]:
+def export_npz(
+    source: Path, target: Path, selection: Selection = EVERYTHING, progress: Progress = no_progress
+) -> dict[str, tuple[int, ...]]:
     """Writes every body's motion as arrays; returns their shapes.
 
     time [T] s, tick [T], name [N], entity [N], position [T, N, 3] m, rotation [T, N, 4] x y z w, linear_velocity [T, N, 3]
@@ -98,20 +46,19 @@ def export_npz(source: Path, target: Path) -> dict[str, tuple[int, ...]]:
         RecordingError: the source is no recording, or the target cannot be written.
     """
     with Recording(source) as recording:
-        arrays = motion_arrays(recording)
-    try:
-        with target.open("wb") as file:
-            np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
-    except OSError as error:
-        raise RecordingError(f"{target} cannot be written: {error.strerror}") from error
+        arrays = motion_arrays(recording, selection, progress)
+    with whole_file(target) as part, part.open("wb") as file:
+        np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
     return {name: array.shape for name, array in arrays.items()}
 
 
-def motion_arrays(recording: Recording) -> dict[str, NDArray[Any]]:
+def motion_arrays(
+    recording: Recording, selection: Selection = EVERYTHING, progress: Progress = no_progress
+) -> dict[str, NDArray[Any]]:
     """The arrays that `export_npz` writes; of several frames of one tick the last."""
-    is_last = np.append(recording.tick[1:] != recording.tick[:-1], True)
-    positions = np.flatnonzero(is_last).tolist()
-    entities = np.unique(np.concatenate([recording.frame(index).entity for index in positions]))
+    chosen = selected_positions(recording, selection)
+    positions = chosen.tolist()
+    entities, names = _bodies(recording, chosen, selection)
     shape = (len(positions), len(entities))
     try:
         arrays: dict[str, NDArray[Any]] = {
@@ -121,17 +68,39 @@ def motion_arrays(recording: Recording) -> dict[str, NDArray[Any]]:
         raise RecordingError(f"{shape[0]} ticks of {shape[1]} bodies do not fit into the memory as arrays") from error
     for row, index in enumerate(positions):
         frame = recording.frame(index)
-        bodies = np.searchsorted(entities, frame.entity)
+        known = np.isin(frame.entity, entities)
+        bodies = np.searchsorted(entities, frame.entity[known])
         for name, array in arrays.items():
-            array[row, bodies] = getattr(frame, name)
+            array[row, bodies] = getattr(frame, name)[known]
+        progress(row + 1, len(positions))
     return {
         "time": recording.time[positions],
         "tick": recording.tick[positions],
-        "name": np.array(_names(recording, positions, entities)),
+        "name": np.array(names),
         "entity": entities,
         **arrays,
         **_diagnostics(recording, recording.tick[positions]),
     }
+
+
+def _bodies(
+    recording: Recording, positions: NDArray[np.intp], selection: Selection
+) -> tuple[NDArray[np.uint32], list[str]]:
+    """All bodies that are selected at any of the frames [N], and what each was called when it was last there."""
+    named = NamedEntities(selection)
+    names: dict[int, str] = {}
+    told = b""
+    for mirror, frame, changed in selected_scenes(recording, positions):
+        if changed:
+            named.look(mirror)
+        if changed or frame.entity.tobytes() != told:
+            told = frame.entity.tobytes()
+            there = frame.entity[named.rows(frame)].tolist()
+            known = mirror.entities
+            names.update((body, known[body].name if body in known else names.get(body, "")) for body in there)
+    named.check(recording.path)
+    entities = np.array(sorted(names), np.uint32)
+    return entities, [names[entity] for entity in entities.tolist()]
 
 
 def _diagnostics(recording: Recording, ticks: NDArray[Any]) -> dict[str, NDArray[Any]]:
@@ -156,32 +125,3 @@ def _diagnostics(recording: Recording, ticks: NDArray[Any]) -> dict[str, NDArray
         "joint_error": np.array([np.nan if row is None else row.joint_error for row in rows]),
         "residual": np.array([np.nan if row is None else row.residual for row in rows]),
     }
-
-
-def _names(recording: Recording, positions: list[int], entities: NDArray[Any]) -> list[str]:
-    """What each entity was called when it was last there."""
-    names: dict[int, str] = {}
-    mirror = recording.mirror_at(positions[0])
-    names.update((entity.id, entity.name) for entity in mirror.entities.values())
-    for index in positions[1:]:
-        followed = recording.advance(mirror, index)
-        if followed is None or followed:
-            names.update((entity.id, entity.name) for entity in mirror.entities.values())
-    return [names.get(entity, "") for entity in entities.tolist()]
-
-
-def _channels(recording: Recording, duration: float) -> tuple[ChannelInfo, ...]:
-    sizes: Counter[str] = Counter()
-    within: Counter[str] = Counter()
-    for message in recording.reader.stored_messages():
-        sizes[message.channel] += len(message.body)
-        within[message.channel] += recording.is_within(message)
-    counts = recording.reader.message_counts()
-    return tuple(
-        ChannelInfo(name=name, count=count, bytes=sizes[name], rate=within[name] / duration if duration > 0.0 else 0.0)
-        for name, count in counts.items()
-    )
-
-
-def _nanoseconds(text: str) -> int:
-    return int(text) if text.isdigit() else 0

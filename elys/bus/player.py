@@ -18,7 +18,6 @@ import msgspec
 import numpy as np
 
 from elys.bus import codec, topics
-from elys.bus.compressed_video import VIDEO_PREFIX
 from elys.bus.marker_log import MarkerLog, markers_of_command, markers_of_contacts, markers_of_events
 from elys.bus.messages.commands import (
     Command,
@@ -59,6 +58,7 @@ _MARKED: Final[dict[str, Callable[[Any, float], list[Marker]]]] = {
     topics.CONTACTS.name: markers_of_contacts,
     topics.COMMANDS.name: markers_of_command,
 }
+_REPLAYED: Final = frozenset(topic.name for topic in topics.TOPICS if topic.recorded) - {topics.STATUS.name}
 WHOLE: Final = SetRange()
 _log = logging.getLogger(__name__)
 
@@ -247,8 +247,8 @@ class Player:
         self.session.publish_payload(topics.STATE, payload)
 
     def _republish(self, message: RecordedMessage) -> None:
-        if message.channel == topics.STATUS.name or message.channel.startswith(VIDEO_PREFIX):
-            return  # the player says itself how it goes, and pictures are drawn anew
+        if message.channel not in _REPLAYED:
+            return  # the player says itself how it goes, pictures are drawn anew, and who else writes into the file is not known
         topic = topics.topic_named(message.channel)
         body = message.body
         if topic is topics.EVENTS or topic is topics.CONTACTS:

@@ -123,6 +123,14 @@ class Recording:
         except MessageError as error:
             raise RecordingError(f"a frame in {self.path} is damaged: {error}") from error
 
+    def place(self, position: int) -> Place:
+        """Where a frame's message stands in the file."""
+        return self._places[position]
+
+    def log_time(self, position: int) -> int:
+        """When a frame was recorded [ns], by the recorder's wall clock."""
+        return self.reader.message_at(self._places[position]).log_time
+
     def is_within(self, message: RecordedMessage) -> bool:
         """Whether a message belongs to the run that is the timeline, and not to another in the same file."""
         return message.place >= self._places[0] and (self._end is None or message.place < self._end)

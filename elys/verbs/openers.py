@@ -54,7 +54,7 @@ class ChildProcesses:
         Raises:
             RecordingError: it is none. LaunchError: the player ended before it listened.
         """
-        from elys.bus.export import recording_info
+        from elys.bus.recording_info import recording_info
 
         await asyncio.to_thread(recording_info, Path(recording))
         return await self._host("player", recording, "--paused")

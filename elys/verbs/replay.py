@@ -1,4 +1,4 @@
-"""play, record, info, export: what is done with recordings."""
+"""play, record, info: what is done with recordings."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ import contextlib
 import logging
 import sys
 import time
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from elys.bus.log import start_logging
 from elys.bus.recording_plan import PLAIN, RecordingPlan, files_of
 from elys.bus.session import Session
-from elys.common.errors import RecordingError
 from elys.launch import before_exec
 from elys.verbs.nodes import hosted, joined, run_until_asked
 from elys.verbs.output import print_json, print_table, size_text
 from elys.verbs.playback import Playback
 
 if TYPE_CHECKING:
+    from elys.bus.recording_lineage import Lineage
     from elys.bus.view_recording import RecordedView
 
 PATIENCE: Final = 5.0  # [s]
@@ -33,7 +33,7 @@ def play(recording: Path, playback: Playback, *, listen: str | None, editor: boo
     if not editor:
         run_until_asked(serve_recording(recording, playback, listen=listen))
         return
-    from elys.bus.export import recording_info
+    from elys.bus.recording_info import recording_info
     from elys.render_node.window import probe_display
     from elys.verbs.run import start
 
@@ -166,7 +166,7 @@ def _stop_when_host_is_gone(session: Session, stop: asyncio.Event) -> None:
 
 def info(recording: Path, *, json: bool) -> None:
     """Prints what a recording holds."""
-    from elys.bus.export import recording_info
+    from elys.bus.recording_info import recording_info
     from elys.bus.recording_storage import describe
 
     facts = recording_info(recording)
@@ -177,16 +177,24 @@ def info(recording: Path, *, json: bool) -> None:
     print(f"{recording}: {facts.scene}, {facts.duration:.2f} s, ticks {facts.first_tick} to {facts.last_tick}, {state}")
     contents = f"{facts.body_count} bodies, {facts.entity_count} entities, {facts.asset_count} assets"
     print(f"{contents}, {size_text(facts.size)}; ELYS {facts.elys_version}, protocol {facts.protocol}")
-    print(f"{describe(facts.states)}\n")
+    print(describe(facts.states))
+    if facts.lineage is not None:
+        print("\n".join(_lineage_lines(facts.lineage)))
+    if facts.fork:
+        print(f"a fork of {facts.fork.get('parent', 'another recording')} at {facts.fork.get('time', '?')} s")
+    if facts.health.sentence:
+        print(f"health: {facts.health.sentence}")
+    print()
     rows = [(c.name, c.count, f"{c.rate:.1f}", size_text(c.bytes)) for c in facts.channels]
     print_table(("channel", "messages", "per second", "size"), rows)
 
 
-def export(recording: Path, output: Path) -> None:
-    """Writes a recording's motion as arrays."""
-    from elys.bus.export import export_npz
-
-    if output.suffix != ".npz":
-        raise RecordingError(f"{output} is no place for arrays: give it the suffix .npz, for instance motion.npz")
-    shapes = export_npz(recording, output)
-    print(f"{output}: " + ", ".join(f"{name} {list(shape)}" for name, shape in shapes.items()))
+def _lineage_lines(lineage: Lineage, indent: str = "") -> Iterator[str]:
+    """What a recording was made of, and what that was made of."""
+    for ancestor in lineage.of:
+        yield (
+            f"{indent}made by {lineage.made_by} of {ancestor.file}, {ancestor.start:.2f} s to {ancestor.end:.2f} s "
+            f"(ticks {ancestor.first_tick} to {ancestor.last_tick}){'; ' * bool(lineage.text)}{lineage.text}"
+        )
+        if ancestor.lineage is not None:
+            yield from _lineage_lines(ancestor.lineage, indent + "  ")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from elys.bus.recording_plan import PLAIN, RecordingPlan, to_json
 from elys.common.errors import LaunchError
@@ -16,7 +16,22 @@ _PACKAGE: Final = Path(__file__).parents[1]
 LAUNCH_DIRECTORIES: Final = (_PACKAGE.parent / "launch", _PACKAGE / "_launch")  # of a checkout, of an installed wheel
 
 
-def run(
+def run(scene: str, *, listen: str | None, foxglove: int = 0, **options: Any) -> None:
+    """Simulates a scene: with an editor, or headless; with a port, also for the Foxglove app."""
+    from elys.bus.discovery import complete_endpoint
+
+    endpoint = complete_endpoint(listen) if listen else None  # what is none is said before anything takes its time
+    if not foxglove:
+        _run(scene, listen=endpoint, **options)
+        return
+    from elys.verbs.foxglove import foxglove_beside
+
+    endpoint = endpoint or free_endpoint()
+    with foxglove_beside(endpoint, foxglove):
+        _run(scene, listen=endpoint, **options)
+
+
+def _run(
     scene: str,
     *,
     headless: bool,
@@ -34,9 +49,6 @@ def run(
     at: str = "",
 ) -> None:
     """Simulates a scene: with an editor, or headless; headless with a step limit runs as fast as it can."""
-    from elys.bus.discovery import complete_endpoint
-
-    endpoint = complete_endpoint(listen) if listen else None  # what is none is said before anything takes its time
     if headless:
         _run_headless(
             scene,
@@ -44,7 +56,7 @@ def run(
             record=record,
             realtime=realtime or not step_limit,
             paused=paused,
-            listen=endpoint,
+            listen=listen,
             name=name,
             threads=threads,
             guarded=guarded,
@@ -74,7 +86,7 @@ def run(
     options += ["--keep", str(keep)]
     options += ["--threads", str(threads)] if threads > 1 else []
     options += ["--at", at] if at else []
-    sys.exit(start("editor", {"scene": scene}, endpoint=endpoint, extra={"simulation": options}))
+    sys.exit(start("editor", {"scene": scene}, endpoint=listen, extra={"simulation": options}))
 
 
 def launch(file: Path, values: list[str]) -> None:

@@ -16,13 +16,14 @@ import numpy as np
 import pytest
 
 from elys.bus import topics
-from elys.bus.export import export_npz, recording_info
+from elys.bus.export import export_npz
 from elys.bus.following import follow_scene
 from elys.bus.messages.commands import CommandRequest, Seek
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.mirror import SceneMirror
 from elys.bus.player import Player
 from elys.bus.recording import Recording
+from elys.bus.recording_info import recording_info
 from elys.bus.session import Session
 from elys.bus.transports.loopback import LoopbackBroker
 from elys.common.assets.clip import decode_clips

@@ -211,7 +211,7 @@ class McapWriter:
             schema = self._writer.add_schema("elys.ExactState", EXACT_ENCODING, _exact_layout())
             return self._writer.add_channel(name, EXACT_ENCODING, schema)
         struct = Snapshot if name == SNAPSHOT_CHANNEL else topics.topic_named(name).message
-        schema = self._writer.add_schema(f"elys.{struct.__name__}", "jsonschema", _json_schema(struct))
+        schema = self._writer.add_schema(f"elys.{struct.__name__}", "jsonschema", json_schema(struct))
         return self._writer.add_channel(name, "json", schema)
 
 
@@ -264,7 +264,8 @@ def _metadata(session: str, scene: str, *, compact: bool) -> dict[str, str]:
     }
 
 
-def _json_schema(struct: type[Any]) -> bytes:
+def json_schema(struct: type[Any]) -> bytes:
+    """The JSON Schema of a message."""
     # Viewers want the object itself at the top of its schema, not a reference to it.
     (reference,), definitions = msgspec.json.schema_components((struct,), ref_template="#/$defs/{name}")
     name = reference["$ref"].rpartition("/")[2]

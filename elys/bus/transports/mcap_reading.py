@@ -16,14 +16,24 @@ from collections import Counter, OrderedDict
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment, AttachmentIndex, Channel, ChunkIndex, Header, Metadata, MetadataIndex, Statistics
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    ChunkIndex,
+    Header,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+)
 from mcap.stream_reader import StreamReader
 
 from elys.bus.state_packing.frames import STATE_ENCODING, Kind, head_of
@@ -38,9 +48,10 @@ from elys.common.errors import RecordingError
 _MAGIC: Final = b"\x89MCAP0\r\n"
 _FOOTER: Final = struct.Struct("<BQQQI")
 _CACHED_CHUNKS: Final = 4
+_CACHED_BYTES: Final = 64 << 20  # of what those hold, the newest left out
 NEAR: Final = 3  # recordings that are named beside one that is missing
 # What the library raises on bytes that are no MCAP.
-_UNREADABLE: Final = (
+UNREADABLE: Final = (
     McapError,
     struct.error,
     zstandard.ZstdError,
@@ -72,6 +83,9 @@ class _Contents:
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     start_time: int = 0
     end_time: int = 0
+    definitions: list[Any] = field(default_factory=list)  # schemas and channels as the summary repeats them
+    damage: list[str] = field(default_factory=list)  # what could not be read, and why
+    whole_size: int = 0  # [bytes] up to the end of the last whole record
 
 
 class McapReader:
@@ -101,6 +115,9 @@ class McapReader:
         self.metadata = contents.metadata
         self.attachments = contents.attachments
         self.start_time, self.end_time = contents.start_time, contents.end_time  # [ns]
+        self.definitions = contents.definitions
+        self.damage = contents.damage
+        self.whole_size = contents.whole_size if self.mended else self.size
         self.chunk_count = len(contents.chunks)
         self._unpacked: OrderedDict[int, list[RecordedMessage]] = OrderedDict()
         self.packs_frames = contents.encodings.get(STATE.name) == STATE_ENCODING
@@ -157,15 +174,19 @@ class McapReader:
 
     def attachment(self, name: str) -> bytes:
         """The content of an attachment; RecordingError if there is none or it is damaged."""
+        data = self.attachment_record(name).data
+        assert isinstance(data, bytes)
+        return data
+
+    def attachment_record(self, name: str) -> Any:
+        """The same with what stands beside it, as the library has it."""
         if name not in self.attachments:
             raise RecordingError(f"{self.path} has no attachment {name!r}")
         offset, length = self.attachments[name]
         try:
-            data = Attachment.read(ReadDataStream(io.BytesIO(self._read(offset, length)[RECORD.size :]))).data
-        except _UNREADABLE as error:
+            return Attachment.read(ReadDataStream(io.BytesIO(self._read(offset, length)[RECORD.size :])))
+        except UNREADABLE as error:
             raise RecordingError(f"the attachment {name!r} of {self.path} is damaged: {error}") from error
-        assert isinstance(data, bytes)
-        return data
 
     def chunk(self, number: int) -> list[RecordedMessage]:
         """All messages of a chunk as they stand in the file; the last few chunks are remembered."""
@@ -176,12 +197,25 @@ class McapReader:
         try:
             data = unpacked_chunk(self._read(chunk.offset, chunk.length))
             messages = list(messages_in(data, number, self._contents.channels))
-        except _UNREADABLE as error:
+        except UNREADABLE as error:
             raise RecordingError(f"chunk {number} of {self.path} is damaged: {error}") from error
+        held = sum(len(message.body) for known in self._unpacked.values() for message in known)
+        while len(self._unpacked) >= _CACHED_CHUNKS or held > _CACHED_BYTES:
+            _, gone = self._unpacked.popitem(last=False)
+            held -= sum(len(message.body) for message in gone)
         self._unpacked[number] = messages
-        if len(self._unpacked) > _CACHED_CHUNKS:
-            self._unpacked.popitem(last=False)
         return messages
+
+    def chunk_place(self, number: int) -> tuple[int, int]:
+        """Where a chunk's record stands in the file, and how long it is [bytes]."""
+        return self._contents.chunks[number].offset, self._contents.chunks[number].length
+
+    def chunk_records(self, number: int) -> bytes:
+        """The records of a chunk as they are: schemas, channels and messages. RecordingError if it is damaged."""
+        try:
+            return unpacked_chunk(self._read(*self.chunk_place(number)))
+        except UNREADABLE as error:
+            raise RecordingError(f"chunk {number} of {self.path} is damaged: {error}") from error
 
     def _as_said(self, message: RecordedMessage) -> RecordedMessage:
         if not self.packs_frames or message.channel != STATE.name:
@@ -246,7 +280,7 @@ class McapReader:
             return None
         try:
             return self._collect(data)
-        except (*_UNREADABLE, RecordingError) as error:
+        except (*UNREADABLE, RecordingError) as error:
             _log.debug("the summary of %s cannot be used: %s", self.path, error)
             return None
 
@@ -255,6 +289,8 @@ class McapReader:
         for record in StreamReader(
             io.BytesIO(summary + _MAGIC), skip_magic=True, record_size_limit=len(summary)
         ).records:
+            if isinstance(record, (Schema, Channel)):
+                contents.definitions.append(record)
             if isinstance(record, Channel):
                 contents.channels[record.id] = record.topic
                 contents.encodings[record.topic] = record.message_encoding
@@ -278,19 +314,19 @@ class McapReader:
     def _find_contents(self) -> _Contents:
         """What can be read from the beginning on, up to where the file was cut or is damaged."""
         contents = _Contents()
-        damage: list[str] = []
         for opcode, offset, length in self._records():
+            contents.whole_size = offset + length
             if opcode == Opcode.DATA_END:
                 break
             try:
                 self._find(contents, opcode, offset, length)
-            except _UNREADABLE as error:
-                damage.append(f"at byte {offset} ({error})")
+            except UNREADABLE as error:
+                contents.damage.append(f"{length} bytes from byte {offset} on ({error})")
         if not contents.chunks:
             raise RecordingError(
                 f"{self.path} holds nothing that can be read: it ends before the first second was written"
             )
-        reason = f"is damaged {damage[0]}" if damage else "was never finished"
+        reason = f"is damaged: {contents.damage[0]}" if contents.damage else "was never finished"
         _log.warning("the recording %s %s: it is read as far as it is whole", self.path, reason)
         return contents
 

@@ -14,6 +14,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel
 
 MAX_CHUNK_SIZE: Final = 512 << 20  # [bytes] of a chunk unpacked
+MAX_RECORDS: Final = 1 << 18  # of a chunk: half a GiB of nothing but their heads could hold 17 million
 RECORD: Final = struct.Struct("<BQ")
 _CHUNK_HEAD: Final = struct.Struct("<QQQI")
 _MESSAGE: Final = struct.Struct("<HIQQ")
@@ -67,9 +68,12 @@ def _decompressed(compression: bytes, packed: memoryview, size: int) -> bytes:
 
 
 def records_in(data: bytes) -> Iterator[tuple[int, int, int]]:
-    """Opcode, start and end of each record's content."""
-    offset = 0
+    """Opcode, start and end of each record's content; ValueError where they do not fit, or are too many."""
+    offset = count = 0
     while offset < len(data):
+        count += 1
+        if count > MAX_RECORDS:
+            raise ValueError(f"a chunk holds more than {MAX_RECORDS} records")
         opcode, length = RECORD.unpack_from(data, offset)
         start = offset + RECORD.size
         if start + length > len(data):

@@ -16,7 +16,7 @@ import pytest
 
 from elys.bus import topics
 from elys.bus.asset_service import AssetClient
-from elys.bus.export import export_npz, recording_info
+from elys.bus.export import export_npz
 from elys.bus.following import follow_scene, follow_state
 from elys.bus.messages.commands import (
     Command,
@@ -35,6 +35,7 @@ from elys.bus.mirror import SceneMirror
 from elys.bus.player import Player
 from elys.bus.recorder import record_pipe
 from elys.bus.recording import Recording
+from elys.bus.recording_info import recording_info
 from elys.bus.session import Session
 from elys.bus.tap import RecordingTap
 from elys.bus.transports.loopback import LoopbackBroker

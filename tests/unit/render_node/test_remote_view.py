@@ -16,12 +16,12 @@ import pytest
 from mcap.reader import make_reader
 
 from elys.bus import topics
-from elys.bus.export import recording_info
 from elys.bus.messages.scene import SceneDelta, Snapshot, SnapshotRequest, Spawned
 from elys.bus.messages.views import FRAMED, ViewCamera, ViewFrame, ViewRequest
 from elys.bus.mirror import SceneMirror
 from elys.bus.recorder import record_session
 from elys.bus.recording import Recording
+from elys.bus.recording_info import recording_info
 from elys.bus.session import Session
 from elys.bus.transports.loopback import LoopbackBroker
 from elys.bus.view_recording import RecordedView

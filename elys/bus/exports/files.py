@@ -1,0 +1,29 @@
+"""Files that are whole or not there: what others read is never half of an export."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+
+from elys.common.errors import RecordingError
+
+
+@contextlib.contextmanager
+def whole_file(target: Path) -> Iterator[Path]:
+    """A place beside `target` to write to, which takes its name at the end; what fails leaves nothing.
+
+    Raises:
+        RecordingError: it cannot be written there, now or later (a full disk).
+    """
+    if target.is_dir():
+        raise RecordingError(f"{target} is a directory: name a file")
+    part = target.with_name(f".{target.name}.part")
+    try:
+        yield part
+        part.replace(target)
+    except OSError as error:
+        raise RecordingError(f"{target} cannot be written: {error.strerror or error}") from error
+    finally:
+        with contextlib.suppress(OSError):
+            part.unlink(missing_ok=True)

@@ -1,0 +1,62 @@
+"""cut, merge, recover: recordings made of recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from elys.common.errors import RecordingError
+from elys.verbs.export import selected
+from elys.verbs.output import progress_bar, size_text
+from elys.verbs.recording_child import require_recordable
+
+
+def cut(recording: Path, output: Path, *, start: str, end: str) -> None:
+    """Writes a recording of a part of another."""
+    from elys.bus.recording_parts import cut as write_part
+
+    selection = selected(start=start, end=end)
+    _require_place(output, [recording])
+    with progress_bar(f"Writing {output.name}") as progress:
+        made = write_part(recording, output, selection, progress)
+    print(f"{output}: {made.ticks} ticks, {made.duration:.2f} s, {size_text(output.stat().st_size)}")
+
+
+def merge(recordings: Sequence[Path], output: Path) -> None:
+    """Writes one recording of several of the same session."""
+    from elys.bus.recording_parts import merge as write_whole
+
+    _require_place(output, recordings)
+    with progress_bar(f"Writing {output.name}") as progress:
+        made = write_whole(recordings, output, progress)
+    print(f"{output}: {made.ticks} ticks, {made.duration:.2f} s, {size_text(output.stat().st_size)}")
+    if made.duplicates:
+        print(f"{made.duplicates} messages were in several of them and are there once")
+    for before, after in made.gaps:
+        print(f"in none of them is anything between tick {before} and tick {after}")
+
+
+def _require_place(output: Path, sources: Sequence[Path]) -> None:
+    """Raises RecordingError unless a recording can be written there; that it is no source is seen when those are read."""
+    if not any(source.exists() and output.exists() and source.samefile(output) for source in sources):
+        require_recordable(output)
+
+
+def recover(recording: Path, output: Path | None, *, in_place: bool) -> None:
+    """Mends a recording, and says what of it is lost."""
+    from elys.bus.recording_recovery import recover as mend
+
+    if output is not None and in_place:
+        raise RecordingError("--in-place and -o name two places: give one of them")
+    report = mend(recording, output, in_place=in_place)
+    if report.is_whole:
+        print(f"{recording} is whole: there is nothing to mend")
+        return
+    size = size_text(report.path.stat().st_size)
+    print(f"{report.path}: {report.ticks} ticks, {report.messages} messages, {size}")
+    for sentence in report.lost:
+        print(f"lost: {sentence}")
+    if not report.lost:
+        print("lost: nothing that had reached the file")
+    if report.backup is not None:
+        print(f"the damaged file is {report.backup}")

@@ -1,0 +1,102 @@
+"""export, cut, merge, recover and info on the command line: what they say, and times as people write them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from elys.common.errors import ElysError
+from elys.verbs.moments import parse_moment
+from tests.unit.bus.told_recordings import TICKS, write_told
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"),
+    [
+        ("2", 2.0),
+        ("2s", 2.0),
+        ("0", 0.0),
+        ("0s", 0.0),
+        ("500ms", 0.5),
+        ("1m30s", 90.0),
+        ("1min 30 s", 90.0),
+        ("1m2", 62.0),
+        ("2h", 7200.0),
+        ("1.5m", 90.0),
+        (".25", 0.25),
+        ("-1s", -1.0),
+        ("", 7.0),
+    ],
+)
+def test_times_as_people_write_them(text: str, seconds: float) -> None:
+    assert parse_moment(text, otherwise=7.0) == pytest.approx(seconds)
+
+
+@pytest.mark.parametrize("text", ["x", "1x", "s", "1 2", "-", "--1", "nan", "inf", "1e5", "1:30"])
+def test_what_is_no_time_is_said(text: str) -> None:
+    with pytest.raises(ElysError, match="is no time"):
+        parse_moment(text)
+
+
+def test_parts_and_the_whole(elys, tmp_path: Path) -> None:
+    write_told(tmp_path / "run.mcap")
+    for words in (("--to", "1s", "-o", "a.mcap"), ("--from", "800ms", "-o", "b.mcap")):
+        done = elys("cut", "run.mcap", *words)
+        assert done.status == 0 and "ticks" in done.out
+    done = elys("merge", "a.mcap", "b.mcap", "-o", "c.mcap")
+    assert f"c.mcap: {TICKS + 1} ticks, 2.00 s" in done.out
+    assert "were in several of them and are there once" in done.out
+    told = elys("info", "c.mcap").out
+    assert "made by merge of a.mcap, 0.00 s to 1.00 s (ticks 0 to 60)" in told
+    assert "  made by cut of run.mcap" in told
+    facts = json.loads(elys("info", "c.mcap", "--json").out)
+    assert facts["health"]["missing_ticks"] == 0 and facts["lineage"]["made_by"] == "merge"
+
+
+def test_recovering_says_what_is_lost(elys, tmp_path: Path) -> None:
+    whole = write_told(tmp_path / "run.mcap", chunk=3000).read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) // 2])
+    said = elys("info", "cut.mcap").out
+    assert "cut off: read as far as it goes" in said and "`elys recover` mends it" in said
+    done = elys("recover", "cut.mcap")
+    assert done.status == 0
+    assert "cut.recovered.mcap: " in done.out and "where it was cut off" in done.out
+    assert "is there already" in elys("recover", "cut.mcap").sentence
+    assert "the damaged file is cut.mcap.bak" in elys("recover", "cut.mcap", "--in-place").out
+    assert "is whole: there is nothing to mend" in elys("recover", "cut.mcap").out
+    assert "give one of them" in elys("recover", "cut.mcap", "--in-place", "-o", "x.mcap").sentence
+
+
+@pytest.mark.parametrize("name", ["o.npz", "o.csv", "o.parquet", "o.glb", "o.foxglove.mcap"])
+def test_each_kind_of_file_is_written_by_its_suffix(elys, tmp_path: Path, name: str) -> None:
+    pytest.importorskip({"o.parquet": "pyarrow", "o.foxglove.mcap": "foxglove"}.get(name, "numpy"))
+    write_told(tmp_path / "run.mcap")
+    done = elys("export", "run.mcap", name, "--from", "0.5s", "--to", "1s", "--rate", "10", "--entities", "Fall*")
+    assert done.status == 0 and done.out.startswith(f"{name}: ")
+    assert (tmp_path / name).stat().st_size > 500
+
+
+def test_wrong_words_are_said(elys, tmp_path: Path) -> None:
+    write_told(tmp_path / "run.mcap")
+    assert "lies before --from" in elys("export", "run.mcap", "o.csv", "--from", "2s", "--to", "1s").sentence
+    assert "give it the suffix .mcap" in elys("export", "run.mcap", "o.csv", "--foxglove").sentence
+    assert "recordings have the suffix .mcap" in elys("cut", "run.mcap", "-o", "o.csv").sentence
+    assert "cannot be written" in elys("export", "run.mcap", "nowhere/o.csv").sentence
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["run", "x", "--foxglove"], ["run", "x", "--foxglove", "8765"]),
+        (["run", "--foxglove", "x"], ["run", "--foxglove", "8765", "x"]),
+        (["run", "x", "--foxglove", "9000", "--headless"], ["run", "x", "--foxglove", "9000", "--headless"]),
+        (["run", "x", "--foxglove", "--headless"], ["run", "x", "--foxglove", "8765", "--headless"]),
+        (["export", "a.mcap", "b.mcap", "--foxglove"], ["export", "a.mcap", "b.mcap", "--foxglove"]),
+    ],
+)
+def test_the_port_for_foxglove_may_be_left_out(words: list[str], expected: list[str]) -> None:
+    from elys.__main__ import _with_default_port
+
+    assert _with_default_port(words) == expected
