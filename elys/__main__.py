@@ -43,6 +43,15 @@ _EXTRA_OF = {
 }
 
 Scene = Annotated[str, typer.Argument(help="a NAME.scene.json, .gltf or .glb; or the name of a sample (elys samples)")]
+Compact = Annotated[
+    bool, typer.Option("--compact", help="record states to 0.5 mm and 0.01 degrees: a tenth of the size")
+]
+Rotate = Annotated[str, typer.Option(help="record into one file after the other, each of 512MB, or of 10min")]
+KeepFiles = Annotated[int, typer.Option(help="of those files keep the newest so many (0: all)", min=0)]
+Limit = Annotated[str, typer.Option(help="end the recording at a size, for instance 2GB")]
+Topics = Annotated[
+    str, typer.Option(help="record these topics, with commas between, and states and scene; default: all")
+]
 Recording = Annotated[Path, typer.Argument(help="a recording (.mcap)")]
 Connect = Annotated[
     Optional[str],  # noqa: UP045  typer reads the annotation
@@ -116,12 +125,19 @@ def run(
     threads: Threads = 1,
     no_guard: NoGuard = False,
     keep: Keep = 60.0,
+    compact: Compact = False,
+    rotate: Rotate = "",
+    keep_files: KeepFiles = 0,
+    limit: Limit = "",
+    topics: Topics = "",
     at: At = "",
     json: Json = False,
 ) -> None:
     """Simulate a scene, with an editor attached; or --headless, for a server or a script."""
+    from elys.bus.recording_plan import recording_plan
     from elys.verbs import run as verb
 
+    plan = recording_plan(compact=compact, rotate=rotate, keep_files=keep_files, limit=limit, topic_names=topics)
     verb.run(
         scene,
         headless=headless,
@@ -134,6 +150,7 @@ def run(
         threads=threads,
         guarded=not no_guard,
         keep=keep,
+        plan=plan,
         json=json,
         at=at,
     )
@@ -294,11 +311,20 @@ def record(
     ] = [],  # noqa: B006
     view_size: Annotated[str, typer.Option(help="WIDTHxHEIGHT of such pictures")] = "1280x720",
     view_fps: Annotated[float, typer.Option(help="how many a second at most", min=0.1, max=60.0)] = 30.0,
+    compact: Compact = False,
+    rotate: Rotate = "",
+    keep_files: KeepFiles = 0,
+    limit: Limit = "",
+    topics: Topics = "",
 ) -> None:
     """Record a running session from outside."""
+    from elys.bus.recording_plan import recording_plan
     from elys.verbs import replay
 
-    replay.record(output, connect=connect, seconds=seconds, views=view, view_size=view_size, view_fps=view_fps)
+    plan = recording_plan(compact=compact, rotate=rotate, keep_files=keep_files, limit=limit, topic_names=topics)
+    replay.record(
+        output, connect=connect, seconds=seconds, views=view, view_size=view_size, view_fps=view_fps, plan=plan
+    )
 
 
 @app.command()
@@ -596,6 +622,7 @@ def node_simulation(
     listen: Listen = None,
     steps: Annotated[int, typer.Option(min=0)] = 0,
     record: Annotated[Optional[Path], typer.Option()] = None,  # noqa: UP045
+    recording_plan: Annotated[str, typer.Option()] = "{}",
     fast: Annotated[bool, typer.Option("--fast", help="as fast as it can instead of in real time")] = False,
     paused: Annotated[bool, typer.Option("--paused")] = False,
     name: Annotated[str, typer.Option()] = "",
@@ -605,6 +632,7 @@ def node_simulation(
     at: At = "",
 ) -> None:
     """The simulation."""
+    from elys.bus.recording_plan import from_json
     from elys.verbs import nodes
 
     nodes.simulation(
@@ -618,6 +646,7 @@ def node_simulation(
         threads=threads,
         guarded=not no_guard,
         keep=keep,
+        plan=from_json(recording_plan),
         at=at,
     )
 

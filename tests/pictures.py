@@ -48,6 +48,7 @@ def main() -> None:
             "editor": draw_editor,
             "editor-hierarchy": draw_hierarchy,
             "editor-viewport": draw_viewport,
+            "editor-four-views": draw_four_views,
             "timeline": draw_timeline,
             "editor-assets": draw_assets,
         }
@@ -280,7 +281,7 @@ async def draw_viewport(path: Path) -> None:
                 await asyncio.sleep(0.05)
             boxes = [e.id for e in scene.mirror.entities.values() if e.name.startswith("Box ")]
             editor.model.selection.replace(boxes[5:8])
-            editor.ui.tools.tool, editor.ui.tools.debug = "select", ("aabb", "velocity")
+            editor.ui.tools.tool, panel.look.debug = "select", ("aabb", "velocity")
             await frames_of(editor, 4)
             x, y, width, height = panel.rectangle
             start, end = (x + 0.3 * width, y + 0.3 * height), (x + 0.62 * width, y + 0.75 * height)
@@ -292,6 +293,39 @@ async def draw_viewport(path: Path) -> None:
                 await asyncio.sleep(0.1)
             editor.screenshot(path)
             crop(path, (int(x), int(y), int(x + width), int(y + height)))
+            editor.application.close()
+            await window
+    print(path)
+
+
+async def draw_four_views(path: Path) -> None:
+    """Four views of the yard in its fall, one of them of another kind, with the handles of what is selected in each."""
+    from elys.editor_node.events import CursorEntered, MouseMoved, MousePressed, MouseReleased
+    from elys.editor_node.node import Editor
+
+    async with joined(ENDPOINT, kind="editor") as session:
+        await session.request(topics.COMMAND, CommandRequest(origin="pictures", command=StepTicks(count=TICK)))
+        with Editor(session, null_platform=True, size=(1600, 900)) as editor:
+            window = asyncio.create_task(editor.run())
+            scene, viewports = editor.model.scene, editor.viewports
+            while not scene.is_known or editor.stream.shown is None or editor.stream.shown.tick < TICK:
+                await asyncio.sleep(0.05)
+            box = next(e.id for e in scene.mirror.entities.values() if e.name == "Box 12")
+            editor.model.selection.replace((box,))
+            editor.ui.actions.run("view.four_views")
+            await frames_of(editor, 6)
+            for panel in viewports:
+                panel.camera.target, panel.camera.distance = np.array((0.0, 1.5, 0.0)), 14.0
+            list(viewports)[1].look.shows = "wireframe"
+            x, y, width, height = list(viewports)[2].rectangle
+            at = (x + 0.1 * width, y + 0.9 * height)
+            for event in (CursorEntered(True), MouseMoved(*at), MousePressed(2), MouseReleased(2)):
+                editor.application.offer(event)
+                await frames_of(editor, 2)
+            for _ in range(40):
+                editor.application.keep_awake(1.0)
+                await asyncio.sleep(0.1)
+            editor.screenshot(path)
             editor.application.close()
             await window
     print(path)

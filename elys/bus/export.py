@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from elys.bus import codec, topics
 from elys.bus.messages.physics import Diagnostics
 from elys.bus.recording import Recording
+from elys.bus.recording_storage import StateStorage, state_storage
 from elys.bus.topics import Encoding
 from elys.bus.transports.mcap import METADATA_NAME
 from elys.common.errors import RecordingError
@@ -54,6 +55,7 @@ class RecordingInfo(msgspec.Struct, frozen=True, kw_only=True):
     entity_count: int
     asset_count: int
     channels: tuple[ChannelInfo, ...]
+    states: StateStorage
 
 
 def recording_info(path: Path) -> RecordingInfo:
@@ -80,6 +82,7 @@ def recording_info(path: Path) -> RecordingInfo:
             entity_count=len(mirror.entities),
             asset_count=len(recording.asset_references()),
             channels=_channels(recording, duration),
+            states=state_storage(recording),
         )
 
 
@@ -140,7 +143,10 @@ def _diagnostics(recording: Recording, ticks: NDArray[Any]) -> dict[str, NDArray
             found[measured.tick] = measured
     if not found:
         return {}
-    rows = [found.get(tick) for tick in ticks.tolist()]
+    told = sorted(found)
+    # What is not told is as it was.
+    places = np.searchsorted(told, ticks, side="right").tolist()
+    rows = [found[told[place - 1]] if place else None for place in places]
     nothing = (np.nan,) * 3
     return {
         "energy": np.array([np.nan if row is None else row.kinetic + row.potential for row in rows]),
@@ -167,7 +173,7 @@ def _names(recording: Recording, positions: list[int], entities: NDArray[Any]) -
 def _channels(recording: Recording, duration: float) -> tuple[ChannelInfo, ...]:
     sizes: Counter[str] = Counter()
     within: Counter[str] = Counter()
-    for message in recording.reader.messages():
+    for message in recording.reader.stored_messages():
         sizes[message.channel] += len(message.body)
         within[message.channel] += recording.is_within(message)
     counts = recording.reader.message_counts()

@@ -13,71 +13,27 @@ from elys.bus import codec, topics
 from elys.bus.asset_service import AssetClient
 from elys.bus.exact_asking import ExactAsking
 from elys.bus.messages.scene import SceneDelta, Snapshot, SnapshotRequest
+from elys.bus.recorder_files import Recorder as Recorder
 from elys.bus.recording_pipe import FrameKind, PipeFrame, PipeReader
+from elys.bus.recording_plan import PLAIN, RecordingPlan
 from elys.bus.session import Session
 from elys.bus.topics import Encoding, Topic
-from elys.bus.transports.mcap import McapWriter, recorded_channels
+from elys.bus.transports.mcap import recorded_channels
 from elys.bus.view_recording import RecordedView, ViewRecording
-from elys.common.assets.store import AssetStore, references_in
+from elys.common.assets.store import AssetStore
 from elys.common.errors import BusError, ElysError, MessageError, ProtocolError
 
 _RETRY: Final = 0.2  # [s] between requests for a snapshot or an asset that cannot be had now
 _log = logging.getLogger(__name__)
 
 
-class Recorder:
-    """Writes a session's messages and assets into a recording, in the order in which they come."""
-
-    def __init__(self, path: Path, *, session: str, scene: str) -> None:
-        """Raises RecordingError if the file cannot be written."""
-        self._writer = McapWriter(path, session=session, scene=scene)
-        self._assets: set[str] = set()
-        self._facts: set[str] = set()
-        self.message_count = 0
-
-    def message(self, channel: str, body: bytes, *, time_ns: int) -> None:
-        """Adds a message without its protocol prefix."""
-        self._writer.write(channel, body, log_time=time_ns)
-        self.message_count += 1
-
-    def add_video(self, channel: str) -> None:
-        """Makes room for pictures of a view; once is enough."""
-        self._writer.add_video(channel)
-
-    def asset(self, reference: str, data: bytes) -> None:
-        """Adds an asset, once."""
-        if reference not in self._assets:
-            self._assets.add(reference)
-            self._writer.attach(reference, data, media_type="application/octet-stream")
-
-    def facts(self, name: str, values: dict[str, str]) -> None:
-        """Adds metadata, once under each name."""
-        if name not in self._facts:
-            self._facts.add(name)
-            self._writer.add_metadata(name, values)
-
-    def lacking(self, body: bytes) -> list[str]:
-        """The assets that a snapshot's or a delta's body names and that are not in the recording yet."""
-        return [reference for reference in references_in(body) if reference not in self._assets]
-
-    def keep_time(self) -> None:
-        """Closes chunks and syncs when it is time; call it at least every `seconds_until_due`."""
-        self._writer.keep_time()
-
-    def seconds_until_due(self) -> float:
-        """How long `keep_time` may wait."""
-        return self._writer.seconds_until_due()
-
-    def close(self) -> None:
-        """Finishes the file."""
-        self._writer.close()
-
-
 # --- beside a simulation -------------------------------------------------------------------------------------------
 
 
-def record_pipe(descriptor: int, path: Path) -> int:
-    """Writes what comes through a pipe (see `recording_pipe`) until it ends, then finishes the file; returns the messages.
+def record_pipe(descriptor: int, path: Path, plan: RecordingPlan = PLAIN) -> int:
+    """Writes what comes through a pipe (see `recording_pipe`) until it ends, or the recording is full, then finishes the file.
+
+    Returns the messages.
 
     Raises:
         RecordingError: the file cannot be written, or the pipe carries something else.
@@ -85,10 +41,10 @@ def record_pipe(descriptor: int, path: Path) -> int:
     reader = PipeReader(descriptor)
     recorder: Recorder | None = None
     try:
-        while not reader.ended:
+        while not (reader.ended or (recorder is not None and recorder.is_full)):
             for frame in reader.read(1.0 if recorder is None else recorder.seconds_until_due()):
                 if frame.kind is FrameKind.BEGIN and recorder is None:
-                    recorder = Recorder(path, session=frame.name, scene=frame.content.decode(errors="replace"))
+                    recorder = _begun(path, frame, plan)
                 elif recorder is not None:
                     _take_frame(recorder, frame)
             if recorder is not None:
@@ -97,6 +53,10 @@ def record_pipe(descriptor: int, path: Path) -> int:
         if recorder is not None:
             recorder.close()
     return 0 if recorder is None else recorder.message_count
+
+
+def _begun(path: Path, frame: PipeFrame, plan: RecordingPlan) -> Recorder:
+    return Recorder(path, session=frame.name, scene=frame.content.decode(errors="replace"), plan=plan)
 
 
 def _take_frame(recorder: Recorder, frame: PipeFrame) -> None:
@@ -111,13 +71,21 @@ def _take_frame(recorder: Recorder, frame: PipeFrame) -> None:
 # --- from outside --------------------------------------------------------------------------------------------------
 
 
-async def record_session(session: Session, path: Path, stop: asyncio.Event, views: Sequence[RecordedView] = ()) -> int:
-    """Records a joined session, with pictures of these views, until `stop` is set, then finishes the file; returns the messages.
+async def record_session(
+    session: Session,
+    path: Path,
+    stop: asyncio.Event,
+    views: Sequence[RecordedView] = (),
+    plan: RecordingPlan = PLAIN,
+) -> int:
+    """Records a joined session, with pictures of these views, until `stop` is set or the recording is full.
+
+    Finishes the file and returns the messages.
 
     Raises:
         RecordingError: the file cannot be written.
     """
-    recording = _OutsideRecording(session, path, views)
+    recording = _OutsideRecording(session, path, views, plan)
     try:
         await recording.run(stop)
     finally:
@@ -128,8 +96,10 @@ async def record_session(session: Session, path: Path, stop: asyncio.Event, view
 class _OutsideRecording:
     """Subscribes to everything, and asks for the scene at the start, at a gap, at a resync and after a new start of the host."""
 
-    def __init__(self, session: Session, path: Path, views: Sequence[RecordedView]) -> None:
-        self.recorder = Recorder(path, session=session.name, scene="")
+    def __init__(
+        self, session: Session, path: Path, views: Sequence[RecordedView], plan: RecordingPlan = PLAIN
+    ) -> None:
+        self.recorder = Recorder(path, session=session.name, scene="", plan=plan)
         self._views = [ViewRecording(session, view, self._keep_picture) for view in views]
         self._session = session
         self._assets = AssetClient(session, AssetStore())
@@ -143,7 +113,7 @@ class _OutsideRecording:
         self._closers = [
             session.subscribe_payloads(topic, self._reader_of(topic), every=True)
             for topic in topics.TOPICS
-            if topic.recorded
+            if topic.recorded and plan.takes(topic.name)
         ]
         session.on_link(lambda connected: self._link_changed() if connected else None)
 
@@ -259,6 +229,6 @@ class _OutsideRecording:
                 _log.warning("the recording lacks an asset: %s", error)
 
     async def _keep_time(self) -> None:
-        while True:
+        while not self.recorder.is_full:
             await asyncio.sleep(max(0.02, self.recorder.seconds_until_due()))
             self.recorder.keep_time()

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from elys.bus.log import start_logging
 from elys.bus.recorder import record_pipe
+from elys.bus.recording_plan import from_json
 from elys.common.errors import RecordingError
 
 
@@ -21,12 +22,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="elys.bus.recorder_process")
     parser.add_argument("--fd", type=int, required=True, help="the pipe's end to read from")
     parser.add_argument("--output", type=Path, required=True, help="the recording to write")
+    parser.add_argument("--plan", default="{}", help="a RecordingPlan in JSON")
     chosen = parser.parse_args(arguments)
     start_logging()
     for ignored in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(ignored, signal.SIG_IGN)
     try:
-        record_pipe(chosen.fd, chosen.output)
+        record_pipe(chosen.fd, chosen.output, from_json(chosen.plan))
     except RecordingError as error:
         print(f"recorder: {error}", file=sys.stderr)
         return 1

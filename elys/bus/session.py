@@ -14,6 +14,7 @@ import secrets
 import time
 from collections.abc import Awaitable, Callable, Coroutine
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final, TypeVar
 
 import elys
@@ -111,6 +112,14 @@ class Session:
     def publish(self, topic: Topic[M], message: M, *, key: str = "") -> None:
         """Sends a message to all who listen. Never waits."""
         self.publish_payload(topic, codec.encode(message, topic.encoding), key=key)
+
+    def publish_large(self, topic: Topic[M], message: M) -> None:
+        """The same for a message that takes time to encode, which may happen later: what is in it must not change any more."""
+        if self.taps:
+            self.publish(topic, message)
+        elif not self._closed:
+            make = partial(codec.encode, message, topic.encoding)
+            self.transport.publish_made(topics.key_of(self.name, topic), make, topic.delivery)
 
     def publish_payload(self, topic: Topic[Any], payload: bytes, *, key: str = "") -> None:
         """Sends what is encoded already."""

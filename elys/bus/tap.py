@@ -79,7 +79,7 @@ class RecordingTap:
         self._sent_assets: set[str] = set()
         self._exact = exact
         self._need = ExactNeed()
-        self._queue: deque[bytes | _Later] = deque()
+        self._queue: deque[bytes | memoryview | _Later] = deque()
         self._queued = 0  # [bytes]
         self._ending = False
         self._has_gap = False  # a delta was left out: the scene has to be told anew
@@ -104,14 +104,16 @@ class RecordingTap:
         """Takes what the session has just published."""
         if not topic.recorded or not self.alive:
             return
-        body = payload[codec.PREFIX.size :]
+        # A frame of many bodies is not worth a copy in the tick.
+        body = memoryview(payload)[codec.PREFIX.size :] if topic is topics.STATE else payload[codec.PREFIX.size :]
         if topic is topics.DELTA:
+            assert isinstance(body, bytes)
             self._send_assets(body)
         if not self._lossless and self._is_too_long(topic.delivery):
             self._leave_out(topic)
             return
         self._send(FrameKind.MESSAGE, topic.name, body)
-        if (topic is topics.DELTA and _RESYNC in body) or self._has_gap:
+        if (topic is topics.DELTA and _RESYNC in payload) or self._has_gap:
             self._has_gap = False
             self._send_snapshot(self._take_snapshot())
 
@@ -168,11 +170,11 @@ class RecordingTap:
                 continue
             self._send(FrameKind.ASSET, reference, data)
 
-    def _send(self, kind: FrameKind, name: str, content: bytes) -> None:
+    def _send(self, kind: FrameKind, name: str, content: bytes | memoryview) -> None:
         self._need.said(len(content))
         self._put(frame_head(kind, name, len(content), time.time_ns()), content)
 
-    def _put(self, *pieces: bytes | _Later) -> None:
+    def _put(self, *pieces: bytes | memoryview | _Later) -> None:
         with self._changed:
             if not self.alive:
                 return
@@ -208,7 +210,7 @@ class RecordingTap:
         finally:
             os.close(self._descriptor)
 
-    def _next_batch(self) -> list[bytes | _Later] | None:
+    def _next_batch(self) -> list[bytes | memoryview | _Later] | None:
         with self._changed:
             while not self._queue:
                 if self._ending:
@@ -225,7 +227,7 @@ class RecordingTap:
                 self._loop.call_soon_threadsafe(self._room.set)
 
 
-def _made(piece: bytes | _Later) -> list[bytes | memoryview]:
+def _made(piece: bytes | memoryview | _Later) -> list[bytes | memoryview]:
     return piece.pieces() if isinstance(piece, _Later) else [piece]
 
 

@@ -29,8 +29,8 @@ M = TypeVar("M")
 Q = TypeVar("Q")
 R = TypeVar("R")
 
-PROTOCOL_VERSION: Final = 3
-READABLE_VERSIONS: Final = (2, 3)  # of recordings: what came since has defaults
+PROTOCOL_VERSION: Final = 4
+READABLE_VERSIONS: Final = (2, 3, 4)  # of recordings: what came since has defaults
 ROOT: Final = "elys"
 
 
@@ -112,6 +112,14 @@ COMMANDS: Final = Topic(
     message=commands.CommandRecord,
     text="commands as they were applied or refused",
     delivery=Delivery.SEQUENCED,
+)
+INPUT: Final = Topic(
+    name="input",
+    message=commands.Input,
+    text="keys, buttons and axes of the node named by the key, for the game; `commands` tells what was applied when",
+    delivery=Delivery.SEQUENCED,
+    keyed=True,
+    recorded=False,
 )
 LOG: Final = Topic(
     name="log",
@@ -263,6 +271,7 @@ TOPICS: Final[tuple[Topic[Any], ...]] = (
     EVENTS,
     CONTACTS,
     COMMANDS,
+    INPUT,
     LOG,
     PROFILE,
     DIAGNOSTICS,

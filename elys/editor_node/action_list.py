@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import get_args
 
-from elys.bus.messages.views import Shows
 from elys.editor_node.actions import Action, Actions
 from elys.editor_node.camera_views import CameraViews
+from elys.editor_node.game_layer import GameLayer
 from elys.editor_node.language import LANGUAGES
 from elys.editor_node.model import EditorModel
 from elys.editor_node.panels import changes, history_list
@@ -17,13 +17,18 @@ from elys.editor_node.panels.preferences_window import change_font_scale, change
 from elys.editor_node.preferences import Theme
 from elys.editor_node.tree_actions import tree_actions
 from elys.editor_node.ui import Tool, Tools, Ui
-from elys.editor_node.viewport_actions import camera_actions, debug_actions
+from elys.editor_node.viewport_actions import camera_actions, game_actions, look_actions
 from elys.editor_node.viewport_layer import ViewportLayer
 from elys.editor_node.workspace import Workspace
 
 
 def add_actions(
-    actions: Actions, ui: Ui, workspace: Workspace, viewport: ViewportLayer, camera_views: CameraViews
+    actions: Actions,
+    ui: Ui,
+    workspace: Workspace,
+    viewport: ViewportLayer,
+    camera_views: CameraViews,
+    game: GameLayer,
 ) -> None:
     """Fills `actions` with all there is."""
     actions.add(
@@ -33,10 +38,11 @@ def add_actions(
         *_asset_actions(workspace.assets),
         *tree_actions(ui, workspace.hierarchy),
         *_time_actions(ui.model),
+        *game_actions(game),
         *_tool_actions(ui.tools),
         *_view_actions(ui, workspace, viewport),
         *camera_actions(camera_views),
-        *debug_actions(ui.tools),
+        *look_actions(lambda: workspace.viewports.current.look),
         *_instrument_actions(ui, workspace),
     )
 
@@ -263,25 +269,22 @@ def _tool_actions(tools: Tools) -> tuple[Action, ...]:
 
 
 def _view_actions(ui: Ui, workspace: Workspace, viewport: ViewportLayer) -> tuple[Action, ...]:
-    tools = ui.tools
-
-    def show(view: Shows) -> Action:
-        return Action(
-            name=f"view.{view}",
-            label=f"Show {view}",
-            run=lambda: setattr(tools, "shows", view),
-            is_on=lambda: tools.shows == view,
-        )
-
     return (
         Action(name="view.frame", label="Look at the selection", keys=("F",), run=viewport.frame_selection),
         Action(
-            name="view.grid",
-            label="Grid",
-            run=lambda: setattr(tools, "shows_grid", not tools.shows_grid),
-            is_on=lambda: tools.shows_grid,
+            name="view.new_viewport",
+            label="New viewport",
+            keys=("Ctrl+Shift+V",),
+            run=workspace.open_viewport,
+            is_possible=lambda: workspace.may_open_viewport,
         ),
-        *(show(view) for view in get_args(Shows)),
+        Action(
+            name="view.close_viewport",
+            label="Close this viewport",
+            run=workspace.close_viewport,
+            is_possible=lambda: workspace.may_close_viewport,
+        ),
+        Action(name="view.four_views", label="Four views", run=workspace.show_four_views),
         Action(name="view.reset_layout", label="Reset layout", run=workspace.reset_layout),
         Action(name="view.save_layout", label="Save layout as...", run=workspace.layouts.ask_name),
         Action(

@@ -29,6 +29,16 @@ class BodyHand:
         self._told: Point | None = None
         self._sending: asyncio.Task[None] | None = None
 
+    @property
+    def held_point(self) -> Point | None:
+        """Where the point that it holds is now [m]; None: it holds nothing, or what it held is gone."""
+        if self.target is None or not self._model.scene.exists(self._entity):
+            return None
+        pose = self._model.scene.world_pose(self._entity)
+        return np.asarray(
+            np.array(pose.position) + quaternion.rotate(np.array(pose.rotation), self._anchor), np.float64
+        )
+
     def take(self, entity: int, point: Point) -> bool:
         """Takes the body that an entity is part of, at a point in the world; False, and a line that says why, for none."""
         scene = self._model.scene

@@ -34,6 +34,12 @@ class KeyPressed:
     key: int
     modifiers: Modifiers = Modifiers.NONE
     repeated: bool = False
+    physical: int = 0  # by its place on the keyboard; 0: where `key` says
+
+    @property
+    def place(self) -> int:
+        """Which key it is, whatever is printed on it."""
+        return self.physical or self.key
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +48,12 @@ class KeyReleased:
 
     key: int
     modifiers: Modifiers = Modifiers.NONE
+    physical: int = 0  # see KeyPressed
+
+    @property
+    def place(self) -> int:
+        """Which key it is, whatever is printed on it."""
+        return self.physical or self.key
 
 
 @dataclass(frozen=True, slots=True)

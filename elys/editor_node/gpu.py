@@ -8,7 +8,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Hashable, Sequence
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, Final, Generic, TypeVar
 
 import moderngl
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from elys.common.errors import DisplayError
 
+UNSEEN_FRAMES: Final = 16  # of which one is really drawn where none is shown
 K = TypeVar("K", bound=Hashable)
 
 
@@ -45,6 +46,7 @@ class WindowContext:
     """OpenGL 3.3 in the window whose context is current on this thread."""
 
     def __init__(self) -> None:
+        self._unseen = 0  # frames since the last that was finished
         try:
             self._context = moderngl.create_context(require=330, **_loader())
         except Exception as error:  # moderngl raises plain Exception
@@ -64,6 +66,16 @@ class WindowContext:
         self._context.viewport = (0, 0, width, height)
         red, green, blue = color[:3]
         self._context.screen.clear(red, green, blue, 1.0)
+
+    def retire_unseen(self) -> None:
+        """Ends a frame that no display shows. Call it after each one there.
+
+        Elsewhere showing a frame lets the driver finish it. Where nothing is shown Mesa would keep what each frame is to be
+        drawn from, a megabyte and more, until somebody asks for a pixel.
+        """
+        self._unseen = (self._unseen + 1) % UNSEEN_FRAMES
+        if self._unseen == 0:
+            self._context.finish()
 
     def read_window(self, width: int, height: int) -> NDArray[np.uint8]:
         """What the window shows, [height, width, 4] RGBA from the top row down."""

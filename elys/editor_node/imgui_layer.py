@@ -122,6 +122,8 @@ class ImGuiLayer:
         built = time.perf_counter()
         self._context.clear(*self._window.framebuffer_size, BACKGROUND)
         imgui.backends.opengl3_render_draw_data(imgui.get_draw_data())
+        if self._window.null_platform:
+            self._context.retire_unseen()
         self.build_time, self.draw_time = built - start, time.perf_counter() - built
 
     def load_docking(self, docking: str) -> None:

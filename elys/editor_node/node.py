@@ -14,9 +14,9 @@ from elys.editor_node.actions import Actions
 from elys.editor_node.application import Application
 from elys.editor_node.asset_library import AssetLibrary
 from elys.editor_node.attachments import Attachments, Join, Openers
-from elys.editor_node.camera import OrbitCamera
 from elys.editor_node.camera_views import CameraViews
 from elys.editor_node.file_drops import FileDropLayer
+from elys.editor_node.game_layer import GameLayer
 from elys.editor_node.gpu import TextureShelf, WindowContext, save_picture
 from elys.editor_node.imgui_layer import ImGuiLayer
 from elys.editor_node.key_bindings import KeyBindings
@@ -27,6 +27,7 @@ from elys.editor_node.panels.assets import AssetsPanel
 from elys.editor_node.panels.viewport import ViewportPanel
 from elys.editor_node.preferences import (
     Preferences,
+    SessionState,
     configuration_directory,
     keep_session,
     load_preferences,
@@ -41,6 +42,7 @@ from elys.editor_node.type_ahead import TypeAheadLayer
 from elys.editor_node.ui import Rectangle, Ui
 from elys.editor_node.view_stream import ViewStream
 from elys.editor_node.viewport_layer import ViewportLayer
+from elys.editor_node.viewports import Viewports
 from elys.editor_node.window import Window
 from elys.editor_node.workspace import Workspace
 
@@ -103,16 +105,13 @@ class Editor:
         recovery = None if self._directory is None else Recovery(state_directory())
         self.model = EditorModel(self.seat, request_redraw=redraw, recovery=recovery)
         self.model.tree.clipboard = self.window
-        self.stream = ViewStream(self.seat, on_frame=redraw)
-        self._picture = self.context.picture()
-        self.panel = ViewportPanel(self.stream, self._picture, OrbitCamera())
-        self.camera_views = CameraViews(self.model, lambda: self.panel.camera)
-        self.panel.look_from = self.camera_views.look_from
+        self.viewports = Viewports(self.seat, self.context, on_frame=redraw)
+        self.camera_views = CameraViews(self.model, lambda: self.viewports.current.camera)
         self.widgets = ImGuiLayer(
             self.window,
             self.context,
             draw=self._draw,
-            reserves=lambda event: self.panel.takes_mouse,
+            reserves=lambda event: self.viewports.takes_mouse,
             layout_file=self._directory / "editor.ini" if self._directory is not None else None,
             preferences=self.preferences,
         )
@@ -127,24 +126,27 @@ class Editor:
             self.attachments,
             LinkMeter(self.seat, on_change=redraw),
         )
-        self.scene_memory = SceneMemory(self.model, self.preferences, lines=lambda: self.ui.tools)
+        self.scene_memory = SceneMemory(self.model, self.preferences, lines=lambda: self.viewports.first.look)
         capture = ChordCapture()
         self.assets = AssetLibrary(self.model)
         self._shelf: TextureShelf[object] = TextureShelf(self.context.texture_of)
+        assets = AssetsPanel(self.assets, self._shelf)
+        self.viewports.take_drop, self.viewports.look_from = assets.take_drop, self.camera_views.look_from
         self.workspace = Workspace(
             self.ui,
-            self.panel,
+            self.viewports,
             ask_to_close=self.window.request_close,
             close=self.application.close,
             load_docking=self.widgets.load_docking,
             capture=capture,
-            assets=AssetsPanel(self.assets, self._shelf, self.panel),
+            assets=assets,
         )
         self.ui.take_picture = self._take_picture
         self.application.on_close = lambda: self.workspace.save_dialog.may_close(self.ui)
-        self.navigation = ViewportLayer(self.model, self.panel, hold_pointer=self.window.hold_pointer)
+        self.navigation = ViewportLayer(self.model, self.viewports, hold_pointer=self.window.hold_pointer)
         self.navigation.grabs = lambda: self.ui.tools.tool == "grab"
-        add_actions(actions, self.ui, self.workspace, self.navigation, self.camera_views)
+        self.game = GameLayer(self.model, self.viewports, self.ui.keys, hold_pointer=self.window.hold_pointer)
+        add_actions(actions, self.ui, self.workspace, self.navigation, self.camera_views, self.game)
         self.application.push_layer(ShortcutLayer(actions, self.ui.keys))
         self.application.push_layer(TypeAheadLayer(self.model.walk, self.workspace.hierarchy, self.ui.keys))
         self.application.push_layer(self.navigation)
@@ -152,6 +154,7 @@ class Editor:
             FileDropLayer(lambda paths: self.workspace.assets.dialogs.take_files(self.ui, paths))
         )
         self.application.push_layer(self.widgets)
+        self.application.push_layer(self.game)
         self.application.push_layer(capture)
         self.seat.on_link(self._link_changed)
         self._seen_session = ""  # whose camera it is
@@ -160,6 +163,16 @@ class Editor:
             self.workspace.tour.start()
         if self.attachments.is_attached:
             self._show_session()
+
+    @property
+    def panel(self) -> ViewportPanel:
+        """The viewport that was used last."""
+        return self.viewports.used
+
+    @property
+    def stream(self) -> ViewStream:
+        """Its pictures."""
+        return self.viewports.used.stream
 
     def __enter__(self) -> Self:
         return self
@@ -172,10 +185,9 @@ class Editor:
         self._save_preferences()
         if kind is None:
             self.model.documents.close()
-        self.stream.close()
+        self.viewports.release()
         self.assets.close()
         self._shelf.release()
-        self._picture.release()
         self.widgets.close()
         self.context.release()
         self.window.close()
@@ -229,13 +241,13 @@ class Editor:
         if title != self._title:
             self._title = title
             self.window.set_title(title)
-        self.application.request_redraw(max(0.0, self.stream.next_deadline - time.monotonic()))
+        self.application.request_redraw(max(0.0, self.viewports.next_deadline - time.monotonic()))
         if self.widgets.is_typing:
             self.application.request_redraw(TEXT_CURSOR_BLINK)
 
     def _link_changed(self, connected: bool) -> None:
         if connected:
-            self.stream.refresh()
+            self.viewports.refresh()
             self._show_session()
         self.application.request_redraw()
 
@@ -244,13 +256,11 @@ class Editor:
         if self.seat.name == self._seen_session:
             return
         self._seen_session = self.seat.name
-        self.stream.forget()
+        self.viewports.forget()
         self._save_preferences()  # an editor that is killed forgets nothing of before
         kept = self.preferences.sessions.get(self.seat.name)
-        self.navigation.is_placed = kept is not None
-        self.camera_views.places.clear()
-        if kept is not None:
-            restore_session(kept, self.panel.camera, self.ui.tools, self.camera_views.places)
+        self.navigation.is_placed = kept is not None and bool(kept.views)
+        restore_session(kept or SessionState(), self.viewports, self.ui.tools, self.camera_views.places)
 
     def _save_preferences(self) -> None:
         if self._directory is not None:
@@ -259,5 +269,5 @@ class Editor:
             save_preferences(self.preferences, self._directory / PREFERENCES)
 
     def _keep_session(self) -> None:
-        state = session_state(self.panel.camera, self.ui.tools, self.camera_views.places)
+        state = session_state(self.viewports, self.ui.tools, self.camera_views.places)
         keep_session(self.preferences, self.seat.name, state)

@@ -11,6 +11,8 @@ from typing import Final, Literal
 import msgspec
 import platformdirs
 
+from elys.bus.messages.views import Debug, Shows
+
 _log = logging.getLogger(__name__)
 
 RECENT_LIMIT: Final = 12
@@ -25,6 +27,7 @@ class Layout(msgspec.Struct, frozen=True, kw_only=True):
 
     docking: str  # as ImGui writes it into its file
     hidden_panels: tuple[str, ...] = ()
+    viewports: tuple[int, ...] = (1,)  # that are open, by number
 
 
 class CameraPose(msgspec.Struct, frozen=True, kw_only=True):
@@ -38,16 +41,22 @@ class CameraPose(msgspec.Struct, frozen=True, kw_only=True):
     is_parallel: bool = False  # rather than in perspective
 
 
+class ViewState(msgspec.Struct, frozen=True, kw_only=True):
+    """A viewport that was open: from where it looked, and what it showed."""
+
+    number: int
+    camera: CameraPose
+    shows_grid: bool = True
+    shows: Shows = "shaded"
+    debug: tuple[Debug, ...] = ()
+    debugs_selection: bool = False
+
+
 class SessionState(msgspec.Struct, frozen=True, kw_only=True):
     """How a session was looked at when the editor left it."""
 
-    target: tuple[float, float, float]  # [m] what the camera turns about
-    yaw: float  # [rad]
-    pitch: float  # [rad]
-    distance: float  # [m]
-    field_of_view: float = 0.9  # [rad] vertical
-    is_parallel: bool = False  # rather than in perspective
-    places: dict[str, CameraPose] = {}  # that the camera can go back to, by the digit of their keys
+    views: tuple[ViewState, ...] = ()  # none: as the scene wants it
+    places: dict[str, CameraPose] = {}  # that cameras can go back to, by the digit of their keys
     tools: dict[str, str | bool | float] = {}  # of `ui.Tools`, by the names of its fields
 
 

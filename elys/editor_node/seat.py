@@ -163,6 +163,9 @@ class _Nowhere:
     def publish(self, key: str, payload: bytes, delivery: Delivery) -> None:
         """Nobody hears it."""
 
+    def publish_made(self, key: str, make: Callable[[], bytes], delivery: Delivery) -> None:
+        """Nobody hears it, so it is not made."""
+
     def has_listener(self, key: str) -> bool:
         """Nobody."""
         return False

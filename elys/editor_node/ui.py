@@ -9,7 +9,6 @@ from typing import Literal
 
 from imgui_bundle import imgui
 
-from elys.bus.messages.views import Debug, Shows
 from elys.editor_node.actions import Actions
 from elys.editor_node.attachments import Attachments
 from elys.editor_node.fields import DraggedAsset
@@ -28,16 +27,12 @@ Rectangle = tuple[float, float, float, float]  # left, top, right, bottom [point
 
 @dataclass(slots=True)
 class Tools:
-    """What the pointer does in the viewport."""
+    """What the pointer does in the viewports."""
 
     tool: Tool = "move"
     is_local: bool = False  # along the entity's own axes instead of the world's
     pivot: Pivot = "active"  # about which several entities are turned and scaled
     snaps: bool = False  # without Ctrl, which turns it about
-    shows_grid: bool = True
-    shows: Shows = "shaded"
-    debug: tuple[Debug, ...] = ()  # lines and letters over the picture
-    debugs_selection: bool = False  # of what is selected alone
     move_snap: float = 0.25  # [m]
     rotate_snap: float = 15.0  # [degrees]
     scale_snap: float = 0.1
@@ -81,7 +76,7 @@ class Ui:
     landmarks: Landmarks = field(default_factory=Landmarks)
     watches: Watches = field(default_factory=Watches)
     dragged_asset: DraggedAsset | None = None  # what a payload of kind ASSET_PAYLOAD stands for
-    focus: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m] what the viewport's camera looks at
+    focus: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m] what the camera of the viewport used last looks at
     plot_field: Callable[[int, str, str], None] = lambda entity, component, field: None
     take_picture: Callable[[Path, Rectangle], None] = lambda path, rectangle: (
         None

@@ -25,6 +25,9 @@ from elys.editor_node.gpu import ViewportPicture
 
 ANSWER_TIMEOUT: Final = 1.5  # [s] after which a picture that was asked for is asked for again
 WAIT_TIMEOUT: Final = 3.0  # [s] the same for one that may wait for a later tick
+EARLINESS: Final = (
+    1.5  # [s] before that, at which a frame that is drawn anyway asks again: several views do so together
+)
 _log = logging.getLogger(__name__)
 
 
@@ -46,15 +49,17 @@ class View:
 class ViewStream:
     """Keeps the newest picture of a View. `on_frame` is called when one has come."""
 
-    def __init__(self, session: Session, *, on_frame: Callable[[], None] = lambda: None) -> None:
+    def __init__(self, session: Session, *, on_frame: Callable[[], None] = lambda: None, name: str = "") -> None:
+        """`name` of the view at render nodes, by default the session's node's."""
         self._session = session
         self._on_frame = on_frame
         self._ring = _open_ring()
-        self._name = session.node.id
+        self.name = name or session.node.id  # of the view
         self._wanted: View | None = None
         self._asked: View | None = None  # of the request under way
         self._answered: View | None = None  # of the last request that was answered
         self._asked_at = 0.0
+        self._is_closed = False
         self._is_waiting = False  # the request under way may take until the next tick
         self._sequence = 0
         self._arrived: ViewFrame | None = None  # not uploaded yet
@@ -62,7 +67,7 @@ class ViewStream:
         self.renderer: Node | None = None
         self.lost_renderer = False  # the last one died and none has taken its place
         self.latency = 0.0  # [s] from the simulation's publishing to the upload here, of the last picture
-        self._closers = [session.subscribe(topics.VIEW_FRAME, self._frame_arrived, key=self._name)]
+        self._closers = [session.subscribe(topics.VIEW_FRAME, self._frame_arrived, key=self.name)]
         session.on_nodes(self._nodes_changed)
         self._choose_renderer()
 
@@ -72,6 +77,10 @@ class ViewStream:
         height = min(max(view.height, 16), MAX_HEIGHT)
         self._wanted = replace(view, width=width, height=height)
         self._ask_if_useful()
+
+    def rest(self) -> None:
+        """Asks for nothing until something is wanted again."""
+        self._wanted = None
 
     def upload(self, picture: ViewportPicture) -> bool:
         """Puts the newest picture that came into the texture; False when there is no new one."""
@@ -130,13 +139,15 @@ class ViewStream:
 
     @property
     def next_deadline(self) -> float:
-        """When, by the monotonic clock, `want` should be called again at the latest; never without a render node."""
-        if self.renderer is None:
+        """When, by the monotonic clock, `want` should be called again at the latest; never without a render node or a wish."""
+        if self.renderer is None or self._wanted is None:
             return math.inf
         return self._asked_at + (WAIT_TIMEOUT if self._is_waiting else ANSWER_TIMEOUT)
 
     def close(self) -> None:
         """Stops asking and frees the ring."""
+        self._is_closed = True
+        self.rest()
         for closer in self._closers:
             closer()
         if self._ring is not None:
@@ -145,7 +156,7 @@ class ViewStream:
     def _ask_if_useful(self) -> None:
         if self.renderer is None or self._wanted is None:
             return
-        is_overdue = time.monotonic() >= self.next_deadline
+        is_overdue = time.monotonic() >= self.next_deadline - (EARLINESS if self._is_waiting else 0.0)
         if self._asked is not None and not is_overdue and (not self._is_waiting or self._wanted == self._asked):
             return
         newest = self._arrived or self.shown
@@ -158,7 +169,7 @@ class ViewStream:
         self._sequence += 1
         self._asked, self._asked_at, self._is_waiting = view, time.monotonic(), newer_than_tick >= 0
         request = ViewRequest(
-            view=self._name,
+            view=self.name,
             sequence=self._sequence,
             camera=view.camera,
             width=view.width,
@@ -175,7 +186,7 @@ class ViewStream:
         self._session.publish(topics.VIEW_REQUEST, request, key=self.renderer.id)
 
     def _frame_arrived(self, frame: ViewFrame, _: str) -> None:
-        if frame.view != self._name or (self._arrived and frame.sequence < self._arrived.sequence):
+        if frame.view != self.name or (self._arrived and frame.sequence < self._arrived.sequence):
             return
         self._arrived = frame
         if frame.sequence == self._sequence:
@@ -184,7 +195,7 @@ class ViewStream:
         self._on_frame()
 
     def _nodes_changed(self, node: Node, alive: bool) -> None:
-        if node.kind == "render":
+        if node.kind == "render" and not self._is_closed:
             self._choose_renderer()
             self._on_frame()
 

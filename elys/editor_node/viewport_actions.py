@@ -1,13 +1,15 @@
-"""The actions of the viewport: the camera's sides, places and scene cameras; and the lines drawn over the picture."""
+"""The actions of the viewport that keys mean: the camera's sides, places and scene cameras; and what the picture shows."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Final, get_args
 
-from elys.bus.messages.views import Debug
+from elys.bus.messages.views import Debug, Shows
 from elys.editor_node.actions import Action
 from elys.editor_node.camera_views import PLACES, SIDES, CameraViews
-from elys.editor_node.ui import Tools
+from elys.editor_node.game_layer import LEAVE, LEAVE_KEYS, GameLayer
+from elys.editor_node.view_look import ViewLook
 
 _SIDE_LABELS: Final = {
     "front": ("View from the front", "Keypad 1"),
@@ -32,24 +34,55 @@ DEBUG_LABELS: Final[dict[Debug, str]] = {
 }
 
 
-def debug_actions(tools: Tools) -> tuple[Action, ...]:
-    """A switch for each kind of lines, and one for whom they are drawn of."""
+def look_actions(look: Callable[[], ViewLook]) -> tuple[Action, ...]:
+    """Grid and shading; a switch for each kind of lines, and one for whom they are drawn of. `look` says whose, each time."""
+
+    def show(view: Shows) -> Action:
+        return Action(
+            name=f"view.{view}",
+            label=f"Show {view}",
+            run=lambda: setattr(look(), "shows", view),
+            is_on=lambda: look().shows == view,
+        )
 
     def switch(kind: Debug) -> Action:
-        def run() -> None:
-            wanted = set(tools.debug) ^ {kind}
-            tools.debug = tuple(known for known in get_args(Debug) if known in wanted)
-
-        return Action(name=f"debug.{kind}", label=DEBUG_LABELS[kind], run=run, is_on=lambda: kind in tools.debug)
+        return Action(
+            name=f"debug.{kind}",
+            label=DEBUG_LABELS[kind],
+            run=lambda: look().switch_debug(kind),
+            is_on=lambda: kind in look().debug,
+        )
 
     return (
+        Action(
+            name="view.grid",
+            label="Grid",
+            run=lambda: setattr(look(), "shows_grid", not look().shows_grid),
+            is_on=lambda: look().shows_grid,
+        ),
+        *(show(view) for view in get_args(Shows)),
         *(switch(kind) for kind in get_args(Debug)),
         Action(
             name="debug.selection",
             label="Of the selection alone",
-            run=lambda: setattr(tools, "debugs_selection", not tools.debugs_selection),
-            is_on=lambda: tools.debugs_selection,
+            run=lambda: setattr(look(), "debugs_selection", not look().debugs_selection),
+            is_on=lambda: look().debugs_selection,
         ),
+    )
+
+
+def game_actions(game: GameLayer) -> tuple[Action, ...]:
+    """To play in a viewport, and to come out again; the keys of the latter are heard by the game's layer, above all others."""
+    return (
+        Action(
+            name="game.play",
+            label="Play in this viewport",
+            keys=("F5",),
+            run=game.play,
+            is_possible=lambda: game.is_possible,
+            is_on=lambda: game.is_on,
+        ),
+        Action(name=LEAVE, label="Take the keys back", keys=LEAVE_KEYS, run=game.leave, is_possible=lambda: game.is_on),
     )
 
 

@@ -1,7 +1,8 @@
-"""The layer under the widgets that steers the viewport's camera and picks.
+"""The layer under the widgets that steers the cameras of viewports and picks in them.
 
 Alt and the left button orbit, the middle one pans, the wheel zooms, the right one with W A S D flies. The left button alone
-picks, or drags a rectangle that selects: Shift adds what is in it, Ctrl turns it about.
+picks, or drags a rectangle that selects: Shift adds what is in it, Ctrl turns it about. A drag belongs to the viewport that it
+began in, wherever the pointer goes.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from elys.common.errors import BusError
 from elys.common.math import quaternion
 from elys.editor_node.body_hand import BodyHand
 from elys.editor_node.box_selection import entities_in_box
+from elys.editor_node.camera import project
 from elys.editor_node.events import (
     Event,
     KeyPressed,
@@ -29,8 +31,9 @@ from elys.editor_node.events import (
     WindowFocused,
 )
 from elys.editor_node.keys import Key
+from elys.editor_node.language import tr
 from elys.editor_node.model import EditorModel
-from elys.editor_node.panels.viewport import ViewportPanel
+from elys.editor_node.viewports import Viewports
 
 CLICK_DISTANCE: Final = 4.0  # [pixels] the pointer may move between down and up
 _FLY_KEYS: Final = {
@@ -48,10 +51,11 @@ class ViewportLayer:
     """Hears of the mouse only where ImGui has no widget, and consumes what it uses."""
 
     def __init__(
-        self, model: EditorModel, panel: ViewportPanel, *, hold_pointer: Callable[[bool], None] = lambda is_held: None
+        self, model: EditorModel, viewports: Viewports, *, hold_pointer: Callable[[bool], None] = lambda is_held: None
     ) -> None:
         self._model = model
-        self._panel = panel
+        self._viewports = viewports
+        self._panel = viewports.first  # the one that the button went down in last
         self.hand = BodyHand(model)
         self.grabs: Callable[[], bool] = lambda: False  # whether the tool in hand drags bodies
         self._action: _Action = ""
@@ -73,11 +77,11 @@ class ViewportLayer:
         match event:
             case MouseMoved(x, y):
                 return self._move(x, y)
-            case MousePressed(button, modifiers) if self._panel.takes_mouse and not self._action:
+            case MousePressed(button, modifiers) if not self._action:
                 return self._press(button, modifiers)
             case MouseReleased(button) if self._action and button == self._button:
                 return self._release()
-            case MouseScrolled(_, notches) if self._panel.is_hovered:
+            case MouseScrolled(_, notches):
                 return self._scroll(notches)
             case KeyPressed(key):
                 self._held.add(key)
@@ -94,9 +98,13 @@ class ViewportLayer:
         if not self.is_placed and self._model.scene.is_known:
             self.is_placed = True
             self._look_as_the_scene_does()
-        if self._panel.camera.is_gliding:
-            self._panel.camera.advance(elapsed)
-            self._model.request_redraw(0.0)
+        for panel in self._viewports:
+            if panel.camera.is_gliding:
+                panel.camera.advance(elapsed)
+                self._model.request_redraw(0.0)
+        if self._action and self._panel not in self._viewports:
+            self._release()
+        self._panel.hand_line = self._hand_line()
         if not self.is_flying:
             return
         steps = [step for key, step in _FLY_KEYS.items() if key in self._held]
@@ -113,7 +121,7 @@ class ViewportLayer:
         below = [entity for top in chosen if scene.exists(top) for entity in scene.mirror.descendants(top)[:500]]
         ball = self._model.bounds_of(dict.fromkeys(below))
         if ball is not None:
-            self._panel.camera.frame(*ball)
+            self._viewports.current.camera.frame(*ball)
             self._model.request_redraw(0.0)
 
     def _look_as_the_scene_does(self) -> None:
@@ -128,9 +136,14 @@ class ViewportLayer:
         # To turn about: where the line of sight comes through the ground, if that is within reach.
         height, fall = pose.position[1], -float(forward[1])
         distance = height / fall if fall > 1e-3 and 0.0 < height / fall < 200.0 else 10.0
-        self._panel.camera.look_from(pose.position, forward, distance)
+        self._viewports.first.camera.look_from(pose.position, forward, distance)
 
     def _press(self, button: int, modifiers: Modifiers) -> bool:
+        hovered = self._viewports.hovered
+        if hovered is None or not hovered.takes_mouse:
+            return False
+        self._panel = hovered
+        self._viewports.use(hovered)
         if button == MouseButton.LEFT and self._panel.cube.is_hovered:
             self._action, self._button, self._pressed_at = "cube", button, self._pointer
             return True
@@ -182,7 +195,7 @@ class ViewportLayer:
         elif action == "hold":
             self.hand.let_go()
         elif action == "cube" and self._panel.cube.pointed_at is not None:
-            self._panel.look_from(self._panel.cube.pointed_at)
+            self._viewports.look_from(self._panel.cube.pointed_at)
         elif action == "box":
             self._select_box(self._modifiers)
         self._panel.selection_box = None
@@ -209,13 +222,16 @@ class ViewportLayer:
         self._model.request_redraw(0.0)
 
     def _scroll(self, notches: float) -> bool:
-        camera = self._panel.camera
+        panel = self._panel if self.is_flying else self._viewports.hovered
+        if panel is None:
+            return False
+        camera = panel.camera
         if self.is_flying:
             camera.fly_speed = min(max(camera.fly_speed * 1.2**notches, 0.1), 1000.0)
             return True
-        x, y, width, height = self._panel.rectangle
+        x, y, width, height = panel.rectangle
         toward = (2.0 * (self._pointer[0] - x) / width - 1.0, 1.0 - 2.0 * (self._pointer[1] - y) / height)
-        camera.zoom(notches, toward, self._panel.aspect)
+        camera.zoom(notches, toward, panel.aspect)
         return True
 
     async def _take_hold(self) -> None:
@@ -232,6 +248,23 @@ class ViewportLayer:
             x, y, width, height = self._panel.rectangle
             at = (2.0 * (self._pointer[0] - x) / width - 1.0, 1.0 - 2.0 * (self._pointer[1] - y) / height)
             self.hand.drag(shown.camera, width / height, at)
+
+    def _hand_line(self) -> tuple[float, float, float, float] | None:
+        """From the held point to where it is pulled, in the window; None where nothing is held, or it is behind the camera."""
+        shown, held, target = self._panel.stream.shown, self.hand.held_point, self.hand.target
+        if shown is None or held is None or target is None:
+            return None
+        x, y, width, height = self._panel.rectangle
+        ends = [project(shown.camera, width / height, point) for point in (held, target)]
+        if ends[0] is None or ends[1] is None:
+            return None
+        (a, b), (c, d) = ends[0], ends[1]
+        return (
+            x + (1 + a) / 2 * width,
+            y + (1 - b) / 2 * height,
+            x + (1 + c) / 2 * width,
+            y + (1 - d) / 2 * height,
+        )
 
     async def _pick(self, modifiers: Modifiers) -> None:
         """Selects what is seen where the button went down."""
@@ -253,7 +286,7 @@ class ViewportLayer:
             passed_over = (*marks.own("locked"), *marks.own("hidden"))
             return await self._panel.stream.pick(pixel_x, pixel_y, passed_over=passed_over)
         except BusError as error:
-            self._model.say("error", f"cannot pick: {error}")
+            self._model.say("error", tr("What is under the pointer is not known: {error}", error=error))
             return None
 
     def _select(self, reply: PickReply, modifiers: Modifiers) -> None:

@@ -147,11 +147,12 @@ class Window:
         def on_key(_: Any, key: int, scancode: int, action: int, modifiers: int) -> None:
             if key == glfw.KEY_UNKNOWN:
                 return
+            place, held = key, Modifiers(modifiers & 0xF)
             key = _key_of_layout(key, scancode) if not self.null_platform else key
             if action == glfw.RELEASE:
-                say(KeyReleased(key, Modifiers(modifiers & 0xF)))
+                say(KeyReleased(key, held, physical=place))
             else:
-                say(KeyPressed(key, Modifiers(modifiers & 0xF), repeated=action == glfw.REPEAT))
+                say(KeyPressed(key, held, repeated=action == glfw.REPEAT, physical=place))
 
         def on_button(_: Any, button: int, action: int, modifiers: int) -> None:
             made = MousePressed if action == glfw.PRESS else MouseReleased

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Final, get_args
+from typing import Final
 
 from imgui_bundle import imgui
 
-from elys.bus.messages.views import Shows
+from elys.editor_node.docking import Docking
 from elys.editor_node.instruments import Instruments
 from elys.editor_node.language import tr, tr_label
 from elys.editor_node.palette import PaletteEntry
-from elys.editor_node.panels import assets as assets_panel
 from elys.editor_node.panels import (
     changes,
     console,
     diagnostics,
-    hierarchy,
     history_list,
     inspector,
     keys_help,
@@ -27,34 +25,29 @@ from elys.editor_node.panels import (
     timeline,
     topics,
     tour,
-    viewport,
 )
 from elys.editor_node.panels.assets import AssetsPanel
 from elys.editor_node.panels.command_palette import CommandPalette
 from elys.editor_node.panels.hierarchy import HierarchyPanel
-from elys.editor_node.panels.hierarchy_menus import draw_add_menu, draw_select_menu
+from elys.editor_node.panels.hierarchy_menus import draw_add_menu
 from elys.editor_node.panels.keys_help import draw_help
 from elys.editor_node.panels.layout_menu import LayoutMenu
 from elys.editor_node.panels.link import LinkWindow, draw_banner
+from elys.editor_node.panels.main_menus import draw_edit_menu, draw_file_menu, draw_help_menu
 from elys.editor_node.panels.preferences_window import PreferencesWindow
 from elys.editor_node.panels.save_dialog import SaveDialog
 from elys.editor_node.panels.start_page import StartPage
 from elys.editor_node.panels.toolbar import StatusBar, Toolbar
 from elys.editor_node.panels.viewport import ViewportPanel
-from elys.editor_node.panels.viewport_menus import draw_camera_menu, draw_debug_menu
+from elys.editor_node.panels.viewport_menus import draw_camera_menu, draw_debug_menu, draw_show_menu
 from elys.editor_node.preferences import Layout
-from elys.editor_node.sentences import tr_sentence
 from elys.editor_node.shortcuts import ChordCapture
 from elys.editor_node.theme import icons
 from elys.editor_node.ui import Ui, action_item, dim_text, with_keys
+from elys.editor_node.viewports import Viewports
 
-_DOCK_NAME: Final = "editor"
-# Left, right and lower panels take these shares of the window; the viewport has the rest.
-_LEFT_SHARE: Final = 0.19
-_RIGHT_SHARE: Final = 0.29
-_LOWER_SHARE: Final = 0.27
 _TIME_MENU: Final = (
-    *("time.play", "time.step", "time.step_back", "time.start", "time.end", "time.resume"),
+    *("time.play", "game.play", "time.step", "time.step_back", "time.start", "time.end", "time.resume"),
     *("time.previous_marker", "time.next_marker", "time.bookmark"),
     *("time.loop", "time.loop_start", "time.loop_end", "time.forget_loop"),
 )
@@ -67,7 +60,7 @@ class Workspace:
     def __init__(
         self,
         ui: Ui,
-        viewport_panel: ViewportPanel,
+        viewports: Viewports,
         *,
         ask_to_close: Callable[[], None],
         close: Callable[[], None],
@@ -79,7 +72,7 @@ class Workspace:
         self.ui = ui
         self.hierarchy = HierarchyPanel()
         self.inspector = inspector.InspectorPanel()
-        self.viewport = viewport_panel
+        self.viewports = viewports
         self.assets = assets
         self.save_dialog = SaveDialog(close)
         self.ask_to_close = ask_to_close
@@ -92,7 +85,6 @@ class Workspace:
         self.plots = plots.PlotsPanel(self.instruments)
         ui.plot_field = self.plot_field
         self._panels = {
-            "Viewport": self.viewport.draw,
             "Hierarchy": self.hierarchy.draw,
             "Inspector": self.inspector.draw,
             "Console": self.console.draw,
@@ -113,10 +105,9 @@ class Workspace:
         self.palette = CommandPalette(ui, show_entity=self._show_entity)
         self.palette.others = self._recent_entries
         self.layouts = LayoutMenu(now=self.layout, use=self._use_layout)
-        self._load_docking = load_docking
+        self._docking = Docking(viewports, load=load_docking)
         self._hidden: set[str] = set(ui.preferences.hidden_panels)
         self._opens_about = False
-        self._resets_layout = False
         self._opens_help = False
         self._comes_to_front = ""
         self._frames_to_focus = _FOCUS_FRAMES  # of tabs that share a place the first is to be in front
@@ -128,11 +119,11 @@ class Workspace:
         self._draw_menu()
         if self.ui.attachments.is_attached:
             self._toolbar.draw(self.ui)
-        self._status_bar.draw(self.ui, frame_time=self.frame_time, view_latency=self.viewport.stream.latency)
+        self._status_bar.draw(self.ui, frame_time=self.frame_time, view_latency=self.viewports.used.stream.latency)
         if self.ui.attachments.is_attached:
             self._draw_panels()
         else:
-            self.viewport.is_hovered = False
+            self.viewports.rest()
             self.start_page.draw(self.ui)
         self._draw_help()
         self.save_dialog.draw(self.ui)
@@ -143,26 +134,28 @@ class Workspace:
         self.ui.watches.end_frame()
 
     def _draw_panels(self) -> None:
-        self._dock()
+        if self._docking.submit():
+            self._frames_to_focus = _FOCUS_FRAMES
+        self._draw_viewports()
         for name, draw in self._panels.items():
             if name not in self._hidden:
                 draw(self.ui)
         if self._frames_to_focus:
             self._frames_to_focus -= 1
             # A tab comes to the front when its window has kept the focus into the next frame.
-            imgui.set_window_focus(console.TITLE if self._frames_to_focus else viewport.TITLE)
+            imgui.set_window_focus(console.TITLE if self._frames_to_focus else self.viewports.first.title)
         if self._comes_to_front:
             imgui.set_window_focus(self._comes_to_front)
             self._comes_to_front = ""
         self._show_timeline_once()
         self._note_panels()
-        draw_banner(self.ui, self.viewport.rectangle)
+        draw_banner(self.ui, self.viewports.used.rectangle)
         self.tour.draw(self.ui)
 
     def _note_panels(self) -> None:
         """Where the panels came to stand, for those who point at them."""
         landmarks = self.ui.landmarks
-        for name in self._panels:
+        for name in (*(panel.name for panel in self.viewports), *self._panels):
             place = f"panel/{name}"
             if landmarks.is_wanted or place in landmarks.pointed_at:
                 window = imgui.internal.find_window_by_name(f"###{name}")
@@ -207,11 +200,16 @@ class Workspace:
 
     def layout(self) -> Layout:
         """How the panels stand now."""
-        return Layout(docking=imgui.save_ini_settings_to_memory(), hidden_panels=tuple(sorted(self._hidden)))
+        return Layout(
+            docking=imgui.save_ini_settings_to_memory(),
+            hidden_panels=self.hidden_panels,
+            viewports=tuple(panel.number for panel in self.viewports),
+        )
 
     def _use_layout(self, layout: Layout) -> None:
         self._hidden = set(layout.hidden_panels)
-        self._load_docking(layout.docking)
+        self._docking.load(layout.docking)
+        self.viewports.keep_open(layout.viewports)
 
     def show_about(self) -> None:
         """Opens the box that says what this is."""
@@ -224,9 +222,53 @@ class Workspace:
             imgui.set_window_focus(timeline.TITLE)
 
     def reset_layout(self) -> None:
-        """All panels back to where they were at first."""
-        self._resets_layout = True
+        """All panels back to where they were at first, with one viewport."""
+        self.viewports.keep_open((1,))
+        self._docking.reset()
         self._hidden.clear()
+
+    def show_four_views(self) -> None:
+        """In perspective, from above, from the front and from the right, with the panels around as at first."""
+        self.viewports.look_four_ways()
+        self._docking.reset()
+        self._hidden.discard(self.viewports.first.name)
+
+    # --- viewports -------------------------------------------------------------------------------------------------
+
+    @property
+    def may_open_viewport(self) -> bool:
+        """Whether there is room for another one."""
+        return self.viewports.first.name in self._hidden or self.viewports.free_number > 0
+
+    def open_viewport(self) -> None:
+        """Opens another one beside the one used last, looking as that does; the first again if it was closed."""
+        if self.viewports.first.name in self._hidden:
+            self.show(self.viewports.first.title)
+            return
+        beside = self.viewports.used
+        panel = self.viewports.open(self.viewports.free_number)
+        self._docking.place(panel, beside)
+        self.viewports.use(panel)
+        self._comes_to_front = panel.title
+
+    @property
+    def may_close_viewport(self) -> bool:
+        """Whether another one stays."""
+        return len(self.viewports) > 1
+
+    def close_viewport(self, panel: ViewportPanel | None = None) -> None:
+        """Closes one, the one that keys mean where none is named."""
+        panel = panel or self.viewports.current
+        if panel is self.viewports.first:
+            self._hidden.add(panel.name)
+        else:
+            self.viewports.close(panel)
+
+    def _draw_viewports(self) -> None:
+        self.viewports.draw(self.ui, hides_first=self.viewports.first.name in self._hidden)
+        for panel in self.viewports:
+            if panel.wants_close:
+                self.close_viewport(panel)
 
     @property
     def hidden_panels(self) -> tuple[str, ...]:
@@ -242,27 +284,14 @@ class Workspace:
         """Opens the page of keys."""
         self._opens_help = True
 
-    def _dock(self) -> None:
-        """Before the first frame without a saved layout, and when asked for, the default is built."""
-        dock = imgui.get_id(_DOCK_NAME)
-        is_new = imgui.internal.dock_builder_get_node(dock) is None
-        if is_new or self._resets_layout:
-            self._resets_layout = False
-            _build_layout(dock)
-            self._frames_to_focus = _FOCUS_FRAMES
-        # Passing through spares a background that panels cover anyway: on software GL every layer of pixels is dear.
-        imgui.dock_space_over_viewport(
-            dock, imgui.get_main_viewport(), imgui.DockNodeFlags_.passthru_central_node.value
-        )
-
     def _draw_menu(self) -> None:
         if not imgui.begin_main_menu_bar():
             return
         imgui.push_font(self.ui.fonts.bold, 0.0)
         imgui.text_unformatted("ELYS")
         imgui.pop_font()
-        self._draw_file_menu()
-        self._draw_edit_menu()
+        draw_file_menu(self.ui)
+        draw_edit_menu(self.ui)
         if self.ui.attachments.is_attached and imgui.begin_menu(tr_label("Add")):
             draw_add_menu(self.ui, parent=0)
             imgui.end_menu()
@@ -271,7 +300,7 @@ class Workspace:
                 action_item(self.ui, name)
             imgui.end_menu()
         self._draw_view_menu()
-        self._draw_help_menu()
+        draw_help_menu(self.ui)
         if imgui.menu_item(f"{icons.ICON_FA_MAGNIFYING_GLASS}###palette", "", False)[0]:
             self.palette.open()
         self.ui.landmarks.note("menu/palette")
@@ -283,82 +312,22 @@ class Workspace:
             dim_text(text)
         imgui.end_main_menu_bar()
 
-    def _draw_file_menu(self) -> None:
-        if imgui.begin_menu(tr_label("File")):
-            action_item(self.ui, "file.open")
-            action_item(self.ui, "file.save")
-            action_item(self.ui, "file.save_as")
-            action_item(self.ui, "file.save_running")
-            action_item(self.ui, "file.revert")
-            action_item(self.ui, "file.changes")
-            imgui.separator()
-            action_item(self.ui, "assets.import")
-            action_item(self.ui, "assets.folder")
-            imgui.separator()
-            action_item(self.ui, "file.connect")
-            action_item(self.ui, "file.detach")
-            imgui.separator()
-            action_item(self.ui, "file.preferences")
-            action_item(self.ui, "file.quit")
-            imgui.end_menu()
-        else:
-            self.ui.landmarks.note("menu/file")
-
-    def _draw_help_menu(self) -> None:
-        if imgui.begin_menu(tr_label("Help")):
-            for name in ("help.keys", "help.tour", "help.about"):
-                action_item(self.ui, name)
-            imgui.end_menu()
-        else:
-            self.ui.landmarks.note("menu/help")
-
-    def _draw_edit_menu(self) -> None:
-        history = self.ui.model.history
-        self.ui.landmarks.note("menu/edit")
-        if not imgui.begin_menu(tr_label("Edit")):
-            return
-        action_item(self.ui, "edit.undo", tr_sentence(f"Undo {history.undo_label}".strip()))
-        action_item(self.ui, "edit.redo", tr_sentence(f"Redo {history.redo_label}".strip()))
-        action_item(self.ui, "edit.history")
-        imgui.separator()
-        for name in (
-            "edit.cut",
-            "edit.copy",
-            "edit.paste",
-            "edit.duplicate",
-            "edit.rename",
-            "edit.group",
-            "edit.drop",
-            "edit.delete",
-        ):
-            action_item(self.ui, name)
-        imgui.separator()
-        action_item(self.ui, "edit.select_all")
-        draw_select_menu(self.ui)
-        action_item(self.ui, "edit.find")
-        for name in ("search", "add_component", "fold_all", "unfold_all", "revert_all"):
-            action_item(self.ui, f"inspector.{name}")
-        imgui.end_menu()
-
     def _draw_view_menu(self) -> None:
         if not imgui.begin_menu(tr_label("View")):
             self.ui.landmarks.note("menu/view")
             return
-        for name in self._panels:
+        action_item(self.ui, "view.new_viewport")
+        action_item(self.ui, "view.close_viewport")
+        imgui.separator()
+        for name in (self.viewports.first.name, *self._panels):
             pressed, _ = imgui.menu_item(tr_label(name), "", name not in self._hidden)
+            self.ui.landmarks.note(f"panel item/{name}")
             if pressed:
                 self._hidden ^= {name}
         imgui.separator()
         action_item(self.ui, "view.grid")
         draw_camera_menu(self.ui)
-        is_open = imgui.begin_menu(tr_label("Show"))
-        if not is_open:
-            self.ui.landmarks.note("menu/show")
-        else:
-            for view in get_args(Shows):
-                action_item(self.ui, f"view.{view}", tr(view.capitalize()))
-                self.ui.landmarks.note(f"show/{view}")
-            imgui.end_menu()
+        draw_show_menu(self.ui)
         draw_debug_menu(self.ui)
         if imgui.begin_menu(tr_label("Layout")):
             self.layouts.draw_items(self.ui)
@@ -378,31 +347,3 @@ class Workspace:
             self._opens_about = False
         draw_help(self.ui)
         tour.draw_about(self.ui)
-
-
-def _build_layout(dock: int) -> None:
-    builder = imgui.internal
-    builder.dock_builder_remove_node(dock)
-    builder.dock_builder_add_node(dock, imgui.internal.DockNodeFlagsPrivate_.dock_space.value)
-    builder.dock_builder_set_node_pos(dock, imgui.get_main_viewport().work_pos)
-    builder.dock_builder_set_node_size(dock, imgui.get_main_viewport().work_size)
-    left = builder.dock_builder_split_node(dock, imgui.Dir.left, _LEFT_SHARE)
-    right = builder.dock_builder_split_node(left.id_at_opposite_dir, imgui.Dir.right, _RIGHT_SHARE)
-    lower = builder.dock_builder_split_node(right.id_at_opposite_dir, imgui.Dir.down, _LOWER_SHARE)
-    builder.dock_builder_dock_window(hierarchy.TITLE, left.id_at_dir)
-    builder.dock_builder_dock_window(inspector.TITLE, right.id_at_dir)
-    for title in (
-        console.TITLE,
-        assets_panel.TITLE,
-        timeline.TITLE,
-        profiler.TITLE,
-        plots.TITLE,
-        diagnostics.TITLE,
-        topics.TITLE,
-        plan.TITLE,
-        history_list.TITLE,
-        changes.TITLE,
-    ):
-        builder.dock_builder_dock_window(title, lower.id_at_dir)
-    builder.dock_builder_dock_window(viewport.TITLE, lower.id_at_opposite_dir)
-    builder.dock_builder_finish(dock)

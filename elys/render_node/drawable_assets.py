@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -146,6 +147,12 @@ class DrawableAssets:
             pending = list(self._pending.values())
         wait(pending, timeout=timeout)
 
+    @property
+    def is_busy(self) -> bool:
+        """Whether anything is on its way."""
+        with self._lock:
+            return bool(self._pending)
+
     def wait_for_one(self, timeout: float) -> bool:
         """Waits until something that is on its way has come, at most `timeout` seconds; False if nothing is, or time is up."""
         with self._lock:
@@ -211,8 +218,6 @@ class DrawableAssets:
             _log.exception("drawn without %s", reference)
             self._fail(reference, str(error))
         finally:
-            with self._lock:
-                self._pending.pop(reference, None)
             self._on_ready()
 
     def _got(self, reference: str, take: Take) -> bytes | None:
@@ -227,6 +232,8 @@ class DrawableAssets:
             before = self._setbacks.get(reference)
             pause = FIRST_PAUSE if before is None else min(2.0 * before.pause, LONGEST_PAUSE)
             self._setbacks[reference] = _Setback(take, pause, self._clock() + pause)
+            if before is not None:
+                self._pending.pop(reference, None)  # else where it counts as failed, lest it is asked for in between
         if before is None:
             _log.warning("drawn without %s, until it comes: %s", reference, reason)
             self._fail(reference, reason)
@@ -244,30 +251,37 @@ class DrawableAssets:
         with self._lock:
             self.failed[reference] = reason
             self.version += 1
+            self._pending.pop(reference, None)
 
-    # --- what came -------------------------------------------------------------------------------------------------
+    # --- what came, kept in the same breath in which it is on its way no more: an image may be asked for again at once
 
     def _take_mesh(self, reference: str, data: bytes) -> None:
         mesh = decode_mesh(data)
+        extent = _extent(mesh)  # here, where other threads go on
         with self._lock:
             self._meshes[reference] = mesh
+            self._pending.pop(reference, None)
+            self._extents[reference] = extent
             self.version += 1
 
     def _take_skin(self, reference: str, data: bytes) -> None:
         skin = decode_skin(data)
         with self._lock:
             self._skins[reference] = skin
+            self._pending.pop(reference, None)
             self.version += 1
 
     def _take_image(self, reference: str, data: bytes) -> None:
         pixels = decode_image(data)
         with self._lock:
             self._images[reference] = pixels
+            self._pending.pop(reference, None)
 
     def _take_radiance(self, reference: str, data: bytes) -> None:
         radiance = decode_radiance(data)
         with self._lock:
             self._radiances[reference] = radiance
+            self._pending.pop(reference, None)
             self.version += 1
 
 
@@ -275,5 +289,6 @@ def _extent(mesh: Mesh) -> Extent:
     if not mesh.vertex_count:
         return Extent((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)
     lower, upper = (corner.astype(np.float64) for corner in mesh.bounds)
-    radius = np.sqrt(((mesh.positions - (lower + upper) / 2) ** 2).sum(axis=1).max())
-    return Extent(tuple(lower.tolist()), tuple(upper.tolist()), float(radius))
+    offset = mesh.positions - (lower + upper) / 2
+    radius = math.sqrt(float(np.einsum("ij,ij->i", offset, offset).max()))
+    return Extent(tuple(lower.tolist()), tuple(upper.tolist()), radius)

@@ -34,7 +34,7 @@ FRAME_DTYPE: Final = np.dtype(
         ("cascade_from_relative", "<f4", (MOST_CASCADES, 4, 4)),
         ("cascade_scale", "<f4", (MOST_CASCADES, 4)),
         ("irradiance", "<f4", (9, 4)),
-        ("mirror_tiles", "<f4", (6, 4)),
+        ("mirror_tiles", "<f4", (11, 4)),
         ("grid_origin", "<f4", 4),
         ("viewport", "<f4", 4),
         ("fog_color", "<f4", 4),
@@ -48,7 +48,7 @@ _MAP_FROM_CLIP: Final = np.array([(0.5, 0, 0, 0.5), (0, 0.5, 0, 0.5), (0, 0, 0.5
 
 
 def frame_block(plan: PicturePlan, harmonics: NDArray[np.float64], tiles: NDArray[np.float32]) -> NDArray[np.void]:
-    """The block's content (1,) for a picture, with the light around as harmonics (9, 3) and its tiles (6, 4). Matrices are
+    """The block's content (1,) for a picture, with the light around as harmonics (9, 3) and its tiles (11, 4). Matrices are
     transposed: GL keeps columns together.
     """
     block = np.zeros(1, FRAME_DTYPE)

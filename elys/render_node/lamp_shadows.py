@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from elys.common.math import quaternion
 from elys.common.math.matrix import look_rotation, perspective
 from elys.render_node.camera import frustum_planes
-from elys.render_node.render_world import PlacedLight, RenderWorld
+from elys.render_node.crowd import Crowd
+from elys.render_node.render_world import PlacedLight
 from elys.render_node.scene_tables import Rows
 
 SIDE: Final = 4  # squares along an edge of the atlas
@@ -38,7 +39,7 @@ class LampShadows:
     Attributes:
         first: the first square of each lamp of the picture, -1 for none. texel: [m] at a distance of 1 m, of each lamp.
         clip_from_lamp: [T, 4, 4], from space with the world's axes and its origin in the lamp. place: [T, 3] of the lamp [m].
-        casters: rows of the instances that can throw shadows into each square.
+        casters: groups of instances that can throw shadows into each square.
     """
 
     first: tuple[int, ...]
@@ -61,7 +62,7 @@ class LampShadows:
         return square % SIDE * edge, square // SIDE * edge, edge, edge
 
 
-def fit_lamp_shadows(world: RenderWorld, lamps: list[PlacedLight], casters: Rows, size: int) -> LampShadows | None:
+def fit_lamp_shadows(crowd: Crowd, lamps: list[PlacedLight], casters: Rows, size: int) -> LampShadows | None:
     """Squares for as many of the lamps as there is room for, in their order; None if no lamp throws a shadow of anything."""
     edge = size // SIDE
     widened = edge / (edge - 2 * BORDER)
@@ -77,8 +78,8 @@ def fit_lamp_shadows(world: RenderWorld, lamps: list[PlacedLight], casters: Rows
         texel.append(0.0)
         if not directions or not len(casters) or len(clips) + len(directions) > SIDE * SIDE:
             continue
-        offset = world.centre[casters] - placed.position
-        reach = float((np.linalg.norm(offset, axis=1) + world.radius[casters]).max())
+        offset = crowd.centre.T[casters] - placed.position
+        reach = float((np.linalg.norm(offset, axis=1) + crowd.radius[casters]).max())
         reach = min(reach, placed.light.range) if placed.light.range > 0.0 else reach
         tangent = _tangent(placed) * widened
         clip_from_view = perspective(
@@ -90,7 +91,7 @@ def fit_lamp_shadows(world: RenderWorld, lamps: list[PlacedLight], casters: Rows
             view_from_lamp[:3, :3] = quaternion.to_matrix(look_rotation(direction)).T
             clip = clip_from_view @ view_from_lamp
             planes = frustum_planes(clip)
-            near_enough = offset @ planes[:, :3].T + planes[:, 3] > -world.radius[casters][:, None]
+            near_enough = offset @ planes[:, :3].T + planes[:, 3] > -crowd.radius[casters][:, None]
             clips.append(clip)
             places.append(placed.position)
             rows.append(casters[near_enough.all(axis=1)])

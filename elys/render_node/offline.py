@@ -86,7 +86,7 @@ class OfflineRenderer:
             raise ElysError(f"there is no view '{shows}': views are {', '.join(VIEWS)}")
         self.width, self.height = width, height
         self.mirror = mirror
-        self.world = RenderWorld(DrawableAssets(fetch), environment=environment)
+        self.world = RenderWorld(DrawableAssets(fetch), environment=environment, exact_bounds=True)
         self.overlay = overlay
         self._shows = shows
         self._reader = SceneReader(mirror)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from elys.bus.mirror import SceneMirror
 from elys.render_node.camera import View
+from elys.render_node.draw_calls import DrawCall
 from elys.render_node.drawable_assets import DrawableAssets
 from elys.render_node.passes.backdrop import GridPass, SkyPass
 from elys.render_node.passes.bloom import BloomPass
@@ -15,7 +16,7 @@ from elys.render_node.passes.marks import LetterPass, LinePass
 from elys.render_node.passes.occlusion import OcclusionPass
 from elys.render_node.passes.shading import OpaquePass, TransparentPass
 from elys.render_node.passes.shadow import LampShadowPass, ShadowPass
-from elys.render_node.picture_plan import DrawCall, PicturePlan, plan_picture
+from elys.render_node.picture_plan import PicturePlan, plan_picture
 from elys.render_node.quality import FULL
 from elys.render_node.render_world import RenderWorld
 from elys.render_node.scene_tables import SceneReader

@@ -9,10 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elys.common.scene import PictureSettings
+from elys.render_node.batch_terms import GLOWING
 from elys.render_node.camera import View, frustum_planes
+from elys.render_node.crowd import Crowd
+from elys.render_node.draw_calls import DrawCall, RowCollector
+from elys.render_node.gpu import INSTANCE_DTYPE, PLAIN_INSTANCE_DTYPE
 from elys.render_node.lamp_shadows import LampShadows, fit_lamp_shadows
 from elys.render_node.marks import NO_MARKS, Marks
-from elys.render_node.render_world import Batch, PlacedLight, RenderWorld
+from elys.render_node.render_world import PlacedLight, RenderWorld
 from elys.render_node.scene_tables import Rows
 from elys.render_node.shadow_fit import MOST_CASCADES, ShadowFit, fit_cascades, reached
 from elys.render_node.surroundings import Surroundings
@@ -20,21 +24,14 @@ from elys.render_node.surroundings import Surroundings
 MAX_LAMPS: Final = 8  # point and spot lights in one picture: those that matter most
 
 
-class DrawCall(NamedTuple):
-    """A run of instances of one batch in the picture's instance buffer."""
-
-    batch: Batch
-    first: int
-    instance_count: int
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PicturePlan:
-    """All that the passes need to know. Instances of the calls stand one behind the other in `instances`."""
+    """All that the passes need to know. Instances of the calls stand one behind the other in `rows`."""
 
     view: View
     world: RenderWorld
-    instances: NDArray[np.void]  # [N] of INSTANCE_DTYPE or PLAIN_INSTANCE_DTYPE, until the next plan of the same world
+    rows: NDArray[np.uint32]  # [N] instances of the world; the same array while the same are drawn
+    layout: np.dtype[np.void]  # as what they are read: INSTANCE_DTYPE or PLAIN_INSTANCE_DTYPE
     opaque: list[DrawCall]
     transparent: list[DrawCall]  # farthest first
     casters: list[list[DrawCall]]  # of each stale cascade
@@ -92,37 +89,36 @@ def plan_picture(
     `long_views` finer maps around the eye are added where one would be coarse. `hidden` entities, and all below them, are
     neither seen nor throw shadows; lamps among them shine. A plan `for_light` cannot tell who is seen.
     """
-    left_out = world.instances_of(hidden)
-    # (3, N): numpy is quick along rows, which is how the world keeps them.
-    relative_centre = (world.centre.T - view.eye[:, None]).astype(np.float32)
-    seen = _within(frustum_planes(view.clip_from_relative), relative_centre, world.radius)
-    seen[left_out] = False
+    left_out, crowd = world.instances_of(hidden), world.crowd
+    planes = frustum_planes(view.clip_from_relative)
+    relative = (crowd.centre - view.eye[:, None]).astype(np.float32)
+    margin = _margin(planes, relative)
+    seen = np.flatnonzero(margin > -crowd.radius)
     lights = world.lights()
     sun = _brightest_sun(lights)
     cascades = _cascades(world, view, sun, shadow_size, MOST_CASCADES if long_views else 1) if shadow_size else ()
     stale = _stale(shadow_states(world, cascades, hidden), drawn_cascades)
-    rows = _RowCollector(world)
-    seen_rows = np.flatnonzero(seen)
-    first_blended = next((batch.first for batch in world.batches if batch.is_blended), world.instance_count)
-    opaque = rows.add_grouped(seen_rows[: np.searchsorted(seen_rows, first_blended)], _depth(view, relative_centre))
-    blended = seen_rows[np.searchsorted(seen_rows, first_blended) :]
-    transparent = rows.add_sorted(blended, _distance(view, relative_centre)) if len(blended) else []
-    all_casters = _caster_rows(world, first_blended, left_out) if stale or lamp_shadow_size else seen_rows[:0]
-    casters = [rows.add_grouped(_reached(world, view, cascades, place, all_casters)) for place in stale]
+    rows = RowCollector(world, crowd, left_out)
+    opaque = rows.add_seen(
+        seen, _depth(view, relative), _outside(crowd, view, planes, seen[_is_cut(crowd, margin, seen)])
+    )
+    blended, blended_places = _blended(world, view, planes, left_out)
+    transparent = rows.add_sorted(blended, _distance(view, blended_places))
+    all_casters = np.flatnonzero(crowd.casts) if stale or lamp_shadow_size else seen[:0]
+    casters = [rows.add_groups(_reached(crowd, view, cascades, place, all_casters)) for place in stale]
     lamps = _nearest_lamps(lights, view.eye)
-    around = fit_lamp_shadows(world, lamps, all_casters, lamp_shadow_size) if lamp_shadow_size and lamps else None
+    around = fit_lamp_shadows(crowd, lamps, all_casters, lamp_shadow_size) if lamp_shadow_size and lamps else None
     holds = around is not None and drawn_lamp_shadows == ShadowState(
         world.scene_version, world.pose_version, around.key, hidden
     )
-    lamp_casters = [rows.add_grouped(found) for found in around.casters] if around is not None and not holds else []
-    chosen = (
-        np.intersect1d(world.instances_of(selection), seen_rows, assume_unique=True) if selection else seen_rows[:0]
-    )
-    selected = rows.add_grouped(chosen)
+    lamp_casters = [rows.add_groups(found) for found in around.casters] if around is not None and not holds else []
+    chosen = np.setdiff1d(_selected(world, crowd, selection, seen, blended), left_out) if selection else seen[:0]
+    selected = rows.add_rows(chosen)
     return PicturePlan(
         view=view,
         world=world,
-        instances=world.instance_rows.seen_from(world, rows.all(), view.eye, for_light=for_light),
+        rows=rows.all(),
+        layout=PLAIN_INSTANCE_DTYPE if for_light and _is_plain(world) else INSTANCE_DTYPE,
         opaque=opaque,
         transparent=transparent,
         casters=casters,
@@ -140,103 +136,74 @@ def plan_picture(
     )
 
 
-class _RowCollector:
-    """Lines up the instances of all draw calls of a picture."""
-
-    def __init__(self, world: RenderWorld) -> None:
-        self._world = world
-        self._starts = np.array([batch.first for batch in world.batches], np.intp)
-        self._parts: list[Rows] = []
-        self._grouped: list[tuple[int, Rows]] = []
-        self._count = 0
-
-    def add_grouped(self, rows: Rows, depth: NDArray[np.float32] | None = None) -> list[DrawCall]:
-        """Ascending rows, one call a batch, of which the least deep come first where the `depth` of all instances is given.
-        Rows that stand there already, as of casters that are all seen, are used again.
-        """
-        if not len(rows):
-            return []
-        first = self._keep_grouped(rows, depth)
-        bounds = np.append(np.searchsorted(rows, self._starts), len(rows))
-        return [
-            DrawCall(self._world.batches[batch], first + int(bounds[batch]), int(bounds[batch + 1] - bounds[batch]))
-            for batch in np.flatnonzero(np.diff(bounds)).tolist()
-        ]
-
-    def add_sorted(self, rows: Rows, distance: NDArray[np.float32]) -> list[DrawCall]:
-        """Farthest first by the distances of all instances, a call for each run of one batch."""
-        if not len(rows):
-            return []
-        rows = rows[np.argsort(-distance[rows], kind="stable")]
-        batch = self._world.batch_of[rows]
-        starts = np.flatnonzero(np.append(True, batch[1:] != batch[:-1]))
-        ends = np.append(starts[1:], len(rows))
-        calls = [
-            DrawCall(self._world.batches[batch[start]], self._count + int(start), int(end - start))
-            for start, end in zip(starts.tolist(), ends.tolist(), strict=True)
-        ]
-        self._keep(rows)
-        return calls
-
-    def all(self) -> Rows:
-        """The rows of all calls in order."""
-        return np.concatenate(self._parts) if self._parts else np.zeros(0, np.intp)
-
-    def _keep_grouped(self, rows: Rows, depth: NDArray[np.float32] | None) -> int:
-        """Where these rows stand among all."""
-        for first, kept in self._grouped:
-            if len(kept) == len(rows) and np.array_equal(kept, rows):
-                return first
-        self._grouped.append((self._count, rows))
-        self._keep(rows if depth is None else _nearest_first(rows, self._world.batch_of, depth))
-        return self._grouped[-1][0]
-
-    def _keep(self, rows: Rows) -> None:
-        self._parts.append(rows)
-        self._count += len(rows)
-
-
-def _nearest_first(rows: Rows, batch_of: Rows, depth: NDArray[np.float32]) -> Rows:
-    """Ascending rows with those of each batch by their depth, for what is hidden by something drawn before is not shaded.
-
-    By one of 2^16 steps: such numbers are sorted in linear time, and order changes no picture but where surfaces coincide.
-    """
-    batches = batch_of[rows]
-    is_single_batch = batches[0] == batches[-1]
-    if len(rows) == 1 or not (is_single_batch or (batches[1:] == batches[:-1]).any()):
-        return rows
-    deep = depth[rows]
-    nearest, farthest = deep.min(), deep.max()
-    if not 0.0 < farthest - nearest < np.inf:
-        return rows
-    order = np.argsort(((deep - nearest) * (65535.0 / (farthest - nearest))).astype(np.uint16), kind="stable")
-    if not is_single_batch:
-        order = order[np.argsort(batches[order], kind="stable")]
-    return rows[order]
-
-
 def _depth(view: View, relative_centre: NDArray[np.float32]) -> NDArray[np.float32]:
     """How far (N,) things are along the way the camera looks [m]."""
     return -view.world_from_view[:, 2].astype(np.float32) @ relative_centre
 
 
 def _distance(view: View, relative_centre: NDArray[np.float32]) -> NDArray[np.float32]:
-    """What (N,) see-through things are sorted by: the distance to the eye, squared, or the depth in a parallel view."""
+    """What see-through things (N,), of centres (3, N), are sorted by: the distance to the eye, squared, or the depth in a
+    parallel view.
+    """
     if view.camera.ortho_height > 0.0:
         return _depth(view, relative_centre)
     return np.asarray(np.einsum("ij,ij->j", relative_centre, relative_centre))
 
 
-def _within(planes: NDArray[np.float64], centre: NDArray[np.float32], radius: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Which spheres, of centres (3, N), reach into the space that six planes enclose."""
+def _margin(planes: NDArray[np.float64], centre: NDArray[np.float32]) -> NDArray[np.float32]:
+    """How far (N,) places (3, N) are within the space that six planes enclose [m]; spheres reach into it while that is more than
+    minus their radius.
+    """
     distance = planes[:, :3].astype(np.float32) @ centre
     distance += planes[:, 3:].astype(np.float32)
-    return np.asarray(distance.min(axis=0) > -radius)
+    return np.asarray(distance.min(axis=0))
 
 
-def _caster_rows(world: RenderWorld, first_blended: int, left_out: Rows) -> Rows:
-    casters = np.flatnonzero(world.casts[:first_blended])
-    return np.setdiff1d(casters, left_out, assume_unique=True) if len(left_out) else casters
+def _is_cut(crowd: Crowd, margin: NDArray[np.float32], groups: Rows) -> NDArray[np.bool_]:
+    """Which of some groups reach out of the view, given how far all are within, and may have members that are not seen."""
+    return np.asarray((margin[groups] < crowd.radius[groups]) & (crowd.size[groups] > 1))
+
+
+def _outside(crowd: Crowd, view: View, planes: NDArray[np.float64], cut: Rows) -> Rows:
+    """The instances of some groups that are not in the view."""
+    if not len(cut):
+        return cut
+    rows = crowd.listed(cut)
+    relative = (crowd.item_centre.T[:, rows] - view.eye[:, None]).astype(np.float32)
+    return rows[_margin(planes, relative) <= -crowd.item_radius[rows] - np.float32(crowd.slack * (1.0 + 1e-6))].astype(
+        np.intp
+    )
+
+
+def _blended(
+    world: RenderWorld, view: View, planes: NDArray[np.float64], left_out: Rows
+) -> tuple[Rows, NDArray[np.float32]]:
+    """The see-through instances (N,) that are seen, and where from the eye (3, N)."""
+    standing = world.standing
+    first = int(np.searchsorted(standing.led, world.instances.first_blended))
+    rows = standing.led[first:]
+    if not len(rows):
+        return rows, np.zeros((3, 0), np.float32)
+    relative = (standing.led_centre[first:].T - view.eye[:, None]).astype(np.float32)
+    seen = _margin(planes, relative) > -world.radius[rows]
+    if len(left_out):
+        seen &= ~np.isin(rows, left_out)
+    return rows[seen], relative[:, seen]
+
+
+def _selected(world: RenderWorld, crowd: Crowd, selection: tuple[int, ...], seen: Rows, blended: Rows) -> Rows:
+    """The instances that are selected and, as far as bounds tell, in view."""
+    rows = world.instances_of(selection)
+    is_seen = np.zeros(len(crowd.size) + 1, np.bool_)  # the last one: of who is in no group
+    is_seen[seen] = True
+    return rows[is_seen[crowd.groups_of(rows)] | np.isin(rows, blended)]
+
+
+def _is_plain(world: RenderWorld) -> bool:
+    """Whether nobody glows, has holes, or is bent or morphed."""
+    return not any(
+        GLOWING in batch.terms or batch.look.alpha_mode == "mask" or batch.look.deformation for batch in world.batches
+    )
 
 
 def _cascades(
@@ -254,9 +221,9 @@ def _stale(wanted: tuple[ShadowState, ...], drawn: tuple[ShadowState, ...]) -> t
     return tuple(place for place, state in enumerate(wanted) if state != drawn[place])
 
 
-def _reached(world: RenderWorld, view: View, cascades: tuple[ShadowFit, ...], place: int, casters: Rows) -> Rows:
-    """Who is drawn into a map; into that of all, all."""
-    return casters if place == len(cascades) - 1 else reached(world, cascades[place], view, casters)
+def _reached(crowd: Crowd, view: View, cascades: tuple[ShadowFit, ...], place: int, casters: Rows) -> Rows:
+    """Which groups are drawn into a map; into that of all, all."""
+    return casters if place == len(cascades) - 1 else reached(crowd, cascades[place], view, casters)
 
 
 def _brightest_sun(lights: list[PlacedLight]) -> PlacedLight | None:

@@ -57,6 +57,29 @@ class Placement:
             self.articulated = np.flatnonzero(node_of_item >= 0)
             self._nodes = node_of_item[self.articulated]
 
+    @property
+    def carrier_from_item(self) -> tuple[Rows, NDArray[np.float32]]:
+        """Who rides on a body (K,), and how it stands there (K, 3, 4)."""
+        count = int(np.searchsorted(self._moving, len(self.position)))  # then come those that carry others
+        return self._moving[:count], self._carrier_from_item.affine[:count]
+
+    def body_rows(self, timeline: Timeline) -> tuple[NDArray[np.int32], bool]:
+        """Rows (M, 2) of the bodies, in the newest frame and in the one before, on which the items ride, -1 for none; and
+        whether they stay while frames tell of the same bodies. Edits that frames do not contain yet keep items where they are.
+        """
+        found, item_count = np.full((len(self._position), 2), -1, np.int32), len(self.position)
+        newest, previous = timeline.newest, timeline.previous
+        if newest is None or not len(self._moving):
+            return found[:item_count], newest is not None
+        rows, known = rows_in(newest.entity, self._carriers)
+        known = known & (self._told_by_scene <= newest.delta_sequence)
+        found[self._moving, 0] = np.where(known, rows, -1)[self._carrier]
+        if previous is not None:
+            rows, was_known = rows_in(previous.entity, self._carriers)
+            found[self._moving, 1] = np.where(known & was_known, rows, -1)[self._carrier]
+        is_settled = bool(known.all()) and previous is not None and np.array_equal(previous.entity, newest.entity)
+        return found[:item_count], is_settled
+
     def follow(self, timeline: Timeline, fraction: float) -> None:
         """Moves the items to where they are `fraction` of the way to the newest frame."""
         if timeline.newest is None:

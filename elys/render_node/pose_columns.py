@@ -47,6 +47,11 @@ class FixedTransforms:
         self._is_one: NDArray[np.bool_] = (self._columns == 1.0).all(axis=2)
 
     @property
+    def affine(self) -> NDArray[np.float32]:
+        """(N, 3, 4)"""
+        return np.moveaxis(self._columns, 2, 0)
+
+    @property
     def offsets_are_none(self) -> bool:
         """Whether none of them moves anything."""
         return bool(self._is_zero[:, 3].all())

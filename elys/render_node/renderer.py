@@ -6,8 +6,7 @@ RenderWorld ──plan_picture──> PicturePlan ──passes──> light (RGB
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Final
 
@@ -223,7 +222,7 @@ class Renderer:
             return 0, (0.0, 0.0, 0.0)
         view = View.of(camera, width, height).of_pixel(x, y)
         plan = plan_picture(world, view, hidden=passed_over)
-        self.resources.instances.write(plan.instances)
+        self.resources.placing.place(plan)
         self.resources.show_poses(plan.world)
         if self._picking is None:
             self._picking = PickingPass(self.resources)
@@ -271,15 +270,16 @@ class Renderer:
         """Waits for the meshes and images that the world's batches name, so that the next picture shows all of them."""
         looks = dict.fromkeys(batch.look for batch in world.batches if batch.look.is_textured)
         for look in looks:
-            self.resources.bind_textures(world, look)  # images take longest: they are asked for first
+            self.resources.takes_textures(world, look)  # images take longest: they are asked for first
         for batch in world.batches:
             self.resources.geometry(world, batch)
         world.surroundings(None)
         end = time.monotonic() + timeout
-        # What has been decoded goes to the card while others are decoded still.
-        while world.assets.wait_for_one(end - time.monotonic()):
-            for look in looks:
-                self.resources.bind_textures(world, look)
+        # What has been decoded goes to the card while others are decoded still. An image that is sampled in two ways is asked for
+        # once more when the first has taken it.
+        while [look for look in looks if not self.resources.takes_textures(world, look)] and time.monotonic() < end:
+            world.assets.wait_for_one(end - time.monotonic())
+        world.assets.settle(max(end - time.monotonic(), 0.0))
         world.place_if_assets_came()
 
     def _show(self, plan: PicturePlan, targets: Targets, picture: Framebuffer) -> None:
@@ -317,7 +317,7 @@ class Renderer:
         )
 
     def _upload(self, plan: PicturePlan) -> None:
-        self.resources.instances.write(plan.instances)
+        self.resources.placing.place(plan)
         self.resources.show_poses(plan.world)
         self.resources.forget_unused(plan.world)
         self.resources.frame.write(frame_block(plan, self._environment.harmonics, mirror_tiles()))
@@ -332,8 +332,20 @@ class Renderer:
             del self._targets[next(iter(self._targets))]
         return targets
 
-    @contextmanager
-    def _timed(self, stage: str) -> Iterator[None]:
-        start = time.perf_counter()
-        yield
-        self.timings[stage] = (time.perf_counter() - start) * 1e3
+    def _timed(self, stage: str) -> _Stage:
+        return _Stage(self.timings, stage)
+
+
+class _Stage:
+    """Notes how long it lasted; it takes less itself than a generator would, and there are ten of them a picture."""
+
+    __slots__ = ("_name", "_start", "_timings")
+
+    def __init__(self, timings: dict[str, float], name: str) -> None:
+        self._timings, self._name = timings, name
+
+    def __enter__(self) -> None:
+        self._start = time.perf_counter()
+
+    def __exit__(self, *_: object) -> None:
+        self._timings[self._name] = (time.perf_counter() - self._start) * 1e3

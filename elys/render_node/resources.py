@@ -15,8 +15,10 @@ from elys.common.assets.texture import Sampling, split_texture
 from elys.common.errors import DisplayError
 from elys.render_node.gpu import TEXTURE_UNITS, Buffer, Context, Format, Program, ProgramCache, Texture, VertexArray
 from elys.render_node.images import decode_image
+from elys.render_node.instance_placing import InstancePlacing
+from elys.render_node.instances import Batch
 from elys.render_node.look import TEXTURE_FIELDS, Look, texture_of, variant_of
-from elys.render_node.render_world import Batch, RenderWorld
+from elys.render_node.render_world import RenderWorld
 from elys.render_node.welding import welded
 
 _log = logging.getLogger(__name__)
@@ -109,7 +111,6 @@ class Resources:
 
     def __init__(self, context: Context) -> None:
         self.context = context
-        self.instances = Buffer(context, size=1 << 16)
         self.frame = Buffer(context, size=1 << 10)
         self._used_by: tuple[RenderWorld, int] | None = None  # a world and its scene, whose names are in use
         self._poses: Texture | None = None
@@ -118,6 +119,7 @@ class Resources:
         self._textures: dict[tuple[str, bool, Sampling], Texture] = {}
         self._checker: Texture | None = None
         self.programs = ProgramCache(context)
+        self.placing = InstancePlacing(context, self.programs)
 
     def program(self, vertex: str, fragment: str, defines: tuple[str, ...] = ()) -> Program:
         """The program of two shader files, compiled with `defines` at its first use."""
@@ -161,6 +163,16 @@ class Resources:
         if look.is_plain:
             return ()
         return variant_of(look, self._present(world, look) if look.is_textured else ())[0]
+
+    def takes_textures(self, world: RenderWorld, look: Look) -> bool:
+        """Puts the images of a look that have come onto the card; whether all are there that can be had."""
+        present = self._present(world, look)
+        missing = [
+            named.image
+            for field, text in zip(TEXTURE_FIELDS, look.textures, strict=True)
+            if field not in present and (named := texture_of(text)) is not None
+        ]
+        return all(image in world.assets.failed for image in missing)
 
     def set_look(self, program: Program, look: Look, defines: tuple[str, ...]) -> None:
         """Gives a program the numbers of a look that was bound, with the definitions that came of it."""

@@ -11,7 +11,7 @@ from elys.common.math import quaternion
 
 # Cosine of half the turn above which a chord does for the arc: below 0.1 rad they are 1e-5 rad apart at most, at half the cost.
 _SMALL_TURN: Final = 0.99875
-_FAST_TURN: Final = 2.0  # [rad] between two frames from which on a body may have gone the long way round
+FAST_TURN: Final = 2.0  # [rad] between two frames from which on a body may have gone the long way round
 
 
 def rotations_between(
@@ -41,7 +41,7 @@ def rotations_between(
     if len(large):
         found[large] = quaternion.slerp(start[large], end[large], np.broadcast_to(part, alike.shape)[large])
     if turn is not None:
-        fast = np.flatnonzero(np.einsum("ij,ij->i", turn, turn) > _FAST_TURN**2)
+        fast = np.flatnonzero(np.einsum("ij,ij->i", turn, turn) > FAST_TURN**2)
         if len(fast):
             shares = np.broadcast_to(np.asarray(share, np.float64), alike.shape)[fast]
             found[fast] = _spun(

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from elys.common.math import quaternion
 from elys.common.math.matrix import look_rotation
 from elys.render_node.camera import View, frustum_corners
-from elys.render_node.render_world import RenderWorld, without_giants
+from elys.render_node.caster_bounds import caster_bounds
+from elys.render_node.crowd import Crowd
+from elys.render_node.render_world import RenderWorld
 from elys.render_node.scene_tables import Rows
 
 BORDER: Final = 4  # texels around what is covered: the filter looks over the edge
@@ -52,7 +54,7 @@ def fit_cascades(
         return ()
     if most == 1 or view.camera.ortho_height > 0.0:  # where nothing is nearer than anything else
         return (whole,)
-    nearest = max(_nearest(world, view.eye), view.camera.near)
+    nearest = max(_nearest(world.crowd, view.eye), view.camera.near)
     # Powers of two, so that a view that grows a little leaves the finer boxes as they are.
     reach = 2.0 ** np.floor(np.log2(whole.texel * map_size))
     fits = [whole]
@@ -73,32 +75,27 @@ def fit_shadow(world: RenderWorld, view: View, direction: NDArray[np.float64], *
     The map has `map_size` texels an edge.
     A floor below all others is drawn into the map but does not widen it: its shadow falls on nothing. None if nothing is left.
     """
-    casters = _some(world.casts)
-    if not world.casts.any():
+    crowd = world.crowd
+    if not len(crowd.caster_rows):
         return None
     light_from_world = _light_from_world(tuple(direction.tolist()))
-    reach = world.radius[casters].astype(np.float64)
-    in_light = light_from_world @ world.centre[casters].T  # (3, N): numpy is quick along rows
-    kept = _some(~_floors(world, casters))
-    lower = (in_light[:2, kept] - reach[kept]).min(axis=1)
-    upper = (in_light[:2, kept] + reach[kept]).max(axis=1)
+    lower, upper, nearest, farthest = caster_bounds(crowd, light_from_world)
     seen = (frustum_corners(view.clip_from_relative) + view.eye) @ light_from_world.T
     lower, upper = np.maximum(lower, seen[:, :2].min(axis=0)), np.minimum(upper, seen[:, :2].max(axis=0))
     if not (upper > lower).all():
         return None
     # Light travels along -z. Neither end depends on the camera, so that a still scene keeps its map while somebody looks around.
-    nearest = float((in_light[2] + reach).max())
-    farthest = float((in_light[2, kept] - reach[kept]).min()) - REACH_BEHIND
     edge = float((upper - lower).max())
-    return _fit(view, direction, (lower + upper) / 2, edge, map_size=map_size, ends=(nearest, farthest))
+    ends = (nearest, farthest - REACH_BEHIND)
+    return _fit(view, direction, (lower + upper) / 2, edge, map_size=map_size, ends=ends)
 
 
-def reached(world: RenderWorld, fit: ShadowFit, view: View, rows: Rows) -> Rows:
-    """Those of the casters whose shadows may fall into what a box covers."""
-    relative = world.centre.T[:, rows] - view.eye[:, None]  # (3, N): numpy is quick along rows
+def reached(crowd: Crowd, fit: ShadowFit, view: View, groups: Rows) -> Rows:
+    """Those of some groups of casters whose shadows may fall into what a box covers."""
+    relative = crowd.centre[:, groups] - view.eye[:, None]
     clip = fit.map_from_relative[:2, :3] @ relative + fit.map_from_relative[:2, 3:]
-    reach = world.radius[rows] * 2.0 / (fit.texel * fit.map_size)
-    return rows[np.abs(clip).max(axis=0) <= 1.0 + reach]
+    reach = crowd.radius[groups] * 2.0 / (fit.texel * fit.map_size)
+    return groups[np.abs(clip).max(axis=0) <= 1.0 + reach]
 
 
 def _fit_around(view: View, direction: NDArray[np.float64], whole: ShadowFit, reach: float) -> ShadowFit:
@@ -153,29 +150,17 @@ def _light_from_world(direction: tuple[float, ...]) -> NDArray[np.float64]:
     return quaternion.to_matrix(look_rotation(direction)).T.astype(np.float64)
 
 
-def _nearest(world: RenderWorld, eye: NDArray[np.float64]) -> float:
-    """How near anything is to the eye [m]. A floor's sphere reaches far above it: boxes tell, where it matters."""
-    distance = np.linalg.norm(world.centre.T - eye[:, None], axis=0)
-    close = np.flatnonzero(distance - world.radius <= distance.min())
-    lower, upper = world.boxes(close)
+def _nearest(crowd: Crowd, eye: NDArray[np.float64]) -> float:
+    """How near anything solid may be to the eye [m]. A floor's sphere reaches far above it: boxes tell, where it matters."""
+    distance = np.linalg.norm(crowd.centre - eye[:, None], axis=0)
+    # Somebody's middle is no farther than the far end of its group; where that is the group, no farther than its middle.
+    is_alone = crowd.size == 1
+    close = np.flatnonzero(distance - crowd.radius <= np.where(is_alone, distance, distance + crowd.radius).min())
+    rows = crowd.listed(close).astype(np.intp)
+    lower, upper = crowd.boxes(rows)
     outside = np.maximum(np.maximum(lower - eye, eye - upper), 0.0)
-    return float(np.linalg.norm(outside, axis=1).min())
-
-
-def _some(chosen: NDArray[np.bool_]) -> Rows | slice:
-    """An index for those that are chosen; where all are, one that copies nothing."""
-    return slice(None) if chosen.all() else np.flatnonzero(chosen)
-
-
-def _floors(world: RenderWorld, casters: Rows | slice) -> NDArray[np.bool_]:
-    """Which casters dwarf all others and lie below them."""
-    giants = ~without_giants(world.centre[casters], world.radius[casters].astype(np.float64))
-    if giants.any():
-        rows = np.arange(world.instance_count)[casters]
-        bottom = world.boxes(rows[~giants])[0][:, 1].min()
-        top = world.boxes(rows[giants])[1][:, 1]
-        giants[giants] = top <= bottom + 0.02 * world.radius[rows[giants]]  # things sink in a little
-    return giants
+    apart = np.linalg.norm(outside, axis=1) - np.where(crowd.is_slack(rows), crowd.slack, 0.0)
+    return max(float(apart.min()), 0.0)
 
 
 def _rounded_up(size: float) -> float:

@@ -15,6 +15,7 @@ from elys.bus import topics
 from elys.bus.messages.views import FRAMED, Debug, PickRequest, ViewCamera
 from elys.bus.session import Session
 from elys.common.errors import BusError
+from elys.render_node.game_input import GameInput
 from elys.render_node.gpu import TEXTURE_UNITS, Context, Framebuffer, Texture, window_context
 from elys.render_node.lettering import write_on
 from elys.render_node.marks import LETTERS, stamp_text
@@ -63,6 +64,7 @@ class _ThinViewer:
         self._window = window
         self._screen = _Screen(context)
         self._play = PlayControl(session)
+        self._game = GameInput(session, window, self._play)
         self._remote = RemoteView(session, choice=choice, bit_rate=bit_rate, on_picture=self._arrived)
         self._orbit: Orbit | None = None  # None: looks as `_through` says
         self._through = 0
@@ -81,6 +83,7 @@ class _ThinViewer:
         while not self._window.is_closing and (frame_limit is None or shown < frame_limit):
             now = time.monotonic()
             self._window.poll()
+            self._is_fresh |= self._game.update()
             if now - titled_at > TITLE_TIME:
                 self._window.set_title(self.title())
                 titled_at = now
@@ -108,11 +111,16 @@ class _ThinViewer:
         """What is told on the picture, where that is asked for."""
         status, picture = self._play.status, self._picture
         if not self.tells_age or picture is None:
-            return ()
+            return self._game.note
         tick_rate = status.tick_rate if status is not None else 60.0
         moment = status.simulation_time + (picture.frame.tick - status.tick) / tick_rate if status is not None else 0.0
         age = f"{self.latency * 1e3:.0f} ms old" if picture.frame.state_published_at else "no state yet"
-        return stamp_text(picture.frame.tick, moment), f"{age}   {self.rate:.0f} pictures/s", self._way()
+        return (
+            stamp_text(picture.frame.tick, moment),
+            f"{age}   {self.rate:.0f} pictures/s",
+            self._way(),
+            *self._game.note,
+        )
 
     @property
     def rate(self) -> float:
@@ -177,6 +185,9 @@ class _ThinViewer:
                 self._is_fresh = True
             case KeyPressed(key=key) if key in DEBUG_KEYS:
                 self.debug = self.debug ^ {DEBUG_KEYS[key]}
+            case KeyPressed(key="p"):
+                self._game.start()
+                self._is_fresh = True
             case KeyPressed(key="space"):
                 self._play.toggle()
             case KeyPressed(key="escape"):

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Final
+import math
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from elys.bus.messages.state_frame import LOCAL_COLUMNS, WEIGHT_COLUMNS, StateFrame
 from elys.common.math import quaternion
-from elys.render_node.rotation_path import rotations_between
+from elys.render_node.rotation_path import FAST_TURN, rotations_between
 
 LONGEST_LOOKAHEAD: Final = 0.1  # [s] of wall clock for which things go on as they did when the next frame comes late
 LONGEST_DELAY: Final = 0.5  # [s] by which a frame waits more than others; beyond, somebody has set a clock
 DELAY_FOLLOWING: Final = 0.01  # of a longer delay, from frame to frame
 SHORTEST_WAY: Final = 0.3  # of an interval, for what is left of the way to a frame that came very late
 LONGEST_GAP: Final = 0.5  # [s] of simulation between two frames; over longer ones things jump instead of gliding
+PROBED: Final = 64  # bodies that are looked at before all are compared
+KEPT_SEARCHES: Final = 3  # those who are asked for in turns
 
 _ANIMATED: Final = tuple(name for name, _, _ in (*LOCAL_COLUMNS, *WEIGHT_COLUMNS))
 
@@ -37,13 +40,38 @@ class Timeline:
         self._reached = 0.0  # [s] when things are where the newest frame says
         self._interval = 1.0 / 60.0  # [s] in which the newest frame came after the one before
         self.is_still = False  # the newest frame shows every body where the one before did
-        self._found: tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.intp] | slice, NDArray[np.bool_]] | None
-        self._found = None  # who was looked for in which table, and where they stand
+        self._found: list[tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.intp] | slice, NDArray[np.bool_]]]
+        self._fastest: tuple[StateFrame | None, StateFrame | None, float, float] = (None, None, 0.0, 0.0)
+        self._found = []  # who was looked for in which table, and where they stand
 
     @property
     def interval(self) -> float:
         """Seconds of wall clock between the newest two frames."""
         return self._interval
+
+    @property
+    def previous(self) -> StateFrame | None:
+        """The frame before the newest, where things glide from it."""
+        return self._previous
+
+    @property
+    def gap(self) -> float:
+        """Seconds of simulation between the two frames; 0 where there is but one."""
+        if self._previous is None or self.newest is None:
+            return 0.0
+        return self.newest.simulation_time - self._previous.simulation_time
+
+    @property
+    def spins(self) -> bool:
+        """Whether a body may have gone the long way round between the two frames."""
+        newest, previous = self.newest, self._previous
+        if newest is None or previous is None or not len(newest.entity):
+            return False
+        known = self._fastest
+        if known[1] is not newest:
+            before = known[3] if known[1] is previous else _largest(previous.angular_velocity)
+            known = self._fastest = (previous, newest, before, _largest(newest.angular_velocity))
+        return math.sqrt(3.0) * (known[2] + known[3]) / 2.0 * self.gap > FAST_TURN
 
     def take(self, frame: StateFrame, now: float) -> bool:
         """Keeps a frame that arrived at `now` [s]; False for one that is older than what is here already."""
@@ -163,12 +191,13 @@ class Timeline:
         self, table: NDArray[np.uint32], wanted: NDArray[np.uint32]
     ) -> tuple[NDArray[np.intp] | slice, NDArray[np.bool_]]:
         """As `rows_in`, without looking again while the same are wanted of frames that list the same; not to be written to."""
-        found = self._found
-        if found is None or found[1] is not wanted or not np.array_equal(found[0], table):
-            rows, known = rows_in(table, wanted)
-            is_identity = len(table) == len(wanted) and bool(known.all()) and bool((np.diff(rows) == 1).all())
-            found = self._found = (table, wanted, slice(None) if is_identity else rows, known)
-        return found[2], found[3]
+        for found in self._found:
+            if found[1] is wanted and np.array_equal(found[0], table):
+                return found[2], found[3]
+        rows, known = rows_in(table, wanted)
+        is_identity = len(table) == len(wanted) and bool(known.all()) and bool((np.diff(rows) == 1).all())
+        self._found = [(table, wanted, slice(None) if is_identity else rows, known), *self._found[:KEPT_SEARCHES]]
+        return self._found[0][2:]
 
     def locals(
         self, entities: NDArray[np.uint32], fraction: float
@@ -211,9 +240,20 @@ class Timeline:
         return before.epoch == after.epoch and after.playing and 0.0 < gap <= LONGEST_GAP
 
 
+def _largest(numbers: NDArray[np.floating[Any]]) -> float:
+    """Of their sizes."""
+    return max(float(numbers.max(initial=0.0)), -float(numbers.min(initial=0.0)))
+
+
 def _same_poses(before: StateFrame, after: StateFrame) -> bool:
+    if len(before.entity) != len(after.entity):
+        return False
+    some = slice(
+        None, None, 1 + len(after.entity) // PROBED
+    )  # most frames differ in one of these: the rest is not read
     return (
-        np.array_equal(before.entity, after.entity)
+        np.array_equal(before.position[some], after.position[some])
+        and np.array_equal(before.entity, after.entity)
         and np.array_equal(before.position, after.position)
         and np.array_equal(before.rotation, after.rotation)
         and all(np.array_equal(getattr(before, name), getattr(after, name)) for name in _ANIMATED)

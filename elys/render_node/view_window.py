@@ -1,6 +1,7 @@
 """`elys view`: a window that draws a running session or a replay by itself.
 
 left drag orbit   middle drag pan   wheel zoom   F frame all   C the scene's camera   space play / pause   Esc quit
+P lends keys and mouse to the game, Esc gives them back
 1 to 9, 0 and G debug drawing, see DEBUG_KEYS   A tick, time, age and frame rate
 """
 
@@ -15,6 +16,7 @@ from typing import Final
 
 from elys.bus.messages.views import Debug, ViewCamera
 from elys.bus.session import Session
+from elys.render_node.game_input import GameInput
 from elys.render_node.gpu import Framebuffer, window_context
 from elys.render_node.marks import stamp_text
 from elys.render_node.node import SceneFollower
@@ -82,6 +84,7 @@ class _Viewer:
         self._renderer = renderer
         self._orbit: Orbit | None = None  # None: looks through the scene's camera
         self._play = PlayControl(session)
+        self._game = GameInput(session, window, self._play)
         self._debug: frozenset[Debug] = frozenset()
         self.tells_age = False
         self._shown_at: deque[float] = deque(maxlen=RATE_PICTURES)  # [s] of the last pictures
@@ -95,6 +98,7 @@ class _Viewer:
         while not self._window.is_closing and (frame_limit is None or shown < frame_limit):
             start = time.monotonic()
             self._window.poll()
+            self._is_dirty |= self._game.update()
             if start - titled_at > TITLE_TIME:
                 self._window.set_title(self.title())
                 titled_at = start
@@ -112,7 +116,7 @@ class _Viewer:
     def notes(self, now: float) -> tuple[str, ...]:
         """Tick and time of what is seen, how old it is and how many pictures a second there are, where that is asked for."""
         if not self.tells_age:
-            return ()
+            return self._game.note
         world, mirror = self._follower.world, self._follower.mirror
         bodies = world.bodies()
         what = (
@@ -123,7 +127,7 @@ class _Viewer:
         age = f"{world.timeline.seen_age(now) * 1e3:.0f} ms old" if bodies.tick >= 0 else "no state yet"
         shown = self._shown_at
         rate = (len(shown) - 1) / (shown[-1] - shown[0]) if len(shown) > 1 and shown[-1] > shown[0] else 0.0
-        return what, f"{age}   {rate:.0f} pictures/s"
+        return what, f"{age}   {rate:.0f} pictures/s", *self._game.note
 
     def title(self) -> str:
         """Scene, tick, and how old what is shown is."""
@@ -190,6 +194,8 @@ class _Viewer:
                 self.tells_age = not self.tells_age
             case KeyPressed(key=key) if key in DEBUG_KEYS:
                 self.show_debug(self._debug ^ {DEBUG_KEYS[key]})
+            case KeyPressed(key="p"):
+                self._game.start()
             case KeyPressed(key="space"):
                 self._play.toggle()
             case KeyPressed(key="escape"):

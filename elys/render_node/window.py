@@ -9,7 +9,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final, Literal
 
+from elys.bus.input_sender import InputSender
 from elys.common.errors import DisplayError
+from elys.common.input_names import KEY_NAMES, MOUSE_NAMES
 
 NULL_PLATFORM_VARIABLE: Final = "ELYS_NULL_PLATFORM"  # "1": windows that need no display server and show nothing
 
@@ -32,7 +34,7 @@ if _is_null():
 import glfw  # noqa: E402  reads the environment when it is imported
 
 Button = Literal["left", "middle", "right"]
-Key = Literal["f", "c", "a", "g", "space", "escape", "0", "1", "2", "3", "4", "5", "6", "7", "8", "9"]
+Key = Literal["f", "c", "a", "g", "p", "space", "escape", "0", "1", "2", "3", "4", "5", "6", "7", "8", "9"]
 _BUTTONS: Final[Mapping[int, Button]] = {
     glfw.MOUSE_BUTTON_LEFT: "left",
     glfw.MOUSE_BUTTON_MIDDLE: "middle",
@@ -43,6 +45,7 @@ _KEYS: Final[Mapping[int, Key]] = {
     glfw.KEY_C: "c",
     glfw.KEY_A: "a",
     glfw.KEY_G: "g",
+    glfw.KEY_P: "p",
     glfw.KEY_0: "0",
     glfw.KEY_1: "1",
     glfw.KEY_2: "2",
@@ -93,13 +96,18 @@ class Window:
         self.is_null = _is_null()
         self.on_event: Callable[[WindowEvent], None] = lambda event: None
         self._pointer = (0.0, 0.0)
+        self._player: InputSender | None = None
+        self.gave_back = False  # a player was here and is no more; whoever hears of it makes it false again
         _initialise()
         self._window = _create(title, size, visible=True)
         glfw.make_context_current(self._window)
         glfw.swap_interval(0)  # waiting for the display here would hold up the bus, and a hidden window's for ever
         glfw.set_cursor_pos_callback(self._window, self._moved)
-        glfw.set_scroll_callback(self._window, lambda _, x, y: self.on_event(Scrolled(y)))
+        glfw.set_scroll_callback(self._window, self._scrolled)
         glfw.set_key_callback(self._window, self._key)
+        glfw.set_mouse_button_callback(self._window, self._button)
+        glfw.set_char_callback(self._window, self._typed)
+        glfw.set_window_focus_callback(self._window, self._focused)
         self._title = title
 
     @property
@@ -117,6 +125,19 @@ class Window:
     def is_visible(self) -> bool:
         """Whether drawing makes sense."""
         return self.is_null or not glfw.get_window_attrib(self._window, glfw.ICONIFIED)
+
+    @property
+    def player(self) -> InputSender | None:
+        """Whom keys and mouse reach instead of `on_event`, with the pointer held, until Escape or another window ends it."""
+        return self._player
+
+    @player.setter
+    def player(self, player: InputSender | None) -> None:
+        self.gave_back |= self._player is not None and player is None
+        self._player = player
+        mode = glfw.CURSOR_DISABLED if player is not None else glfw.CURSOR_NORMAL
+        glfw.set_input_mode(self._window, glfw.CURSOR, mode)
+        self._pointer = glfw.get_cursor_pos(self._window)
 
     def request_close(self) -> None:
         """As if the person had pressed the close button."""
@@ -150,6 +171,10 @@ class Window:
 
     def _moved(self, _: Any, x: float, y: float) -> None:
         before, self._pointer = self._pointer, (x, y)
+        if self._player is not None:
+            self._player.move("pointer_x", x - before[0])
+            self._player.move("pointer_y", y - before[1])
+            return
         height = max(glfw.get_window_size(self._window)[1], 1)
         for number, button in _BUTTONS.items():
             if glfw.get_mouse_button(self._window, number) == glfw.PRESS:
@@ -164,8 +189,34 @@ class Window:
                 return
 
     def _key(self, _: Any, key: int, __: int, action: int, ___: int) -> None:
-        if action == glfw.PRESS and key in _KEYS:
+        if self._player is not None:
+            if action == glfw.RELEASE:
+                self._player.let_go(KEY_NAMES.get(key, ""))
+            elif key == glfw.KEY_ESCAPE:
+                self.player = None
+            elif action == glfw.PRESS:
+                self._player.press(KEY_NAMES.get(key, ""))
+        elif action == glfw.PRESS and key in _KEYS:
             self.on_event(KeyPressed(_KEYS[key]))
+
+    def _button(self, _: Any, button: int, action: int, __: int) -> None:
+        if self._player is not None and 0 <= button < len(MOUSE_NAMES):
+            (self._player.press if action == glfw.PRESS else self._player.let_go)(MOUSE_NAMES[button])
+
+    def _scrolled(self, _: Any, x: float, y: float) -> None:
+        if self._player is None:
+            self.on_event(Scrolled(y))
+        else:
+            self._player.move("wheel_x", x)
+            self._player.move("wheel_y", y)
+
+    def _typed(self, _: Any, codepoint: int) -> None:
+        if self._player is not None:
+            self._player.type(chr(codepoint))
+
+    def _focused(self, _: Any, is_focused: int) -> None:
+        if not is_focused and self._player is not None:
+            self.player = None
 
     def _is_down(self, *keys: int) -> bool:
         return any(glfw.get_key(self._window, key) == glfw.PRESS for key in keys)

@@ -23,6 +23,7 @@ from elys.bus.messages.commands import (
     CommandReply,
     CommandRequest,
     Grab,
+    Input,
     LoadScene,
     NoteSaved,
     Redo,
@@ -44,13 +45,14 @@ from elys.bus.messages.session import Event, EventBatch, SessionStatus
 from elys.bus.messages.state_frame import INSTANTS
 from elys.bus.messages.timeline import Markers, MarkersRequest
 from elys.bus.prefab_service import serve_prefabs
-from elys.bus.session import Node, Session
+from elys.bus.session import Session
 from elys.common.clock import FixedStepClock
 from elys.common.errors import EditConflict, ElysError, RequestError
 from elys.sim_node.chronicle import Chronicle
 from elys.sim_node.edit_history import Done, EditHistory
 from elys.sim_node.flight_recorder import SECONDS, FlightRecorder
 from elys.sim_node.guard import Guard
+from elys.sim_node.input_intake import InputIntake
 from elys.sim_node.paused_physics import PausedPhysics
 from elys.sim_node.repetition import Cue, Repetition
 from elys.sim_node.scene.snapshot import take_snapshot
@@ -128,6 +130,9 @@ class SimulationNode:
         self._paused_physics = PausedPhysics(simulation)
         self._is_another_scene = False
         self._wake = asyncio.Event()
+        self._intake = InputIntake(
+            simulation, session, put=self._put, wake=self._wake.set, is_rewound=lambda: self._is_rewound
+        )
         self.flight = FlightRecorder(simulation, seconds=keep) if keep > 0.0 else None
         self.chronicle = Chronicle(simulation, self.flight, epoch=session.epoch, tell=self._publish_command)
         self._markers = MarkerLog()
@@ -150,7 +155,7 @@ class SimulationNode:
         """Serves the session and ticks until the step limit or cancellation."""
         session = self.session
         session.serve(topics.COMMAND, self._take_command)
-        session.on_nodes(self._node_changed)
+        self._intake.listen()
         session.serve(topics.SNAPSHOT, self._give_snapshot)
         session.serve(topics.EXACT, self.chronicle.give_exact)
         session.serve(topics.HISTORY, self._give_history)
@@ -194,6 +199,7 @@ class SimulationNode:
         """One tick: commands, then if time goes on the world's step, then all that others shall know of it."""
         stages = StageTimes()
         late = self._clock.lateness() * 1000.0
+        self._intake.begin_tick()
         cue = self._take_cue()
         stands = not self.playing if cue is None else not cue.steps
         if stands and any(edits_of(waiting.request.command) for waiting in self._waiting):
@@ -239,7 +245,7 @@ class SimulationNode:
             if cue.keeps_physics:
                 self._paused_physics.forget()
             for request in cue.requests:
-                self._ask_for(request)
+                self._put(request)
         return cue
 
     def _step(self, stages: StageTimes) -> None:
@@ -311,14 +317,10 @@ class SimulationNode:
     async def _take_command(self, request: CommandRequest, key: str) -> CommandReply:
         if len(self._waiting) >= COMMAND_LIMIT:
             raise RequestError(f"{COMMAND_LIMIT} commands are waiting already: send fewer, or wait for their answers")
-        return await self._ask_for(request)
+        return await self._put(request)
 
-    def _node_changed(self, node: Node, alive: bool) -> None:
-        """Who is gone holds nothing any more."""
-        if not alive and self.simulation.hands.holds(node.id):
-            self._ask_for(CommandRequest(origin=node.id, command=Release()))
-
-    def _ask_for(self, request: CommandRequest) -> asyncio.Future[CommandReply]:
+    def _put(self, request: CommandRequest) -> asyncio.Future[CommandReply]:
+        """Puts a command before the next tick; what becomes of it."""
         waiting = _Waiting(request, asyncio.get_running_loop().create_future())
         self._waiting.append(waiting)
         self._wake.set()
@@ -382,6 +384,12 @@ class SimulationNode:
                 return self._load(command)
             case Grab() | Release() if self._is_rewound:
                 raise RequestError("this is the past: go on from here, or return to now, before taking hold of a body")
+            case Input() if self._is_rewound:
+                raise RequestError("this is the past: go on from here, or return to now, before playing")
+            case Input():
+                played = msgspec.structs.replace(command, source=request.origin)
+                apply_command(self.simulation, played)
+                return Done((), played, {})
             case Grab() | Release():
                 held = msgspec.structs.replace(command, holder=request.origin)
                 apply_command(self.simulation, held)
@@ -538,7 +546,7 @@ class SimulationNode:
             is_forked=self.simulation.time <= self._forked_until,
             instant=self.chronicle.leads_to(steps=steps) % INSTANTS,
         )
-        self.session.publish(topics.STATE, frame)
+        self.session.publish_large(topics.STATE, frame)
 
     def _publish_events(self) -> tuple[Event, ...]:
         events = (*self._events, *self.simulation.take_events())

@@ -32,6 +32,7 @@ from elys.sim_node.capture import captured, restored
 from elys.sim_node.ecs.changes import WorldChanges
 from elys.sim_node.ecs.schedule import System, run
 from elys.sim_node.ecs.world import World
+from elys.sim_node.inputs import Inputs
 from elys.sim_node.physics.checks import named
 from elys.sim_node.physics.settings import Attractor, PhysicsSettings
 from elys.sim_node.physics.states import WorldEvents
@@ -55,6 +56,7 @@ class Simulation:
         tick: steps done since the beginning.
         path: the file its scene came from; empty if from none.
         edited: what steps have moved, as it was edited.
+        inputs: what players do, by their numbers: `inputs[1].is_down("w")`.
         systems: what a step does, in this order.
         stage_times: what each of them took in the last step [ms], the stages of physics as `physics.STAGE` among them.
     """
@@ -85,6 +87,7 @@ class Simulation:
         )
         self.stage_times: dict[str, float] = {}
         self.hands = Hands(self.physics)
+        self.inputs = Inputs()
         self._bodies = RigidBodies(self.world, self.physics, self.assets)
         self._animations = Animations(self.world, self.assets)
         self._changes: list[WorldChanges] = []
@@ -111,6 +114,7 @@ class Simulation:
         self.stage_times = {}
         self.edited.capture()
         run(self.world, self.systems, self.stage_times)
+        self.inputs.end_tick()
         self.tick += 1
 
     def settle(self) -> None:

@@ -27,6 +27,7 @@ from elys.bus.messages.session import Event
 from elys.common.errors import StateError
 from elys.common.scene import SceneSettings
 from elys.sim_node.ecs.changes import EntityDespawned, EntityReparented, EntitySpawned, WorldChanges
+from elys.sim_node.inputs import Device
 from elys.sim_node.physics.joints import BrokenJoint
 from elys.sim_node.physics.settings import PhysicsSettings, SceneTraits
 from elys.sim_node.physics.states import Problem
@@ -54,6 +55,7 @@ RECORDS: Final[Mapping[str, type[Any]]] = {
         WorldChanges,
         Event,
         Grab,
+        Device,
         SceneSettings,
         PhysicsSettings,
         SceneTraits,

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from elys.bus.log import log_to_session, start_logging
+from elys.bus.recording_plan import RecordingPlan
 from elys.bus.session import Session
 from elys.verbs.playback import Playback
 
@@ -99,6 +100,7 @@ def simulation(
     threads: int,
     guarded: bool,
     keep: float,
+    plan: RecordingPlan,
     at: str = "",
 ) -> None:
     """The simulation's process."""
@@ -117,6 +119,7 @@ def simulation(
             name=name,
             guarded=guarded,
             keep=keep,
+            plan=plan,
             origin=origin,
         )
     )

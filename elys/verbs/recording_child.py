@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+from elys.bus.recording_plan import PLAIN, RecordingPlan, files_of, to_json
 from elys.bus.session import Session
 from elys.bus.tap import RecordingTap
 from elys.bus.transports.mcap import open_alone
@@ -34,14 +35,17 @@ def require_recordable(path: Path) -> None:
 class RecordingChild:
     """A recorder process, started before the simulation is there, so that both start at the same time."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, plan: RecordingPlan = PLAIN) -> None:
         """Raises RecordingError if the file cannot be written."""
         require_recordable(path)
         self.path = path
+        self._earlier = set(files_of(path)) if plan.rotates else set()
+        self._plan = plan
         reading, self._writing = os.pipe()
         self._tap: RecordingTap | None = None
+        command = [sys.executable, "-m", "elys.bus.recorder_process", "--fd", str(reading), "--output", str(path)]
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "elys.bus.recorder_process", "--fd", str(reading), "--output", str(path)],
+            [*command, "--plan", to_json(plan)],
             pass_fds=[reading],
             stdin=subprocess.DEVNULL,
             start_new_session=True,  # Ctrl-C ends the simulation; the recorder ends when the pipe does
@@ -61,7 +65,7 @@ class RecordingChild:
         node.recorder = self._tap
 
     async def finish(self) -> int:
-        """Ends the recording and waits until the file is whole; returns its size [bytes]."""
+        """Ends the recording and waits until its files are whole; returns their size [bytes]."""
         if self._tap is not None:
             await asyncio.to_thread(self._tap.close)
         else:
@@ -69,4 +73,5 @@ class RecordingChild:
         status = await asyncio.to_thread(self._process.wait)
         if status:
             raise RecordingError(f"the recorder ended with status {status}: what it said stands above")
-        return self.path.stat().st_size
+        files = set(files_of(self.path)) - self._earlier if self._plan.rotates else {self.path}
+        return sum(file.stat().st_size for file in files)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from elys.bus.log import start_logging
+from elys.bus.recording_plan import PLAIN, RecordingPlan, files_of
 from elys.bus.session import Session
 from elys.common.errors import RecordingError
 from elys.launch import before_exec
@@ -71,6 +72,7 @@ def record(
     views: Sequence[str] = (),
     view_size: str = "1280x720",
     view_fps: float = 30.0,
+    plan: RecordingPlan = PLAIN,
 ) -> None:
     """Records a session from outside: until Ctrl-C, for so many seconds, or until its host is gone for good; with pictures
     through the cameras named by `views`.
@@ -90,14 +92,16 @@ def record(
             _log.info("recording %s to %s; end with Ctrl-C", session.name, output)
             stop = asyncio.Event()
             _stop_when_host_is_gone(session, stop)
-            recording = asyncio.ensure_future(record_session(session, output, stop, kept))
+            recording = asyncio.ensure_future(record_session(session, output, stop, kept, plan))
             with contextlib.suppress(asyncio.CancelledError, TimeoutError):
                 await asyncio.wait_for(asyncio.shield(recording), seconds or None)
             stop.set()
             await recording
 
+    earlier = set(files_of(output))
     run_until_asked(work())
-    info(output, json=False)
+    for file in [file for file in files_of(output) if file not in earlier] if plan.rotates else [output]:
+        info(file, json=False)
 
 
 def _endpoint_for_views(connect: str | None) -> str:
@@ -163,6 +167,7 @@ def _stop_when_host_is_gone(session: Session, stop: asyncio.Event) -> None:
 def info(recording: Path, *, json: bool) -> None:
     """Prints what a recording holds."""
     from elys.bus.export import recording_info
+    from elys.bus.recording_storage import describe
 
     facts = recording_info(recording)
     if json:
@@ -171,7 +176,8 @@ def info(recording: Path, *, json: bool) -> None:
     state = "complete" if facts.complete else "cut off: read as far as it goes"
     print(f"{recording}: {facts.scene}, {facts.duration:.2f} s, ticks {facts.first_tick} to {facts.last_tick}, {state}")
     contents = f"{facts.body_count} bodies, {facts.entity_count} entities, {facts.asset_count} assets"
-    print(f"{contents}, {size_text(facts.size)}; ELYS {facts.elys_version}, protocol {facts.protocol}\n")
+    print(f"{contents}, {size_text(facts.size)}; ELYS {facts.elys_version}, protocol {facts.protocol}")
+    print(f"{describe(facts.states)}\n")
     rows = [(c.name, c.count, f"{c.rate:.1f}", size_text(c.bytes)) for c in facts.channels]
     print_table(("channel", "messages", "per second", "size"), rows)
 

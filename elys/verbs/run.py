@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from elys.bus.recording_plan import PLAIN, RecordingPlan, to_json
 from elys.common.errors import LaunchError
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ def run(
     guarded: bool,
     keep: float,
     json: bool,
+    plan: RecordingPlan = PLAIN,
     at: str = "",
 ) -> None:
     """Simulates a scene: with an editor, or headless; headless with a step limit runs as fast as it can."""
@@ -48,6 +50,7 @@ def run(
             guarded=guarded,
             keep=keep,
             json=json,
+            plan=plan,
             at=at,
         )
         return
@@ -64,7 +67,7 @@ def run(
     if not kernels_are_warm(needed_kernels(opened, threads=threads)):
         compile_with_progress(opened, threads=threads)  # the bar needs this terminal; a node's own lines are prefixed
     options = ["--steps", str(step_limit)] if step_limit else []
-    options += ["--record", str(record)] if record else []
+    options += ["--record", str(record), "--recording-plan", to_json(plan)] if record else []
     options += ["--paused"] if paused else []
     options += ["--name", name] if name else []
     options += [] if guarded else ["--no-guard"]
@@ -150,7 +153,8 @@ def _run_headless(
     guarded: bool,
     keep: float,
     json: bool,
-    at: str,
+    plan: RecordingPlan = PLAIN,
+    at: str = "",
 ) -> None:
     from elys.bus.log import start_logging
     from elys.verbs.nodes import run_until_asked
@@ -172,6 +176,7 @@ def _run_headless(
             name=name,
             guarded=guarded,
             keep=keep,
+            plan=plan,
             origin=origin,
             on_end=reports.append,
         )

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import platformdirs
 
+from elys.bus.recording_plan import PLAIN, RecordingPlan
 from elys.common.assets.store import AssetStore
 from elys.verbs.nodes import hosted, session_name
 from elys.verbs.output import size_text
@@ -90,6 +91,7 @@ async def simulate(
     name: str,
     guarded: bool = True,
     keep: float = 60.0,
+    plan: RecordingPlan = PLAIN,
     origin: Origin | None = None,
     on_end: Callable[[RunReport], None] | None = None,
 ) -> None:
@@ -111,7 +113,7 @@ async def simulate(
         )
         if origin is not None:
             node.chronicle.lineage, node.repetition = origin.lineage, origin.repetition
-        recorder = RecordingChild(record) if record else None
+        recorder = RecordingChild(record, plan) if record else None
         if recorder is not None:
             recorder.attach(session, node, simulation.assets, lossless=not realtime)
         if guarded:

@@ -1,6 +1,6 @@
 """make bench: what ELYS costs, measured on real processes over real zenoh, as a table for people and JSON for machines.
 
-python -m tests.benchmarks                 all, and the table of the README is written anew
+python -m tests.benchmarks                 all, and the tables of the README and of docs/editor.md are written anew
 python -m tests.benchmarks ticks starts    only these
 python -m tests.benchmarks rigid --help    rigid bodies have choices of their own
 """
@@ -14,20 +14,34 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from tests.benchmarks import latency, models, pictures, queries, rigid_bodies, scene_tree, starts, ticks
+from tests.benchmarks import (
+    editor,
+    latency,
+    models,
+    pictures,
+    queries,
+    rigid_bodies,
+    scene_tree,
+    starts,
+    ticks,
+    view_streams,
+)
 from tests.benchmarks.machine import machine
 
 ROOT = Path(__file__).parents[2]
 SUITES: dict[str, Callable[[], list[tuple[str, str]]]] = {
     "ticks": ticks.measure,
     "latency": latency.measure,
+    "views": view_streams.measure,
     "starts": starts.measure,
     "tree": scene_tree.measure,
     "rigid": rigid_bodies.measure,
     "queries": queries.measure,
     "models": models.measure,
     "pictures": pictures.measure,
+    "editor": editor.measure,
 }
+PAGES = {"editor": "docs/editor.md"}  # whose rows stand there and not in the README
 
 
 def main() -> None:
@@ -41,18 +55,33 @@ def main() -> None:
     rows: list[tuple[str, str]] = []
     for name in chosen:
         print(f"measuring {name} ...", file=sys.stderr, flush=True)
-        rows += SUITES[name]()
-    table = "\n".join(["| measure | figure |", "| --- | --- |", *(f"| {what} | {figure} |" for what, figure in rows)])
-    print(f"{machine()}\n\n{table}")
+        found = SUITES[name]()
+        if name in PAGES:
+            print(table_of(found))
+            write_between_marks(ROOT / PAGES[name], table_of(found))
+        else:
+            rows += found
+    if rows:
+        finish(rows, is_all=set(chosen) == set(SUITES))
+
+
+def finish(rows: list[tuple[str, str]], *, is_all: bool) -> None:
+    """Shows and keeps what was measured, in the README as well if it is all."""
+    print(table_of(rows))
     facts = {"machine": machine(), "date": time.strftime("%Y-%m-%d"), "rows": dict(rows)}
     (ROOT / "bench.json").write_text(json.dumps(facts, indent=2) + "\n")
-    if set(chosen) == set(SUITES):
-        write_into_readme(f"{machine()}\n\n{table}")
+    if is_all:
+        write_between_marks(ROOT / "README.md", table_of(rows))
 
 
-def write_into_readme(text: str) -> None:
-    """Puts the table between the README's marks."""
-    path = ROOT / "README.md"
+def table_of(rows: list[tuple[str, str]]) -> str:
+    """The machine and what was measured on it, as Markdown."""
+    lines = ["| measure | figure |", "| --- | --- |", *(f"| {what} | {figure} |" for what, figure in rows)]
+    return f"{machine()}\n\n" + "\n".join(lines)
+
+
+def write_between_marks(path: Path, text: str) -> None:
+    """Puts a table between the marks of a page."""
     marked = re.compile(r"(<!-- bench -->\n).*?(<!-- /bench -->)", re.DOTALL)
     path.write_text(marked.sub(lambda match: f"{match[1]}{text}\n{match[2]}", path.read_text()))
 

@@ -41,8 +41,8 @@ class BareProgram:
         self._rows = np.empty((world.instance_count, 4, 4), np.float32)
         self._rows[:, :3, :3] = world.linear
         self._rows[:, :3, 3] = world.position - view.eye
-        self._rows[:, 3, :3] = world.surface[:, 0, :3]
-        self._rows[:, 3, 3] = world.surface[:, 2, 1]
+        self._rows[:, 3, :3] = world.instances.surface[:, 0, :3]
+        self._rows[:, 3, 3] = world.instances.surface[:, 2, 1]
         depth = self._rows[:, :3, 3] @ -view.world_from_view[:, 2].astype(np.float32)
         self._rows = self._rows[np.argsort(depth, kind="stable")]
         self._make_targets()

@@ -37,7 +37,7 @@ async def measure() -> None:
     from imgui_bundle import imgui
 
     from elys.editor_node.node import Editor
-    from tests.unit.editor_node.conftest import SceneHost
+    from tests.unit.editor_node.scene_host import SceneHost
 
     parts = {name: {} for name in declare_parts()}
     records = [EntityRecord(name="Everything", components={"Transform": {}, "RigidBody": {}, "Material": {}, **parts})]

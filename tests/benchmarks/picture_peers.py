@@ -105,7 +105,7 @@ class PeerCubes:
 
     def __init__(self, world: RenderWorld, camera: ViewCamera, size: tuple[int, int], *, samples: int) -> None:
         self._picture = PeerPicture(size, camera, samples=samples)
-        color, _, (metallic, roughness, _, _) = world.surface[0]
+        color, _, (metallic, roughness, _, _) = world.instances.surface[0]
         gfx = self._picture.gfx
         material = self._picture.material(color[:3], float(metallic), float(roughness))
         self._mesh = gfx.InstancedMesh(

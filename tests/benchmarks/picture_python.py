@@ -1,7 +1,7 @@
 """What a frame costs before the driver draws: Python and numpy on the drawing thread, from poses of moving cubes to draw calls.
 
-Measured in a process of its own with Mesa's driver that takes all calls and draws nothing (GALLIUM_NOOP). What it takes to
-find memory for the instances and to copy them is not counted: it frees and asks anew, where those that draw do not.
+Measured in a process of its own with Mesa's driver that takes all calls and draws nothing (GALLIUM_NOOP); what is handed over to
+it is copied, and counts.
 """
 
 from __future__ import annotations
@@ -11,11 +11,10 @@ import os
 import subprocess
 import sys
 import time
-from dataclasses import replace
-from typing import Any, Final
+from collections.abc import Callable
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from elys.bus.messages.state_frame import StateFrame
@@ -27,9 +26,11 @@ from elys.render_node.renderer import Renderer
 Row = tuple[str, str]
 
 COUNTS: Final = (1000, 10_000)
-FRAMES: Final = 200
+FRAMES: Final = 150
 WARMING: Final = 20  # frames before those that count
 TICK: Final = 1 / 60  # [s]
+REACH: Final = 1.0  # [m] to which the cubes swing from where they began
+SPEED: Final = 3.0  # [m/s] at which they pass there
 
 
 def measure() -> list[Row]:
@@ -40,74 +41,78 @@ def measure() -> list[Row]:
     what = f"Python and numpy of a frame of {' / '.join(map(str, COUNTS))} moving cubes, a driver that draws nothing"
     if not found:
         return [(what, "not measured: the driver is not Mesa's")]
-    return [(what, f"{' / '.join(f'{value:.2f}' for value in found)} ms")]
+    return [
+        (f"{what}: {words}", f"{' / '.join(f'{value:.2f}' for value in values)} ms") for words, values in found.items()
+    ]
 
 
-def times() -> list[float]:
-    """Medians [ms] of the drawing thread's processor time; none where the driver draws."""
+def times() -> dict[str, list[float]]:
+    """[ms] of the drawing thread's processor time, one value a count; nothing where the driver draws."""
     context = offscreen_context()
     if "NOOP" not in context.info["GL_RENDERER"]:
-        return []
-    return [frame_time(Renderer(context, quality=FAST), count) for count in COUNTS]
+        return {}
+    spent = [frame_times(Renderer(context, quality=FAST), count) for count in COUNTS]
+    news, between = zip(*spent, strict=True)
+    return {
+        "median with a new state": [float(np.median(values)) for values in news],
+        "mean with a new state": [float(np.mean(values)) for values in news],
+        "median between two states": [float(np.median(values)) for values in between],
+    }
 
 
-def frame_time(renderer: Renderer, count: int) -> float:
-    """From the arrival of a state frame to the last draw call."""
+def frame_times(renderer: Renderer, count: int) -> tuple[list[float], list[float]]:
+    """From the arrival of each state frame to the last draw call, and of pictures between two of them [ms]."""
     from tests.benchmarks.pictures import SIZE, cubes
 
     world, camera = cubes(count)
     renderer.settle(world)
-    frames = [moved(world, tick) for tick in range(4)]
-    copying = _Copying(renderer)
-    spent = []
-    for tick in range(FRAMES + WARMING):
+    frame_at = swinging(world)
+    frames = [frame_at(tick) for tick in range(FRAMES + WARMING)]
+    news, between = [], []
+    for tick, frame in enumerate(frames):
         now = tick * TICK
-        frame = replace(frames[tick % 4], tick=tick, simulation_time=now, published_at=round(now * 1e9))
-        copying.seconds = 0.0
         start = time.thread_time()
         world.take_state(frame, now)
-        world.place(now + TICK / 2)
+        world.place(now + TICK / 4)
+        renderer.draw(world, camera, *SIZE)
+        middle = time.thread_time()
+        world.place(now + TICK * 3 / 4)
         renderer.draw(world, camera, *SIZE)
         if tick >= WARMING:
-            spent.append((time.thread_time() - start - copying.seconds) * 1e3)
-    return float(np.median(spent))
+            news.append((middle - start) * 1e3)
+            between.append((time.thread_time() - middle) * 1e3)
+    return news, between
 
 
-class _Copying:
-    """How long a renderer's instances take to be handed over."""
+def swinging(world: RenderWorld) -> Callable[[int], StateFrame]:
+    """State frames by their ticks: all cubes swing about their places, each its own way, turning at 1.7 rad/s."""
+    random = np.random.default_rng(1)
+    count, order = world.instance_count, np.argsort(world.entity)
+    entity, places = world.entity[order], world.position[order]
+    way = random.normal(size=(count, 3))
+    way *= REACH / np.linalg.norm(way, axis=1, keepdims=True)
+    phase = random.uniform(0.0, 2.0 * np.pi, (count, 1))
+    spin = np.ones((count, 3))
 
-    def __init__(self, renderer: Renderer) -> None:
-        self.seconds = 0.0
-        instances = renderer.resources.instances
-        write = instances.write
+    def frame_at(tick: int) -> StateFrame:
+        now = tick * TICK
+        angle = phase + now * SPEED / REACH
+        return StateFrame(
+            epoch=1,
+            tick=tick,
+            simulation_time=now,
+            published_at=round(now * 1e9),
+            delta_sequence=0,
+            state_hash=0,
+            playing=True,
+            position=places + way * np.sin(angle),
+            rotation=Rotation.from_rotvec(spin * now).as_quat().astype(np.float32),
+            linear_velocity=(way * np.cos(angle) * SPEED / REACH).astype(np.float32),
+            angular_velocity=spin.astype(np.float32),
+            entity=entity.copy(),
+        )
 
-        def timed(data: NDArray[Any]) -> None:
-            start = time.thread_time()
-            write(data)
-            self.seconds += time.thread_time() - start
-
-        instances.write = timed  # type: ignore[method-assign]
-
-
-def moved(world: RenderWorld, seed: int) -> StateFrame:
-    """All cubes somewhat beside their places, turning at 1.7 rad/s."""
-    random = np.random.default_rng(seed)
-    count = world.instance_count
-    order = np.argsort(world.entity)
-    return StateFrame(
-        epoch=1,
-        tick=0,
-        simulation_time=0.0,
-        published_at=0,
-        delta_sequence=0,
-        state_hash=0,
-        playing=True,
-        position=world.position[order] + random.normal(scale=0.02, size=(count, 3)),
-        rotation=Rotation.from_rotvec(random.normal(scale=0.01, size=(count, 3))).as_quat().astype(np.float32),
-        linear_velocity=np.zeros((count, 3), np.float32),
-        angular_velocity=np.ones((count, 3), np.float32),
-        entity=world.entity[order],
-    )
+    return frame_at
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -19,7 +20,8 @@ from elys.bus.session import Session
 from elys.bus.transports.loopback import LoopbackBroker
 from elys.common.assets.store import AssetStore
 from elys.common.components import component_from
-from elys.common.scene import EntityRecord, OpenedScene, expand, open_scene
+from elys.common.scene import EntityRecord, OpenedScene, expand, open_scene, read_scene
+from elys.common.scene_writing import format_scene
 from elys.editor_node.model import EditorModel
 from elys.samples.registry import sample
 from elys.sim_node.node import SimulationNode
@@ -171,6 +173,11 @@ def test_what_was_edited_live_saved_and_opened_again_is_the_same_scene(tmp_path:
             # And into the running session: the same again, under other ids.
             await desk.model.documents.open(path)
             assert [meaning(record) for record in records_of(desk.simulation.world)] == edited
+            # What is saved of that is the same document to the last letter, whatever its name.
+            again_path = tmp_path / f"{seed}-again.scene.json"
+            await desk.model.save(str(again_path))
+            first, second = (read_scene(file) for file in (path, again_path))
+            assert format_scene(msgspec.structs.replace(second, name=first.name)) == format_scene(first)
 
     for seed in range(4):
         asyncio.run(scenario(seed))

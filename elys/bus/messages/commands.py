@@ -192,9 +192,25 @@ class Release(msgspec.Struct, frozen=True, kw_only=True, tag="release"):
     holder: str = ""
 
 
+class Input(msgspec.Struct, frozen=True, kw_only=True, tag="input"):
+    """Simulation only: what a player's keys, buttons, pointer, wheel and sticks did since the last such message, in order.
+
+    Names are those of `elys.common.input_names`. What is held stays so until it is let go, or until who said it is gone; the host
+    fills in who: its node.
+    """
+
+    player: int
+    lets_go: bool = False  # of all that is held, before anything else
+    changes: tuple[tuple[str, bool], ...] = ()  # keys and buttons that went down (true) or up, in order
+    moved: dict[str, float] = {}  # how far, by MOTIONS
+    axes: dict[str, float] = {}  # where sticks stand now, by AXES; those not named stay
+    text: str = ""  # that was typed
+    source: str = ""
+
+
 Hand = Grab | Release  # what changes how a simulation goes on, without being an edit of the scene
 Time = SetPlaying | StepTicks | Seek | SetRate | SetLoop | SetRange | Rewind | Resume  # what is asked of the clock
-Command = Edit | Batch | Undo | Redo | LoadScene | NoteSaved | Time | Hand
+Command = Edit | Batch | Undo | Redo | LoadScene | NoteSaved | Time | Hand | Input
 
 
 class CommandRequest(msgspec.Struct, frozen=True, kw_only=True):

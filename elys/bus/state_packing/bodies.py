@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ class Bodies(NamedTuple):
     change: NDArray[np.float32] | None = None  # [3, N] m/s
 
     @property
-    def count(self) -> int:
+    def body_count(self) -> int:
         """N."""
         return len(self.entity)
 
@@ -32,16 +32,14 @@ class Bodies(NamedTuple):
         """Some of them."""
         if isinstance(rows, slice):
             return self
-        change = None if self.change is None else self.change.take(rows, axis=1)
-        columns = (column.take(rows, axis=1) for column in self[:4])
-        return Bodies(*columns, self.entity[rows], change)  # type: ignore[arg-type]
+        return Bodies._make(None if column is None else column.take(rows, axis=-1) for column in self)
 
     def replaced(self, rows: Rows, told: Bodies) -> Bodies:
         """The same with other rows in these places, without `change`."""
-        merged = Bodies(*(column.copy() for column in self[:4]), self.entity)  # type: ignore[arg-type]
-        for column, told_column in zip(merged[:4], told[:4], strict=True):
+        columns: list[Any] = [column.copy() for column in self[:4]]
+        for column, told_column in zip(columns, told[:4], strict=True):
             column[:, rows] = told_column
-        return merged
+        return Bodies._make((*columns, self.entity, None))
 
     def with_change(self, before: Bodies | None) -> Bodies:
         """The same with what its linear velocities have changed by since `before`, if that says anything."""
@@ -111,8 +109,9 @@ def aligned(before: Bodies, entity: NDArray[np.uint32]) -> Bodies:
 
 def changed_rows(now: Bodies, before: Bodies) -> NDArray[np.bool_]:
     """[N] whether any bit of a row is another."""
-    changed = np.zeros(now.count, np.bool_)
-    for column, earlier in zip(now[:4], before[:4], strict=True):
+    changed = np.zeros(now.body_count, np.bool_)
+    columns: Any = zip(now[:4], before[:4], strict=True)
+    for column, earlier in columns:
         width = f"u{column.itemsize}"
         for row, earlier_row in zip(column.view(width), earlier.view(width), strict=True):
             changed |= row != earlier_row

@@ -17,7 +17,7 @@ Guesses are made from such numbers and told in such numbers, so that errors do n
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,7 +52,7 @@ class Codes(NamedTuple):
     entity: NDArray[np.uint32]  # [N]
 
     @property
-    def count(self) -> int:
+    def body_count(self) -> int:
         """N."""
         return len(self.entity)
 
@@ -60,14 +60,14 @@ class Codes(NamedTuple):
         """Some of them."""
         if isinstance(rows, slice):
             return self
-        return Codes(*(column.take(rows, axis=-1) for column in self))  # type: ignore[arg-type]
+        return Codes._make(column.take(rows, axis=-1) for column in self)
 
     def replaced(self, rows: Rows, told: Codes) -> Codes:
         """The same with other rows in these places."""
-        merged = Codes(*(column.copy() for column in self[:5]), self.entity)  # type: ignore[arg-type]
-        for column, told_column in zip(merged[:5], told[:5], strict=True):
+        columns: list[Any] = [column.copy() for column in self[:5]]
+        for column, told_column in zip(columns, told[:5], strict=True):
             column[..., rows] = told_column
-        return merged
+        return Codes._make((*columns, self.entity))
 
     def with_change(self, before: Codes | None) -> Codes:
         """Itself: codes remember no change."""
@@ -91,7 +91,7 @@ def codes_of(bodies: Bodies) -> Codes | None:
     length = np.sqrt(_squares(bodies.rotation))
     if position is None or linear is None or angular is None or not np.all(np.abs(length - F4(1.0)) < 0.1):
         return None
-    rotation = bodies.rotation / length
+    rotation: NDArray[np.float32] = (bodies.rotation / length).astype(F4, copy=False)
     size = np.abs(rotation)
     largest = np.where(size[1] > size[0], np.uint8(1), np.uint8(0))
     size[0] = np.maximum(size[0], size[1])
@@ -106,7 +106,7 @@ def codes_of(bodies: Bodies) -> Codes | None:
 def bodies_from(codes: Codes) -> Bodies:
     """What a reader gets to see of them."""
     return Bodies(
-        codes.position * (1.0 / POSITION_STEPS),
+        codes.position.astype(np.float64) * (1.0 / POSITION_STEPS),
         _rotation_of(codes),
         (codes.linear * (1.0 / LINEAR_STEPS)).astype(F4),
         (codes.angular * (1.0 / ANGULAR_STEPS)).astype(F4),
@@ -136,15 +136,16 @@ def aligned_codes(before: Codes, entity: NDArray[np.uint32]) -> Codes:
 
 def changed_codes(now: Codes, before: Codes) -> NDArray[np.bool_]:
     """[N] whether any code of a row is another."""
-    changed = now.largest != before.largest
-    for column, earlier in ((now[i], before[i]) for i in (0, 2, 3, 4)):
+    changed: NDArray[np.bool_] = now.largest != before.largest
+    columns: Any = ((now[place], before[place]) for place in (0, 2, 3, 4))
+    for column, earlier in columns:
         for row, earlier_row in zip(column, earlier, strict=True):
             changed |= row != earlier_row
     return changed
 
 
 def pack_codes(out: PlaneWriter, now: Codes, before: Codes, elapsed: float) -> None:
-    """Tells all rows of `now` against the same rows of `before`, which were `elapsed` seconds earlier (0: not to be guessed from)."""
+    """Tells all rows of `now` against the same of `before`, which were `elapsed` seconds earlier (0: not to be guessed from)."""
     out.words(folded(now.linear - before.linear))
     out.words(folded(now.angular - before.angular))
     out.words(now.largest ^ before.largest)
@@ -154,7 +155,7 @@ def pack_codes(out: PlaneWriter, now: Codes, before: Codes, elapsed: float) -> N
 
 def unpack_codes(packed: PlaneReader, before: Codes, elapsed: float) -> Codes:
     """The rows that `pack_codes` told."""
-    count = before.count
+    count = before.body_count
     linear = before.linear + unfolded(packed.words(3 * count, 4)).reshape(3, count)
     angular = before.angular + unfolded(packed.words(3 * count, 4)).reshape(3, count)
     largest = (before.largest ^ packed.words(count, 1)) & np.uint8(7)
@@ -176,7 +177,8 @@ def _in_steps(column: NDArray[np.floating], steps: float) -> NDArray[np.int32] |
 
 def _squares(rotation: NDArray[np.float32]) -> NDArray[np.float32]:
     x, y, z, w = rotation
-    return ((x * x + y * y) + z * z) + w * w
+    squares: NDArray[np.float32] = ((x * x + y * y) + z * z) + w * w
+    return squares
 
 
 def _at(rotation: NDArray[np.float32], component: NDArray[np.uint8]) -> NDArray[np.float32]:
@@ -200,11 +202,11 @@ def _rotation_of(codes: Codes) -> NDArray[np.float32]:
     others = codes.rotation * F4(1.0 / ROTATION_STEPS)
     x, y, z = others
     rest = F4(1.0) - ((x * x + y * y) + z * z)
-    components = np.empty((4, codes.count), F4)
+    components = np.empty((4, codes.body_count), F4)
     components[:3] = others
     components[3] = np.sqrt(np.maximum(rest, F4(0.0)))
     components *= np.where(codes.largest & np.uint8(4), F4(-1.0), F4(1.0))
-    return _at(components, _PLACE.take(codes.largest & np.uint8(3), axis=1)).reshape(4, codes.count)
+    return _at(components, _PLACE.take(codes.largest & np.uint8(3), axis=1)).reshape(4, codes.body_count)
 
 
 def _guessed_rotation(
@@ -214,8 +216,8 @@ def _guessed_rotation(
     if not elapsed:
         return before.rotation
     x, y, z, w = _rotation_of(before)
-    wx, wy, wz = (before.angular + angular) * F4(elapsed * 0.25 / ANGULAR_STEPS)
-    guess = np.empty((4, before.count), F4)
+    wx, wy, wz = (before.angular + angular).astype(F4) * F4(elapsed * 0.25 / ANGULAR_STEPS)
+    guess = np.empty((4, before.body_count), F4)
     guess[0] = x + ((wx * w + wy * z) - wz * y)
     guess[1] = y + ((wy * w + wz * x) - wx * z)
     guess[2] = z + ((wz * w + wx * y) - wy * x)
@@ -229,4 +231,5 @@ def _guessed_position(before: Codes, linear: NDArray[np.int32], elapsed: float) 
     if not elapsed:
         return before.position
     way = (before.linear + linear) * (elapsed * 0.5 * POSITION_STEPS / LINEAR_STEPS)
-    return before.position + np.rint(way).astype(np.int32)
+    guess: NDArray[np.int32] = before.position + np.rint(way).astype(np.int32)
+    return guess

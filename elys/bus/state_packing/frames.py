@@ -170,7 +170,7 @@ def _elapsed(header: bytes | memoryview, base: Told | None) -> float:
 
 
 def _steps(entity: NDArray[np.uint32]) -> NDArray[np.uint32]:
-    return folded(np.diff(entity.view(np.int32), prepend=np.int32(0)))  # type: ignore[no-any-return]
+    return folded(np.diff(entity.view(np.int32), prepend=np.int32(0)))
 
 
 def _pack_rows(out: PlaneWriter, now: Any, base: Any, elapsed: float) -> tuple[int, Any]:
@@ -179,13 +179,13 @@ def _pack_rows(out: PlaneWriter, now: Any, base: Any, elapsed: float) -> tuple[i
     if base is None or not np.array_equal(now.entity, base.entity):
         told = _IDS
         out.words(_steps(now.entity))
-        before = packing.zeros(now.count, now.entity) if base is None else packing.aligned(base, now.entity)
+        before = packing.zeros(now.body_count, now.entity) if base is None else packing.aligned(base, now.entity)
     changed = packing.changed(now, before)
     count = int(np.count_nonzero(changed))
     if not count:
         return told, before.without_change()
     rows: Any = slice(None)
-    if count < _MOSTLY * now.count:
+    if count < _MOSTLY * now.body_count:
         told |= _SOME
         out.bits(changed)
         rows = np.flatnonzero(changed)
@@ -256,7 +256,7 @@ def _unpack_rows(packed: PlaneReader, head: Head, count: int, base: Any, elapsed
     if head.told & _IDS:
         entity = np.cumsum(unfolded(packed.words(count, 4)), dtype=np.int32).view(np.uint32)
         before = packing.zeros(count, entity) if base is None else packing.aligned(base, entity)
-    elif base is None or base.count != count:
+    elif base is None or base.body_count != count:
         raise RecordingError("a state frame is damaged: it does not say which bodies it has")
     if not head.told & _ROWS:
         return before.without_change()

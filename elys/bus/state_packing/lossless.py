@@ -38,7 +38,7 @@ F4: Final = np.float32
 
 
 def pack_bodies(out: PlaneWriter, now: Bodies, before: Bodies, elapsed: float) -> None:
-    """Tells all rows of `now` against the same rows of `before`, which were `elapsed` seconds earlier (0: not to be guessed from)."""
+    """Tells all rows of `now` against the same of `before`, which were `elapsed` seconds earlier (0: not to be guessed from)."""
     _pack_floats(out, now.linear, {LAST: before.linear, **_line(before)})
     _pack_floats(out, now.angular, {LAST: before.angular})
     turned_by = {TURNED: _turned_rotation(before, now.angular, elapsed)} if elapsed else {}
@@ -52,10 +52,10 @@ def unpack_bodies(packed: PlaneReader, before: Bodies, elapsed: float) -> Bodies
     linear = _unpack_floats(packed, {LAST: before.linear, **_line(before)})
     angular = _unpack_floats(packed, {LAST: before.angular})
     turned_by = {TURNED: _turned_rotation(before, angular, elapsed)} if elapsed else {}
-    rotation = np.empty((4, before.count), F4)
+    rotation = np.empty((4, before.body_count), F4)
     rotation[:3] = _unpack_floats(packed, {LAST: before.rotation[:3], **turned_by})
     guess = ordered(_last_of_unit(rotation, before.rotation[3]))
-    rotation[3] = from_ordered(guess + unfolded(packed.words(before.count, 4)), F4)
+    rotation[3] = from_ordered(guess + unfolded(packed.words(before.body_count, 4)), F4)
     position = _unpack_position(packed, linear, before, elapsed)
     return Bodies(position, rotation, linear, angular, before.entity)
 

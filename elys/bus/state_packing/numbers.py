@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Words = NDArray[np.uint32]
-LongWords = NDArray[np.uint64]
+Array = NDArray[Any]
 
 _ONE: Any = {2: np.uint16(1), 4: np.uint32(1), 8: np.uint64(1)}
 _TOP: Any = {2: np.int16(15), 4: np.int32(31), 8: np.int64(63)}
@@ -21,28 +21,32 @@ _SIGNED: Any = {2: np.int16, 4: np.int32, 8: np.int64}
 _UNSIGNED: Any = {2: np.uint16, 4: np.uint32, 8: np.uint64}
 
 
-def ordered(values: NDArray[Any]) -> NDArray[Any]:
+def ordered(values: Array) -> Array:
     """Floats as signed integers of their width that rise as they rise: neighbours differ by one. -0.0 is not 0.0."""
     bits = values.view(_SIGNED[values.itemsize])
-    return bits ^ ((bits >> _TOP[values.itemsize]) & _MAGNITUDE[values.itemsize])
+    result: Array = bits ^ ((bits >> _TOP[values.itemsize]) & _MAGNITUDE[values.itemsize])
+    return result
 
 
-def from_ordered(numbers: NDArray[Any], dtype: Any) -> NDArray[Any]:
+def from_ordered(numbers: Array, dtype: Any) -> Array:
     """The floats that `ordered` made these of."""
-    return (numbers ^ ((numbers >> _TOP[numbers.itemsize]) & _MAGNITUDE[numbers.itemsize])).view(dtype)
+    result: Array = (numbers ^ ((numbers >> _TOP[numbers.itemsize]) & _MAGNITUDE[numbers.itemsize])).view(dtype)
+    return result
 
 
-def folded(numbers: NDArray[Any]) -> NDArray[Any]:
+def folded(numbers: Array) -> Array:
     """Signed integers as unsigned ones, small where they were near 0: 0, -1, 1, -2, ... become 0, 1, 2, 3, ..."""
     width = numbers.itemsize
-    return ((numbers << numbers.dtype.type(1)) ^ (numbers >> _TOP[width])).view(_UNSIGNED[width])
+    result: Array = ((numbers << numbers.dtype.type(1)) ^ (numbers >> _TOP[width])).view(_UNSIGNED[width])
+    return result
 
 
-def unfolded(words: NDArray[Any]) -> NDArray[Any]:
+def unfolded(words: Array) -> Array:
     """The signed integers that `folded` made these of."""
     width = words.itemsize
     one = _ONE[width]
-    return ((words >> one) ^ (~(words & one) + one)).view(_SIGNED[width])
+    result: Array = ((words >> one) ^ (~(words & one) + one)).view(_SIGNED[width])
+    return result
 
 
 def turned(values: NDArray[np.float32]) -> Words:
@@ -56,7 +60,7 @@ def from_turned(words: Words) -> NDArray[np.float32]:
     return ((words >> np.uint32(1)) | (words << np.uint32(31))).view(np.float32)
 
 
-def finite(values: NDArray[Any]) -> NDArray[Any]:
+def finite(values: Array) -> Array:
     """The same with 0 for what is no number: what NaN an operation makes is the processor's choice, and must decide nothing."""
     is_number = np.isfinite(values)
     return values if is_number.all() else np.where(is_number, values, values.dtype.type(0))

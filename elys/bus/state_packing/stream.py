@@ -77,4 +77,4 @@ def _is_near(rows: Bodies | Codes, key: Told) -> bool:
     if base is None or not np.array_equal(rows.entity, base.entity):
         return False
     changed = changed_rows(rows, base) if isinstance(rows, Bodies) else changed_codes(rows, base)  # type: ignore[arg-type]
-    return np.count_nonzero(changed) <= _MOSTLY * rows.count
+    return bool(np.count_nonzero(changed) <= _MOSTLY * rows.body_count)

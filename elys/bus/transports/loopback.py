@@ -159,6 +159,10 @@ class LoopbackTransport:
         for subscription in self._broker._matching(self._broker._subscriptions, key):
             subscription.callback(key, payload)
 
+    def publish_made(self, key: str, make: Callable[[], bytes], delivery: Delivery) -> None:
+        """Calls every subscriber with what `make` returns now."""
+        self.publish(key, make(), delivery)
+
     def has_listener(self, key: str) -> bool:
         """Whether anybody subscribes to a key now."""
         return bool(self._broker._matching(self._broker._subscriptions, key))

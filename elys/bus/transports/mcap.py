@@ -25,7 +25,6 @@ from typing import Any, BinaryIO, Final
 
 import msgspec
 import numpy as np
-from mcap.writer import CompressionType, Writer
 
 import elys
 from elys.bus import topics
@@ -45,6 +44,7 @@ from elys.bus.transports.mcap_index import (
     STATE_INDEX_NAME,
     IndexBuilder,
 )
+from elys.bus.transports.mcap_writing import ChunkedWriter
 from elys.common.components import declarations
 from elys.common.components.schema import component_schema
 from elys.common.errors import RecordingError
@@ -55,7 +55,7 @@ EXACT_ENCODING: Final = "elys.exact.v1"
 EXACT_CHANNEL: Final = topics.EXACT.name
 COMPONENTS_NAME: Final = "elys/components.schema.json"
 
-_CHUNK_SECONDS: Final = 0.2
+_CHUNK_SECONDS: Final = 0.15  # a kill costs this, and the time it takes to pack and write a chunk
 _CHUNK_SIZE: Final = 4 << 20  # [bytes]
 _SYNC_SECONDS: Final = 1.0
 _log = logging.getLogger(__name__)
@@ -95,7 +95,7 @@ class McapWriter:
             raise
 
     def write(self, channel: str, body: bytes | memoryview, *, log_time: int) -> None:
-        """Adds a message in the order of the calls; `body` is without the protocol prefix, a state frame's as it was on the bus."""
+        """Adds a message in the order of the calls; `body` is without the protocol prefix, a state frame as on the bus."""
         self._index.add(channel, body, self._chunk_number, self._message_number)
         if channel == STATE_CHANNEL:
             packed = self._pack(body)
@@ -104,9 +104,8 @@ class McapWriter:
             body = packed
         if self._message_number == 0:
             self._chunk_opened = time.monotonic()
-        self._writer.add_message(
-            self._channels[channel], log_time, body, log_time, sequence=self.message_count & 0xFFFFFFFF
-        )
+        number = self.message_count & 0xFFFFFFFF
+        self._writer.add_message(self._channels[channel], body, time=log_time, sequence=number)
         self.message_count += 1
         self._message_number += 1
         self._chunk_bytes += len(body)
@@ -129,13 +128,21 @@ class McapWriter:
     def add_video(self, channel: str) -> None:
         """Makes a channel for pictures of that name, see `elys.bus.compressed_video`; once is enough."""
         if channel not in self._channels:
-            schema = self._writer.register_schema(SCHEMA_NAME, "jsonschema", video_schema())
-            self._channels[channel] = int(self._writer.register_channel(channel, "json", schema))
+            schema = self._writer.add_schema(SCHEMA_NAME, "jsonschema", video_schema())
+            self._channels[channel] = self._writer.add_channel(channel, "json", schema)
 
     def attach(self, name: str, data: bytes, *, media_type: str) -> None:
         """Adds a file of its own."""
         with _disk_errors(self.path):
-            self._writer.add_attachment(time.time_ns(), time.time_ns(), name, media_type, data)
+            now = time.time_ns()
+            self._writer.add_attachment(name, data, media_type=media_type, time=now, created=now)
+
+    @property
+    def expected_size(self) -> int:
+        """How large the file would be, were it closed now [bytes]; the open chunk counts as if it did not pack."""
+        return (
+            self._writer.size + self._chunk_bytes + self._writer.summary_size + self._index.size + 12 * len(self._keys)
+        )
 
     def add_metadata(self, name: str, values: dict[str, str]) -> None:
         """Adds facts by name."""
@@ -167,9 +174,9 @@ class McapWriter:
         try:
             self._flush()
             with _disk_errors(self.path):
-                self._attach_index(STATE_INDEX_NAME, self._index.frames().tobytes())
-                self._attach_index(SCENE_INDEX_NAME, self._index.scene().tobytes())
-                self._attach_index(STATE_KEYS_NAME, np.array(self._keys, STATE_KEYS).tobytes())
+                self._attach(STATE_INDEX_NAME, self._index.frames().tobytes())
+                self._attach(SCENE_INDEX_NAME, self._index.scene().tobytes())
+                self._attach(STATE_KEYS_NAME, np.array(self._keys, STATE_KEYS).tobytes())
                 self._writer.finish()
                 self._file.flush()
                 os.fsync(self._file.fileno())
@@ -179,15 +186,14 @@ class McapWriter:
 
     def _begin(self, session: str, scene: str) -> None:
         # This class closes chunks, so that it knows in which one each frame stands.
-        self._writer = Writer(self._file, chunk_size=1 << 62, compression=CompressionType.ZSTD)
-        self._writer.start(profile=PROFILE, library=f"elys {elys.__version__}")
+        self._writer = ChunkedWriter(self._file, profile=PROFILE, library=f"elys {elys.__version__}")
         self._writer.add_metadata(METADATA_NAME, _metadata(session, scene, compact=self._compact))
-        self._writer.add_attachment(0, time.time_ns(), COMPONENTS_NAME, "application/schema+json", _component_schemas())
+        self._attach(COMPONENTS_NAME, _component_schemas(), "application/schema+json")
         self._channels = {name: self._register(name) for name in recorded_channels()}
         self._flush()
 
-    def _attach_index(self, name: str, data: bytes) -> None:
-        self._writer.add_attachment(0, time.time_ns(), name, "application/octet-stream", data)
+    def _attach(self, name: str, data: bytes, media_type: str = "application/octet-stream") -> None:
+        self._writer.add_attachment(name, data, media_type=media_type, time=time.time_ns(), created=0)
 
     def _flush(self) -> None:
         with _disk_errors(self.path):
@@ -199,14 +205,14 @@ class McapWriter:
 
     def _register(self, name: str) -> int:
         if name == STATE_CHANNEL:
-            schema = self._writer.register_schema("elys.StateFrame", "jsonschema", state_schema())
-            return int(self._writer.register_channel(name, STATE_ENCODING, schema))
+            schema = self._writer.add_schema("elys.StateFrame", "jsonschema", state_schema())
+            return self._writer.add_channel(name, STATE_ENCODING, schema)
         if name == EXACT_CHANNEL:
-            schema = self._writer.register_schema("elys.ExactState", EXACT_ENCODING, _exact_layout())
-            return int(self._writer.register_channel(name, EXACT_ENCODING, schema))
+            schema = self._writer.add_schema("elys.ExactState", EXACT_ENCODING, _exact_layout())
+            return self._writer.add_channel(name, EXACT_ENCODING, schema)
         struct = Snapshot if name == SNAPSHOT_CHANNEL else topics.topic_named(name).message
-        schema = self._writer.register_schema(f"elys.{struct.__name__}", "jsonschema", _json_schema(struct))
-        return int(self._writer.register_channel(name, "json", schema))
+        schema = self._writer.add_schema(f"elys.{struct.__name__}", "jsonschema", _json_schema(struct))
+        return self._writer.add_channel(name, "json", schema)
 
 
 def recorded_channels() -> tuple[str, ...]:

@@ -108,6 +108,11 @@ class IndexBuilder:
             frames.pop()
             instants.pop()
 
+    @property
+    def size(self) -> int:
+        """What it takes in the file [bytes]."""
+        return len(self._frames) * STATE_INDEX.itemsize + len(self._scene) * SCENE_INDEX.itemsize
+
     def frames(self) -> NDArray[np.void]:
         """[F] STATE_INDEX, in the order of the file."""
         return np.array(self._frames or self._told_again, STATE_INDEX)

@@ -35,6 +35,9 @@ class Transport(Protocol):
     def publish(self, key: str, payload: bytes, delivery: Delivery) -> None:
         """Sends to all who subscribe; never waits for a reader."""
 
+    def publish_made(self, key: str, make: Callable[[], bytes], delivery: Delivery) -> None:
+        """Sends what `make` returns, which is called once: here and now, or soon and on another thread."""
+
     def has_listener(self, key: str) -> bool:
         """Whether anybody subscribes to a key now: what costs something to make may be left out if not."""
 

@@ -122,17 +122,21 @@ class ZenohTransport:
 
     def publish(self, key: str, payload: bytes, delivery: Delivery) -> None:
         """Sends to all who subscribe; a reader whose queue is full misses it."""
+        self.publish_made(key, lambda: payload, delivery)
+
+    def publish_made(self, key: str, make: Callable[[], bytes], delivery: Delivery) -> None:
+        """Sends what `make` returns; a host calls it on the thread that sends."""
         if self._outgoing is None:
             with self._closed_said():
-                self._put(key, payload, delivery)
+                self._put(key, make(), delivery)
             return
         if self._closed:
             raise BusError(_CLOSED)
-        self._outgoing.put(partial(self._put_later, key, payload, delivery))
+        self._outgoing.put(partial(self._put_later, key, make, delivery))
 
-    def _put_later(self, key: str, payload: bytes, delivery: Delivery) -> None:
+    def _put_later(self, key: str, make: Callable[[], bytes], delivery: Delivery) -> None:
         try:
-            self._put(key, payload, delivery)
+            self._put(key, make(), delivery)
         except zenoh.ZError as error:
             _log.error("nothing could be sent on %s: %s", key, _cause(error))
 

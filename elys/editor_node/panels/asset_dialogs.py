@@ -13,6 +13,7 @@ from elys.editor_node.asset_browsing import AssetBrowsing, choose_folder
 from elys.editor_node.asset_import import ImportPlan, OnClash, carry_out, plan_import
 from elys.editor_node.asset_library import AssetLibrary
 from elys.editor_node.language import tr, tr_label
+from elys.editor_node.sentences import tr_sentence
 from elys.editor_node.theme import ERROR
 from elys.editor_node.ui import Ui, colored_text, dim_text
 
@@ -62,7 +63,7 @@ class AssetDialogs:
             return
         failures = await asyncio.to_thread(carry_out, plan)
         for sentence in (*plan.refused, *failures):
-            ui.model.say("error", sentence)
+            ui.model.say("error", tr_sentence(sentence))
         count = len(plan.copies) - len(failures)
         if count:
             ui.model.say("info", tr("Imported {count} files into {folder}", count=count, folder=self._target))

@@ -30,18 +30,16 @@ _SMALLEST, _LARGEST = 24.0, 192.0  # [px at 96 dpi] of a tile
 class AssetsPanel:
     """Shows one folder; `library` reads it."""
 
-    def __init__(self, library: AssetLibrary, shelf: TextureShelf[object], viewport: ViewportPanel) -> None:
+    def __init__(self, library: AssetLibrary, shelf: TextureShelf[object]) -> None:
         self.library = library
         self.browsing = AssetBrowsing()
         self.dialogs = AssetDialogs(library, self.browsing)
         self.tiles = AssetTiles(library, self.browsing, shelf)
         self.shows_missing = False
-        self._viewport = viewport
         self._shelf = shelf
         self._starts_search = False
         self._comes_to_front = 0  # frames: a tab is in front when its window has kept the focus into the next one
         self._frames_seen = 0
-        viewport.take_drop = self.take_drop
 
     def begin_frame(self) -> None:
         """Call it before a frame is built, whether this is seen in it or not."""
@@ -222,8 +220,8 @@ class AssetsPanel:
         point = np.array(ui.focus, dtype=np.float64)
         ui.model.session.start(self._place(file, point, ui.model.selection.primary))
 
-    def take_drop(self, ui: Ui) -> None:
-        """Call it after the viewport's picture: takes an asset that is let go over it."""
+    def take_drop(self, ui: Ui, viewport: ViewportPanel) -> None:
+        """Call it after a viewport's picture: takes an asset that is let go over it."""
         if not imgui.begin_drag_drop_target():
             return
         carried = self.tiles.dragged
@@ -233,14 +231,14 @@ class AssetsPanel:
         imgui.end_drag_drop_target()
         if taken is not None and carried is not None and not ui.model.is_replay:
             mouse = imgui.get_mouse_pos()
-            ui.model.session.start(self._drop(ui, carried, mouse.x, mouse.y))
+            ui.model.session.start(self._drop(ui, viewport, carried, mouse.x, mouse.y))
 
-    async def _drop(self, ui: Ui, file: AssetFile, mouse_x: float, mouse_y: float) -> None:
+    async def _drop(self, ui: Ui, viewport: ViewportPanel, file: AssetFile, mouse_x: float, mouse_y: float) -> None:
         """Where what is seen under the pointer is; where nothing is, on the ground."""
-        stream = self._viewport.stream
-        left, top, width, height = self._viewport.rectangle
+        stream = viewport.stream
+        left, top, width, height = viewport.rectangle
         across, down = (mouse_x - left) / width, (mouse_y - top) / height
-        camera = stream.shown.camera if stream.shown is not None else self._viewport.camera.view
+        camera = stream.shown.camera if stream.shown is not None else viewport.camera.view
         point = ground_point(camera, width / height, 2.0 * across - 1.0, 1.0 - 2.0 * down, ui.focus)
         onto = 0
         if stream.shown is not None:

@@ -41,7 +41,9 @@ class _Drag:
 class Gizmo:
     """Edits the Transforms of the topmost selected entities; a drag is one entry of the history."""
 
-    def __init__(self) -> None:
+    def __init__(self, number: int = 1) -> None:
+        """`number` of its viewport: a drag belongs to the one that it began in."""
+        self._number = number
         self._drag: _Drag | None = None
         self.is_over = False  # the pointer is on a handle
         self._targets_key: tuple[int, int, int, int] = (-1, -1, -1, -1)
@@ -65,9 +67,13 @@ class Gizmo:
             pose = pose._replace(position=self._middle(ui, targets))
         drag = self._drag
         before = drag.world_from_local if drag is not None else _mat4(pose)
+        imguizmo.im_guizmo.push_id(self._number)
         after, changed = self._manipulate(ui, tool, camera, rectangle, before)
-        self.is_over = imguizmo.im_guizmo.is_over()
-        if not imguizmo.im_guizmo.is_using():
+        is_using = imguizmo.im_guizmo.is_using()
+        imguizmo.im_guizmo.pop_id()
+        # Handles of another viewport that are being dragged are not under the pointer here.
+        self.is_over = imguizmo.im_guizmo.is_over() and imgui.is_window_hovered()
+        if not is_using:
             self._drag = None
             return
         if drag is None:

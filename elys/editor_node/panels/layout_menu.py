@@ -46,6 +46,7 @@ class LayoutMenu:
             imgui.end_menu()
         else:
             ui.landmarks.note("layout/delete")
+        action_item(ui, "view.four_views")
         action_item(ui, "view.reset_layout")
 
     def draw_dialog(self, ui: Ui) -> None:

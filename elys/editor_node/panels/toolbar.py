@@ -90,8 +90,8 @@ class Toolbar:
         self._draw_snapping(ui)
         imgui.same_line(0.0, 2.0)
         tooltip = with_keys(ui, tr("Grid"), "view.grid")
-        if icon_button(icons.ICON_FA_BORDER_ALL, "grid", tooltip, active=tools.shows_grid):
-            tools.shows_grid = not tools.shows_grid
+        if icon_button(icons.ICON_FA_BORDER_ALL, "grid", tooltip, active=_is_on(ui, "view.grid")):
+            ui.actions.run("view.grid")
 
     def _draw_snapping(self, ui: Ui) -> None:
         """A button that opens the sizes of the steps."""
@@ -116,7 +116,7 @@ class Toolbar:
         model, status = ui.model, ui.model.status
         height = imgui.get_frame_height()
         combo = height * 3.4
-        imgui.same_line((imgui.get_window_width() - height * 2.3 - combo) / 2.0)
+        imgui.same_line((imgui.get_window_width() - height * 3.5 - combo) / 2.0)
         can_play = model.connected and status is not None
         icon = icons.ICON_FA_PAUSE if model.is_playing else icons.ICON_FA_PLAY
         color = WARNING if model.is_playing else GOOD
@@ -129,6 +129,12 @@ class Toolbar:
         if icon_button(icons.ICON_FA_FORWARD_STEP, "step", tooltip, enabled=can_play):
             model.step()
         ui.landmarks.note("toolbar/step")
+        imgui.same_line(0.0, 2.0)
+        tooltip = with_keys(ui, tr("Play in this viewport"), "game.play")
+        is_on, can_play_here = _is_on(ui, "game.play"), ui.actions.may_run("game.play")
+        if icon_button(icons.ICON_FA_GAMEPAD, "game", tooltip, active=is_on, enabled=can_play_here):
+            ui.actions.run("game.play")
+        ui.landmarks.note("toolbar/game")
         imgui.same_line(0.0, 6.0)
         imgui.set_next_item_width(combo)
         rate = status.rate if status is not None else 1.0
@@ -202,6 +208,12 @@ class StatusBar:
         selected = model.scene.name_of(model.selection.primary) if count == 1 else tr("{count} selected", count=count)
         entities = tr("{count} entities", count=len(model.scene.mirror.entities))
         dim_text(entities + (f"     {selected}" if count else ""))
+
+
+def _is_on(ui: Ui, name: str) -> bool:
+    """Whether an action that is a switch is on."""
+    is_on = ui.actions[name].is_on
+    return is_on is not None and is_on()
 
 
 def pace_text(frame_time: float, view_latency: float) -> str:

@@ -29,8 +29,8 @@ class ViewCube:
         self.pointed_at: Direction | None = None  # the side, edge or corner under the pointer
         self._middle = (0.0, 0.0)
 
-    def draw(self, ui: Ui, camera: ViewCamera, rectangle: tuple[float, float, float, float]) -> None:
-        """Draws it into the upper right corner of the picture at `rectangle` (x, y, width, height)."""
+    def draw(self, ui: Ui, camera: ViewCamera, rectangle: tuple[float, float, float, float], name: str) -> None:
+        """Draws it, as the landmark `name`, into the upper right corner of the picture at `rectangle` (x, y, width, height)."""
         x, y, width, _ = rectangle
         half = _SIZE / 2.0
         self._middle = (x + width - _MARGIN - half, y + _MARGIN + half)
@@ -55,7 +55,7 @@ class ViewCube:
             self._draw_axes(camera)
         if ui.landmarks.is_wanted:
             left, top = self._middle[0] - half, self._middle[1] - half
-            ui.landmarks.rectangles["viewport/cube"] = (left, top, left + _SIZE, top + _SIZE)
+            ui.landmarks.rectangles[name] = (left, top, left + _SIZE, top + _SIZE)
 
     def _points(self, corners: NDArray[np.float64]) -> list[imgui.ImVec2Like]:
         """On the screen, clockwise as ImGui smooths edges."""

@@ -1,4 +1,4 @@
-"""The viewport: the newest picture a render node sent, and over it what belongs to the editor alone."""
+"""A viewport: the newest picture a render node sent, and over it what belongs to the editor alone."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from elys.editor_node.gpu import ViewportPicture
 from elys.editor_node.language import tr, tr_title
 from elys.editor_node.panels.gizmo import Gizmo
 from elys.editor_node.panels.view_cube import ViewCube
-from elys.editor_node.theme import FILL, NOTICE, PANEL_LOW, TEXT, TEXT_DIM, WARNING, Rgba, icons
+from elys.editor_node.theme import FILL, GOOD, NOTICE, PANEL_LOW, TEXT, TEXT_DIM, WARNING, Rgba, icons
 from elys.editor_node.ui import Ui, color_code
+from elys.editor_node.view_look import ViewLook
 from elys.editor_node.view_stream import View, ViewStream
 
 TITLE: Final = f"{icons.ICON_FA_EXPAND}  Viewport###Viewport"
@@ -22,17 +23,27 @@ TITLE: Final = f"{icons.ICON_FA_EXPAND}  Viewport###Viewport"
 class ViewportPanel:
     """Asks for pictures of its own size and shows them with the camera they were stamped with."""
 
-    def __init__(self, stream: ViewStream, picture: ViewportPicture, camera: OrbitCamera) -> None:
+    def __init__(self, stream: ViewStream, picture: ViewportPicture, camera: OrbitCamera, *, number: int = 1) -> None:
+        self.number = number
+        self.name = "Viewport" if number == 1 else f"Viewport{number}"  # of its window
         self.stream = stream
+        self.picture = picture
         self.camera = camera
-        self.gizmo = Gizmo()
+        self.look = ViewLook()
+        self.gizmo = Gizmo(number)
         self.cube = ViewCube()
-        self.look_from: Callable[[tuple[float, float, float]], None] = lambda direction: None  # what the cube was asked
         self.rectangle = (0.0, 0.0, 1.0, 1.0)  # x, y, width, height of the picture in the window
         self.is_hovered = False
         self.selection_box: tuple[float, float, float, float] | None = None  # being dragged: two corners in the window
-        self.take_drop: Callable[[Ui], None] = lambda ui: None  # takes what is let go over the picture
-        self._picture = picture
+        self.hand_line: tuple[float, float, float, float] | None = (
+            None  # of a body being dragged: held point and target
+        )
+        self.is_seen = False  # in the last frame
+        self.was_focused = False  # its window got the keyboard in the last frame
+        self.is_marked = False  # as the one of several that keys mean
+        self.is_played = False  # keys and mouse go to the game
+        self.wants_close = False  # the cross of its tab was pressed
+        self._has_focus = False
 
     @property
     def takes_mouse(self) -> bool:
@@ -44,20 +55,44 @@ class ViewportPanel:
         """Width over height."""
         return self.rectangle[2] / max(self.rectangle[3], 1.0)
 
-    def draw(self, ui: Ui) -> None:
-        """Draws the panel."""
-        self.stream.upload(self._picture)
-        x, y, z = self.camera.target.tolist()
-        ui.focus = (x, y, z)
+    @property
+    def title(self) -> str:
+        """Its window's, in the chosen language."""
+        if self.number == 1:
+            return tr_title(TITLE)
+        return f"{icons.ICON_FA_EXPAND}  {tr('Viewport')} {self.number}###{self.name}"
+
+    def rest(self) -> None:
+        """It is not seen: no pictures are asked for."""
+        self.stream.rest()
+        self.is_seen = self.is_hovered = self.was_focused = self._has_focus = False
+
+    def landmark(self, part: str) -> str:
+        """What a part of it is called by those who point at it: "viewport/picture", "viewport2/picture"."""
+        return f"{self.name.lower()}/{part}"
+
+    def draw(self, ui: Ui, *, may_close: bool, take_drop: Callable[[Ui, ViewportPanel], None]) -> None:
+        """Draws the panel, with a cross on its tab where it may be closed; `take_drop` takes what is let go over the picture."""
+        self.stream.upload(self.picture)
         imgui.push_style_var(imgui.StyleVar_.window_padding, (0.0, 0.0))
         flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse | imgui.WindowFlags_.no_nav
         flags |= imgui.WindowFlags_.no_background
-        is_visible = imgui.begin(tr_title(TITLE), None, flags.value)[0]
+        is_visible, is_open = imgui.begin(self.title, True if may_close else None, flags.value)
         imgui.pop_style_var()
-        self.is_hovered = False
+        self.wants_close = is_open is False
+        if may_close and ui.landmarks.is_wanted:
+            tab = imgui.internal.get_current_window().dc.dock_tab_item_rect
+            edge = tab.max.y - tab.min.y  # of the square that holds the cross
+            ui.landmarks.rectangles[self.landmark("close")] = (tab.max.x - edge, tab.min.y, tab.max.x, tab.max.y)
+        had_focus, self._has_focus = self._has_focus, imgui.is_window_focused()
+        self.was_focused = self._has_focus and not had_focus
+        self.is_hovered, self.is_seen = False, is_visible
         if is_visible:
             self._draw_picture(ui)
+            take_drop(ui, self)
             self._draw_over(ui)
+        else:
+            self.stream.rest()
         imgui.end()
 
     def _draw_picture(self, ui: Ui) -> None:
@@ -74,25 +109,24 @@ class ViewportPanel:
                 height,
                 selection,
                 hidden,
-                ui.tools.shows_grid,
-                ui.tools.shows,
+                self.look.shows_grid,
+                self.look.shows,
                 # Of a selection of nothing nothing is drawn, and not everything.
-                debug=ui.tools.debug if selection or not ui.tools.debugs_selection else (),
-                debug_entities=selection if ui.tools.debugs_selection else (),
+                debug=self.look.debug if selection or not self.look.debugs_selection else (),
+                debug_entities=selection if self.look.debugs_selection else (),
             )
         )
         draw_list = imgui.get_window_draw_list()
         high = (low.x + self.rectangle[2], low.y + self.rectangle[3])
-        if self.stream.shown is None or not self._picture.name:
+        if self.stream.shown is None or not self.picture.name:
             draw_list.add_rect_filled(low, high, color_code(PANEL_LOW))
         else:
             # Rows run upwards in GL.
-            draw_list.add_image(imgui.ImTextureRef(self._picture.name), low, high, (0.0, 1.0), (1.0, 0.0))
+            draw_list.add_image(imgui.ImTextureRef(self.picture.name), low, high, (0.0, 1.0), (1.0, 0.0))
         # No widget that could be hovered: ImGuizmo takes hold of its handles only where there is none.
         imgui.dummy((self.rectangle[2], self.rectangle[3]))
         self.is_hovered = imgui.is_window_hovered() and imgui.is_item_hovered()
-        ui.landmarks.note("viewport/picture")
-        self.take_drop(ui)
+        ui.landmarks.note(self.landmark("picture"))
 
     def _draw_over(self, ui: Ui) -> None:
         shown = self.stream.shown
@@ -102,11 +136,19 @@ class ViewportPanel:
                 (self.rectangle[0] + self.rectangle[2], self.rectangle[1] + self.rectangle[3]),
                 True,
             )
-            self.gizmo.draw(ui, shown.camera, self.rectangle)
-            self.cube.draw(ui, shown.camera, self.rectangle)
+            if not self.is_played:  # what belongs to the editor would only stand in the way
+                self.gizmo.draw(ui, shown.camera, self.rectangle)
+                self.cube.draw(ui, shown.camera, self.rectangle, self.landmark("cube"))
+            if self.hand_line is not None:
+                _draw_hand_line(self.hand_line)
             if self.selection_box is not None:
                 _draw_selection_box(self.selection_box)
             imgui.pop_clip_rect()
+        if self.is_marked or self.is_played:
+            x, y, width, height = self.rectangle
+            edge_color, thickness = (color_code(GOOD), 3.0) if self.is_played else (color_code((*FILL[:3], 0.8)), 1.0)
+            edge = (x + 1.0, y + 1.0), (x + width - 1.0, y + height - 1.0)
+            imgui.get_window_draw_list().add_rect(*edge, edge_color, thickness=thickness)
         text, color = self._notice(ui)
         if text:
             self._draw_notice(text, color, in_middle=shown is None)
@@ -120,6 +162,9 @@ class ViewportPanel:
             return f"{icons.ICON_FA_HOURGLASS_HALF}  {text}", WARNING
         if self.stream.shown is None:
             return f"{icons.ICON_FA_HOURGLASS_HALF}  {tr('waiting for the first picture')}", TEXT_DIM
+        if self.is_played:
+            text = tr("keys and mouse play the game; {keys} gives them back", keys=ui.keys.label_of("game.leave"))
+            return f"{icons.ICON_FA_GAMEPAD}  {text}", GOOD
         if ui.model.is_replay:
             return f"{icons.ICON_FA_FILM}  {tr('this is a recording: it cannot be edited')}", TEXT_DIM
         return "", TEXT
@@ -134,6 +179,14 @@ class ViewportPanel:
         draw_list.add_rect_filled(low, high, color_code(NOTICE), 6.0)
         draw_list.add_rect(low, high, color_code((*color[:3], 0.6)), 6.0)
         draw_list.add_text((left, top), color_code(color), text)
+
+
+def _draw_hand_line(line: tuple[float, float, float, float]) -> None:
+    """A line from a ring around the held point to a dot where it is pulled."""
+    draw_list, color = imgui.get_window_draw_list(), color_code(WARNING)
+    draw_list.add_line(line[:2], line[2:], color, 2.0)
+    draw_list.add_circle(line[:2], 6.0, color, thickness=2.0)
+    draw_list.add_circle_filled(line[2:], 4.0, color)
 
 
 def _draw_selection_box(box: tuple[float, float, float, float]) -> None:

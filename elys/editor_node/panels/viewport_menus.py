@@ -6,9 +6,9 @@ from typing import get_args
 
 from imgui_bundle import imgui
 
-from elys.bus.messages.views import Debug
+from elys.bus.messages.views import Debug, Shows
 from elys.editor_node.camera_views import PLACES, SIDES
-from elys.editor_node.language import tr_label
+from elys.editor_node.language import tr, tr_label
 from elys.editor_node.ui import Ui, action_item
 
 
@@ -34,6 +34,17 @@ def draw_camera_menu(ui: Ui) -> None:
         imgui.end_menu()
     else:
         ui.landmarks.note("menu/keep_view")
+    imgui.end_menu()
+
+
+def draw_show_menu(ui: Ui) -> None:
+    """What the picture says of surfaces."""
+    if not imgui.begin_menu(tr_label("Show")):
+        ui.landmarks.note("menu/show")
+        return
+    for view in get_args(Shows):
+        action_item(ui, f"view.{view}", tr(view.capitalize()))
+        ui.landmarks.note(f"show/{view}")
     imgui.end_menu()
 
 

@@ -4,6 +4,7 @@ Context ── makes and counts ──> Buffer, Texture, Framebuffer, Program, V
 """
 
 from elys.render_node.gpu.buffer import INSTANCE_DTYPE, PLAIN_INSTANCE_DTYPE, VERTEX_ATTRIBUTES, Buffer, VertexArray
+from elys.render_node.gpu.capture import Capture, Field
 from elys.render_node.gpu.context import Context, offscreen_context, window_context
 from elys.render_node.gpu.framebuffer import Framebuffer
 from elys.render_node.gpu.program import BLOCK_BINDINGS, TEXTURE_UNITS, Program
@@ -17,7 +18,9 @@ __all__ = [
     "TEXTURE_UNITS",
     "VERTEX_ATTRIBUTES",
     "Buffer",
+    "Capture",
     "Context",
+    "Field",
     "Format",
     "Framebuffer",
     "Program",

@@ -75,6 +75,12 @@ class Buffer:
         if data.nbytes:
             self.raw.write(data)
 
+    def reserve(self, size: int) -> None:
+        """Makes room for so many bytes; the content is lost where there was less."""
+        if size > self.size:
+            self.raw.orphan(max(size, 2 * self.size))
+            self._context.check(f"making a buffer of {self.size} bytes")
+
     def bind_block(self, binding: int, *, offset: int = 0, size: int = -1) -> None:
         """Shows `size` bytes from `offset` on to shaders as the uniform block of that binding."""
         self.raw.bind_to_uniform_block(binding, offset, size)

@@ -38,6 +38,13 @@ TEXTURE_UNITS: Final[Mapping[str, int]] = {
     "pose_texels": 16,
     "morph_texels": 17,
     "mark_texels": 18,
+    "positions_now": 19,
+    "positions_before": 20,
+    "rotations_now": 21,
+    "rotations_before": 22,
+    "spins_now": 23,
+    "spins_before": 24,
+    "led_texels": 25,
     "letter_sheet": 0,
     "picture": 0,
     "mask": 0,
@@ -52,29 +59,45 @@ Place = tuple[str, int]  # file and line, from 1
 class Program:
     """A vertex and a fragment shader, compiled for a set of definitions."""
 
-    def __init__(self, context: Context, vertex: str, fragment: str, *, defines: Sequence[str] = ()) -> None:
-        """Raises DisplayError with file, line and source line where the driver does not take a shader."""
+    def __init__(
+        self,
+        context: Context,
+        vertex: str,
+        fragment: str,
+        *,
+        defines: Sequence[str] = (),
+        captured: Sequence[str] = (),
+    ) -> None:
+        """`captured` are outputs of the vertex shader that a Capture keeps, one behind the other; then there is no fragment
+        shader, and `fragment` is empty.
+
+        Raises DisplayError with file, line and source line where the driver does not take a shader.
+        """
         vertex_source, vertex_places = expand(vertex, defines)
-        fragment_source, fragment_places = expand(fragment, defines)
+        fragment_source, fragment_places = expand(fragment, defines) if fragment else ("", [])
         try:
-            self.raw = context.gl.program(vertex_shader=vertex_source, fragment_shader=fragment_source)
+            if captured:
+                self.raw = context.gl.program(vertex_shader=vertex_source, varyings=list(captured))
+            else:
+                self.raw = context.gl.program(vertex_shader=vertex_source, fragment_shader=fragment_source)
         except Exception as error:  # moderngl raises plain Error
             message = str(error)
             places = fragment_places if "fragment_shader" in message else vertex_places
             source = fragment_source if "fragment_shader" in message else vertex_source
             raise DisplayError(_explain(message, source, places)) from error
+        self._names = frozenset(self.raw)  # moderngl looks through all of them one by one
         self.files = frozenset(file for file, _ in (*vertex_places, *fragment_places))
         self._finalizer = context.adopt(self, "program", self.raw)
         for name, binding in BLOCK_BINDINGS.items():
-            if name in self.raw:
+            if name in self._names:
                 self.raw[name].binding = binding
         for name, unit in TEXTURE_UNITS.items():
-            if name in self.raw:
+            if name in self._names:
                 self.raw[name].value = unit
 
     def set(self, name: str, value: float | tuple[float, ...] | NDArray[np.floating[Any]]) -> None:
         """Sets a uniform; a matrix as rows. One that the compiler found unused is passed over."""
-        if name not in self.raw:
+        if name not in self._names:
             return
         if isinstance(value, np.ndarray) and value.ndim == 2:
             self.raw[name].write(np.ascontiguousarray(value.T, np.float32))
@@ -83,7 +106,7 @@ class Program:
 
     def reads(self, name: str) -> bool:
         """Whether it makes use of a vertex attribute or uniform of that name."""
-        return name in self.raw
+        return name in self._names
 
     def release(self) -> None:
         """Frees it now rather than with this object."""

@@ -15,7 +15,7 @@ from elys.render_node.gpu.program import SHADERS, Program
 RELOAD_VARIABLE: Final = (
     "ELYS_RELOAD_SHADERS"  # set to anything: changed shader files are compiled anew between two pictures
 )
-Key = tuple[str, str, tuple[str, ...]]
+Key = tuple[str, str, tuple[str, ...], tuple[str, ...]]
 _log = logging.getLogger(__name__)
 
 
@@ -29,16 +29,22 @@ class ProgramCache:
         self._programs: dict[Key, Program] = {}
         self._times: dict[str, int] = {}
 
-    def program(self, vertex: str, fragment: str, defines: tuple[str, ...] = ()) -> Program:
-        """The program of two shader files, compiled with `defines` at its first use. Raises DisplayError."""
-        key = (vertex, fragment, defines)
+    def program(
+        self, vertex: str, fragment: str, defines: tuple[str, ...] = (), *, captured: tuple[str, ...] = ()
+    ) -> Program:
+        """The program of two shader files, or of one that captures, compiled when first used. Raises DisplayError."""
+        key = (vertex, fragment, defines, captured)
         program = self._programs.get(key)
         if program is None:
-            program = self._programs[key] = Program(self._context, vertex, fragment, defines=defines)
+            program = self._programs[key] = self._compiled(key)
             if self._reloads:
                 for file in program.files:
                     self._times.setdefault(file, _changed_at(file))
         return program
+
+    def __contains__(self, program: Program) -> bool:
+        """Whether a program is what would be given for its files and definitions now."""
+        return any(known is program for known in self._programs.values())
 
     def reload_changed(self) -> list[str]:
         """Compiles anew what was made of files that have changed since; returns those files.
@@ -53,10 +59,14 @@ class ProgramCache:
         for key, program in list(self._programs.items()):
             if not program.files.isdisjoint(changed):
                 try:
-                    self._programs[key] = Program(self._context, key[0], key[1], defines=key[2])
+                    self._programs[key] = self._compiled(key)
                 except DisplayError as error:
                     _log.error("kept the program before: %s", error)
         return changed
+
+    def _compiled(self, key: Key) -> Program:
+        vertex, fragment, defines, captured = key
+        return Program(self._context, vertex, fragment, defines=defines, captured=captured)
 
 
 def _changed_at(file: str) -> int:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from elys.render_node.gpu.context import Context
 
-Format = Literal["r8", "rgba8", "srgba8", "r16f", "rgba16f", "r32f", "rgba32f", "r32ui", "depth"]
+Format = Literal["r8", "rgba8", "srgba8", "r16f", "rgba16f", "r32f", "rgba32f", "r32ui", "rg32ui", "rgb32f", "depth"]
 
 # Components, element type and, where GL cannot guess it, the internal format.
 FORMATS: Final[dict[str, tuple[int, str, int]]] = {
@@ -22,6 +22,8 @@ FORMATS: Final[dict[str, tuple[int, str, int]]] = {
     "r32f": (1, "f4", 0),
     "rgba32f": (4, "f4", 0),
     "r32ui": (1, "u4", 0),
+    "rg32ui": (2, "u4", 0),
+    "rgb32f": (3, "f4", 0),
 }
 _FILTERS: Final = {
     "nearest": moderngl.NEAREST,
@@ -73,7 +75,7 @@ class Texture:
             self.raw.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
             self.raw.anisotropy = 1.0 if context.is_software else ANISOTROPY
         else:
-            nearest = not smooth or form == "r32ui"
+            nearest = not smooth or form in ("r32ui", "rg32ui")
             self.raw.filter = (moderngl.NEAREST, moderngl.NEAREST) if nearest else (moderngl.LINEAR, moderngl.LINEAR)
         self.raw.repeat_x = self.raw.repeat_y = repeat
 
@@ -101,6 +103,15 @@ class Texture:
     def write(self, data: NDArray[Any]) -> None:
         """Replaces all texels."""
         self.raw.write(np.ascontiguousarray(data))
+
+    def write_first(self, data: NDArray[Any]) -> None:
+        """Replaces as many texels (N, C), row by row, as there are in `data`."""
+        width = self.size[0]
+        whole = len(data) // width
+        if whole:
+            self.raw.write(data[: whole * width], viewport=(0, 0, width, whole))
+        if len(data) > whole * width:
+            self.raw.write(data[whole * width :], viewport=(0, whole, len(data) - whole * width, 1))
 
     def use(self, unit: int) -> None:
         """Shows it to the sampler of that unit."""

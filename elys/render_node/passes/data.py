@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from elys.common.scene import PictureSettings
 from elys.render_node.gpu import Format, Framebuffer, Program
+from elys.render_node.instances import Batch
 from elys.render_node.passes.drawing import ChooseProgram, depth_program, draw_calls
 from elys.render_node.passes.shading import OpaquePass
 from elys.render_node.picture_plan import PicturePlan
 from elys.render_node.quality import Quality
-from elys.render_node.render_world import Batch
 from elys.render_node.resources import Geometry, Resources
 
 DataKind = Literal["normals", "albedo", "roughness", "depth", "entity", "wireframe", "overdraw"]

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from elys.render_node.draw_calls import DrawCall
 from elys.render_node.gpu import Program
+from elys.render_node.instances import Batch
 from elys.render_node.look import SECOND_UVS, Look
-from elys.render_node.picture_plan import DrawCall, PicturePlan
-from elys.render_node.render_world import Batch
+from elys.render_node.picture_plan import PicturePlan
 from elys.render_node.resources import Geometry, Resources
 
 ChooseProgram = Callable[[Geometry, Batch], Program]
@@ -24,7 +25,7 @@ def draw_calls(
         program = choose(geometry, batch)
         resources.context.set_culling(cull and not batch.look.is_double_sided, mirrored=batch.look.is_mirrored)
         array = geometry.vertex_array(program)
-        array.use_instances(resources.instances, first, plan.instances.dtype)
+        array.use_instances(resources.placing.rows, first, plan.layout)
         if batch.look.is_morphed:
             geometry.use_targets(program)
         array.draw(count)

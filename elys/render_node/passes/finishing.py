@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Final
 
 from elys.render_node.gpu import TEXTURE_UNITS, Framebuffer, Program
+from elys.render_node.instances import Batch
 from elys.render_node.passes.backdrop import ScreenShader
 from elys.render_node.passes.drawing import depth_program, draw_calls
 from elys.render_node.picture_plan import PicturePlan
 from elys.render_node.quality import tone_defines
-from elys.render_node.render_world import Batch
 from elys.render_node.resources import Geometry, Resources
 
 OUTLINE_COLOR = (1.0, 0.55, 0.1, 1.0)  # sRGB and opacity

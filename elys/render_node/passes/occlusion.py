@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Final
 
 from elys.render_node.gpu import TEXTURE_UNITS, Framebuffer, Program
+from elys.render_node.instances import Batch
 from elys.render_node.passes.backdrop import ScreenShader
 from elys.render_node.passes.drawing import depth_program, draw_calls
 from elys.render_node.picture_plan import PicturePlan
-from elys.render_node.render_world import Batch
 from elys.render_node.resources import Geometry, Resources
 
 # [pixels] as far as occlusion.frag looks for horizons, the neighbours that tell it a normal, and the block of its blur.

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from elys.render_node.gpu import Framebuffer, Program
+from elys.render_node.instances import Batch
 from elys.render_node.passes.drawing import ChooseProgram, draw_calls
 from elys.render_node.passes.occlusion import OcclusionPass
 from elys.render_node.picture_plan import PicturePlan
 from elys.render_node.quality import Quality
-from elys.render_node.render_world import Batch
 from elys.render_node.resources import TANGENTS, Geometry, Resources
 
 NORMAL_MAPS = frozenset({"NORMAL_TEXTURE", "CLEARCOAT_NORMAL_TEXTURE"})

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elys.render_node.gpu import TEXTURE_UNITS, Framebuffer, Program
+from elys.render_node.instances import Batch
 from elys.render_node.passes.drawing import depth_program, draw_calls
 from elys.render_node.picture_plan import PicturePlan, ShadowState, shadow_states
-from elys.render_node.render_world import Batch
 from elys.render_node.resources import Geometry, Resources
 from elys.render_node.shadow_fit import ShadowFit, atlas_shape
 

@@ -1,6 +1,6 @@
 #version 330 core
 // What a surface of one roughness mirrors of the light around, for every direction: the first factor of the split sum.
-// Karis, "Real Shading in Unreal Engine 4" (2013); samples from smaller versions of the map by their density, as in
+// Karis, "Real Shading in Unreal Engine 4" (2013), with the weights of the lobe itself; samples from smaller versions of the map by their density, as in
 // Krivanek and Colbert, "Real-time Shading with Filtered Importance Sampling" (2008).
 #include "octahedron.glsl"
 #include "sky_map.glsl"
@@ -8,6 +8,7 @@
 uniform vec3 tile;        // lower left corner and edge of the directions' square [texels], without its border
 uniform float alpha;      // roughness squared
 uniform int sample_count; // 0: a mirror
+uniform float sharper;     // levels of the map that are finer than the samples' density asks for: less blur, more noise
 uniform vec3 light;
 layout(location = 0) out vec4 radiance;
 
@@ -29,7 +30,7 @@ vec3 light_from(vec3 direction, float angle) {
     vec2 size = vec2(textureSize(sky_map, 0));
     vec2 place = map_place(direction);
     float texel = 2.0 * PI * PI * max(sin(place.y * PI), 0.02) / (size.x * size.y);
-    return textureLod(sky_map, place, max(0.5 * log2(angle / texel), 0.0)).rgb;
+    return textureLod(sky_map, place, max(0.5 * log2(angle / texel) - sharper, 0.0)).rgb;
 }
 
 void main() {
@@ -51,10 +52,12 @@ void main() {
         if (normal_light <= 0.0) continue;
         float turn = 2.0 * PI * p.y;
         vec3 half_way = (across * cos(turn) + along * sin(turn)) * sine + axis * cosine;
+        // What a lobe seen along the normal reflects of it: masking and shadowing, over the density of its half vectors.
+        float seen = 2.0 * normal_light / (normal_light + sqrt(a2 + (1.0 - a2) * normal_light * normal_light));
         float f = cosine2 * (a2 - 1.0) + 1.0;
         float density = a2 / (PI * f * f) * 0.25;
-        sum += light_from(2.0 * cosine * half_way - axis, 1.0 / (float(sample_count) * density)) * normal_light;
-        weight += normal_light;
+        sum += light_from(2.0 * cosine * half_way - axis, 1.0 / (float(sample_count) * density)) * seen;
+        weight += seen;
     }
     radiance = vec4(light * sum / max(weight, 1e-6), 1.0);
 }

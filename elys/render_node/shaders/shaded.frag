@@ -141,7 +141,7 @@ vec3 lamplight(vec3 normal, vec3 to_view, vec3 color, float metallic, float roug
 #ifdef SURROUNDINGS
 vec3 surrounding_light(vec3 normal, vec3 to_view, vec3 color, float metallic, float roughness) {
     float normal_view = clamp(dot(normal, to_view), 0.0, 1.0);
-    vec3 albedo = directional_albedo(normal_view, roughness);
+    vec4 albedo = directional_albedo(normal_view, roughness);
     vec3 dielectric_f0 = vec3(DIELECTRIC_F0);
     float dielectric_f90 = 1.0;
 #ifdef SPECULAR_LAYER
@@ -157,9 +157,7 @@ vec3 surrounding_light(vec3 normal, vec3 to_view, vec3 color, float metallic, fl
     vec3 below = vec3((1.0 - strongest) * (1.0 - dielectric_f90 * albedo.z));
 #endif
     vec3 diffuse = color * (1.0 - metallic) * below;
-    // What is rough mirrors more of what is above it. Lagarde and de Rousiers, "Moving Frostbite to PBR" (2014).
-    float smoothness = 1.0 - roughness * roughness;
-    vec3 mirrored = mix(normal, reflect(-to_view, normal), smoothness * (sqrt(smoothness) + roughness * roughness));
+    vec3 mirrored = mix(normal, reflect(-to_view, normal), albedo.w);  // what is rough mirrors more of what is above it
 #ifdef IRRADIANCE_OF_VERTICES
     vec3 around = vertex_irradiance;
 #else
@@ -208,7 +206,7 @@ void main() {
     roughness = sqrt(sqrt(clamp(alpha * alpha + spread, 0.0, 1.0)));
 #endif
 #ifdef MULTIPLE_SCATTERING
-    vec3 reach = directional_albedo(clamp(dot(normal, to_view), 0.0, 1.0), roughness);
+    vec3 reach = directional_albedo(clamp(dot(normal, to_view), 0.0, 1.0), roughness).xyz;
     float lost = 1.0 / max(reach.x + reach.y, 1e-3) - 1.0;
     metal_gain = 1.0 + color.rgb * lost;
     dielectric_gain = 1.0 + DIELECTRIC_F0 * lost;

@@ -94,7 +94,11 @@ class EntityAllocator:
         """Makes [N] ended entities live again; only where `can_revive`."""
         indices = indices_of(entities)
         revived = set(indices.tolist())
-        self._free = deque(index for index in self._free if index not in revived)
+        # An undo brings back first who ended last: thousands of them one by one would look through thousands each.
+        while self._free and self._free[-1] in revived:
+            revived.discard(self._free.pop())
+        if revived:
+            self._free = deque(index for index in self._free if index not in revived)
         self.ids[indices] = entities
         self.count += len(entities)
 

@@ -82,6 +82,19 @@ class PhysicsWorld(WorldJoints):
             poses["angular_velocity"],
         )
 
+    def bodies_at(self, rows: slice | Array) -> BodyStates:
+        """The same of some rows, as they are now and stay: the table is copied as a whole, which is faster than its columns."""
+        table = self._bodies.rows[rows]
+        poses = self._bodies.poses[rows].copy()
+        return BodyStates(
+            table["entity"].copy(),
+            table["motion"].copy(),
+            poses["position"],
+            poses["rotation"],
+            poses["linear_velocity"],
+            poses["angular_velocity"],
+        )
+
     @property
     def masses(self) -> Array:
         """The mass of each of `bodies`, (N,) [kg]; also of those that no force moves."""

@@ -163,6 +163,8 @@ def _collect_values(
     """Adds one component's values, where they differ from the defaults, to those of the entities at [N] places."""
     rows = table.row_of[indices]
     places = np.flatnonzero(rows != NO_ROW)
+    if not len(places):  # of one entity most components are not there
+        return
     name = table.declaration.name
     for place in places.tolist():
         components[place][name] = {}

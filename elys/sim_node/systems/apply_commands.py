@@ -10,6 +10,7 @@ from elys.bus.messages.commands import (
     Command,
     Despawn,
     Grab,
+    Input,
     Release,
     RemoveComponent,
     Rename,
@@ -68,6 +69,8 @@ def apply_command(simulation: Simulation, command: Command) -> tuple[int, ...]:
             simulation.hands.take(command, simulation.named(entity))
         case Release(holder=holder):
             simulation.hands.release(holder)
+        case Input():
+            simulation.inputs.take(command)
         case _:
             raise RequestError(f"a running simulation cannot {type(command).__name__}: that is for replays")
     return ()

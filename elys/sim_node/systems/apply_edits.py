@@ -19,6 +19,7 @@ from elys.bus.messages.commands import (
     Despawn,
     Edit,
     Grab,
+    Input,
     LoadScene,
     Release,
     RemoveComponent,
@@ -138,7 +139,7 @@ def apply_again(simulation: Simulation, command: Command) -> None:
     """Does what a command did that was accepted before in a simulation like this; raises as `apply_edits`, `load_scene`."""
     if isinstance(command, LoadScene):
         load_scene(simulation, command)
-    elif isinstance(command, Grab | Release):
+    elif isinstance(command, Grab | Release | Input):
         apply_command(simulation, command)
     else:
         apply_edits(simulation, edits_of(command))

@@ -102,39 +102,32 @@ class RigidBodies:
 
     def moving(self) -> MovingBodies:
         """Where the bodies are that are not immovable."""
-        now = self._moving_now()
+        bodies = self._physics.bodies_at(self._span_of_moving())
         return MovingBodies(
-            entity=now.entity.copy(),
-            position=now.position.copy(),
-            rotation=now.rotation.copy(),
-            linear_velocity=now.linear_velocity.copy(),
-            angular_velocity=now.angular_velocity.copy(),
+            entity=bodies.entity,
+            position=bodies.position,
+            rotation=bodies.rotation,
+            linear_velocity=bodies.linear_velocity,
+            angular_velocity=bodies.angular_velocity,
         )
 
-    def _moving_now(self) -> MovingBodies:
-        """The same, perhaps as views of what the next step changes."""
-        bodies, found = self._physics.bodies, self._rows_of_moving()
-        # What can move mostly stands together, behind what cannot: a slice is much faster than rows one by one.
-        is_run = len(found) > 0 and found[-1] - found[0] + 1 == len(found)
-        rows = slice(found[0], found[-1] + 1) if is_run else found
-        return MovingBodies(
-            entity=bodies.entity[rows],
-            position=bodies.position[rows],
-            rotation=bodies.rotation[rows],
-            linear_velocity=bodies.linear_velocity[rows],
-            angular_velocity=bodies.angular_velocity[rows],
-        )
+    def _span_of_moving(self) -> slice | NDArray[np.intp]:
+        """Their rows. What can move mostly stands together, behind what cannot: a slice is much faster than rows one by one."""
+        rows = self._rows_of_moving()
+        is_run = len(rows) > 0 and int(rows[-1]) - int(rows[0]) + 1 == len(rows)
+        return slice(int(rows[0]), int(rows[-1]) + 1) if is_run else rows
 
     def write_back(self) -> None:
         """Poses and velocities of what moves, into the columns."""
-        moving = self._moving_now()
-        if not len(moving.entity):
+        bodies, span = self._physics.bodies, self._span_of_moving()
+        entities = bodies.entity[span]
+        if not len(entities):
             return
-        self._world.transforms.set_world_poses(moving.entity, moving.position, moving.rotation)
+        self._world.transforms.set_world_poses(entities, bodies.position[span], bodies.rotation[span])
         table = self._world.table(RigidBody)
-        rows = table.rows(moving.entity)
-        table.column("linear_velocity")[rows] = moving.linear_velocity
-        table.column("angular_velocity")[rows] = moving.angular_velocity
+        rows = table.rows(entities)
+        table.column("linear_velocity")[rows] = bodies.linear_velocity[span]
+        table.column("angular_velocity")[rows] = bodies.angular_velocity[span]
 
     def _rows_of_moving(self) -> NDArray[np.intp]:
         if self._moving_rows is None:

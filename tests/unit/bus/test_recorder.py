@@ -328,7 +328,7 @@ def test_garbage_in_the_pipe_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
-    from elys.bus.recorder import Recorder
+    from elys.bus.recorder_files import Recorder
 
     with pytest.raises(RecordingError, match="cannot be written: No such file"):
         Recorder(tmp_path / "nowhere" / "f.mcap", session="s", scene="")

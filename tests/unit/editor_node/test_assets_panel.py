@@ -224,7 +224,7 @@ def test_an_image_is_dragged_into_a_field(at_the_browser):
     at_the_browser(scenario)
 
 
-def test_of_a_model_of_several_meshes_one_is_chosen_by_name(at_the_browser):
+def test_of_a_model_of_several_meshes_one_is_chosen_by_name(at_the_browser, screenshot_directory):
     async def scenario(browser):
         person = browser.person
         source = await person.stage.picture_source(entity=person.stage.named("Ground"))
@@ -242,6 +242,7 @@ def test_of_a_model_of_several_meshes_one_is_chosen_by_name(at_the_browser):
         await person.frames(3)
         offered = {name for name in browser.landmarks.rectangles if name.startswith(f"{field}/pick/")}
         assert offered == {f"{field}/pick/{name}" for name in meshes}
+        browser.editor.screenshot(screenshot_directory / "editor-assets-meshes.png")
         await person.click(f"{field}/pick/Wheel")
         await person.until(lambda: browser.entity("Box 1").components["MeshRenderer"].mesh == meshes["Wheel"])
         assert browser.host_assets.has(meshes["Wheel"])

@@ -116,17 +116,17 @@ def test_everything_is_done_with_the_keyboard_alone(at_the_editor, screenshot_di
         await person.frames(2)
         await person.type("grid")
         editor.screenshot(screenshot_directory / "palette.png")
-        assert editor.ui.tools.shows_grid
+        assert editor.panel.look.shows_grid
         await person.press(Key.ENTER)
         await person.frames(2)
-        assert not editor.ui.tools.shows_grid
+        assert not editor.panel.look.shows_grid
         assert editor.preferences.recent_actions == ["action:view.grid"]
 
         await person.press(Key.P, CTRL)  # what was used last stands first
         await person.frames(2)
         await person.press(Key.ENTER)
         await person.frames(2)
-        assert editor.ui.tools.shows_grid
+        assert editor.panel.look.shows_grid
 
         await person.press(Key.P, CTRL)
         await person.frames(2)

@@ -21,8 +21,9 @@ from elys.editor_node.link_meter import LinkMeter
 from elys.editor_node.model import EditorModel
 from elys.editor_node.preferences import Preferences
 from elys.editor_node.seat import Seat
-from tests.unit.editor_node.conftest import SceneHost, yard_records
 from tests.unit.editor_node.person import CTRL, Person
+from tests.unit.editor_node.scene_host import SceneHost
+from tests.unit.editor_node.stage import yard_records
 
 A, B = "tcp/127.0.0.1:7447", "tcp/127.0.0.1:7448"
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import shutil
 import subprocess
 import sys
 
@@ -214,6 +215,45 @@ def test_a_full_disk_is_said_where_it_was_saved(at_the_editor, tmp_path, monkeyp
         await click(person, "save/save")  # the question is still there
         await until(person, lambda: not model.file.is_dirty)
         assert (tmp_path / "yard.scene.json").is_file()
+
+    at_the_editor(scenario)
+
+
+def test_a_scene_that_is_not_there_any_more_is_said_and_saved_anew(at_the_editor, tmp_path):
+    """Its file is gone, then its whole folder: nothing that was edited is lost."""
+    folder = tmp_path / "house"
+    folder.mkdir()
+    path = folder / "kitchen.scene.json"
+    path.write_bytes((tmp_path / "kitchen.scene.json").read_bytes())
+
+    async def scenario(person):
+        editor, model, host = person.editor, person.editor.model, person.stage.host
+        await model.documents.open(path)
+        await until(person, lambda: model.history.is_attached and model.file.path == path)
+        await model.edit.rename(person.stage.named("Pot"), "Pan")
+        path.unlink()
+        editor.ui.actions.run("file.changes")
+        await until(person, lambda: "kitchen.scene.json" in editor.workspace.changes._error)
+        editor.ui.actions.run("file.revert")
+        await click(person, "lose/lose")
+        await until(person, lambda: "there is no scene file" in model.error)
+        assert [entity.name for entity in host.mirror.entities.values()] == ["Pan"] and model.file.is_dirty
+        await person.press(Key.ESCAPE)
+        await person.press(Key.ESCAPE)
+        await person.frames(2)
+        await person.press(Key.S, CTRL)
+        await until(person, lambda: not model.file.is_dirty)
+        assert [record.name for record in open_scene(path, AssetStore()).records] == ["Pan"]
+
+        await model.edit.rename(person.stage.named("Pan"), "Lid")
+        shutil.rmtree(folder)
+        await person.press(Key.S, CTRL)
+        await until(person, lambda: "cannot be written: No such file or directory" in model.error)
+        assert model.file.is_dirty and [entity.name for entity in host.mirror.entities.values()] == ["Lid"]
+        folder.mkdir()
+        await click(person, "save/save")  # the question is still there
+        await until(person, lambda: not model.file.is_dirty)
+        assert [record.name for record in open_scene(path, AssetStore()).records] == ["Lid"]
 
     at_the_editor(scenario)
 

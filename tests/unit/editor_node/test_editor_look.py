@@ -72,7 +72,7 @@ def test_sizes_go_up_and_down_in_steps():
 
 def test_only_the_last_sessions_are_remembered():
     preferences = Preferences()
-    state = SessionState(target=(0.0, 0.0, 0.0), yaw=0.0, pitch=0.0, distance=1.0)
+    state = SessionState(tools={"tool": "move"})
     for number in [*range(40), 20]:
         keep_session(preferences, f"s{number}", state)
     assert list(preferences.sessions)[-1] == "s20"

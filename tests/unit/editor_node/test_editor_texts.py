@@ -102,6 +102,23 @@ def test_what_is_drawn_is_translated(path):
     assert untranslated(path.read_text(encoding="utf-8")) == []
 
 
+def said_in_english(source: str) -> list[tuple[int, str]]:
+    """What is told to a person in the console without `tr`."""
+    found = []
+    for call in (node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Call)):
+        texts = {"say": call.args[1:2], "_say": call.args[1:2], "praise": call.args[:1], "_refuse": call.args[:1]}
+        said = [spelled(text) for text in texts.get(name_of(call), [])]
+        found += [(call.lineno, text) for text in said if re.search(r"[A-Za-z]{2,}", _SAME_EVERYWHERE.sub("", text))]
+    return found
+
+
+def test_what_is_told_is_translated():
+    assert said_in_english('model.say("error", f"cannot do {what}")') == [(1, "cannot do ")]
+    assert said_in_english('model.say("error", tr("cannot do {what}", what=what))') == []
+    found = {path.name: said_in_english(path.read_text(encoding="utf-8")) for path in sorted(SOURCE.rglob("*.py"))}
+    assert {name: texts for name, texts in found.items() if texts} == {}
+
+
 def test_everything_that_is_said_has_its_french():
     french = translations("fr")
     missing = {text for path in sorted(SOURCE.rglob("*.py")) for text in texts_of(path) if text not in french}

@@ -21,8 +21,8 @@ from elys.editor_node.events import (
 )
 from elys.editor_node.keys import Key
 from elys.editor_node.model import EditorModel
-from tests.unit.editor_node.conftest import tree_of
 from tests.unit.editor_node.person import ALT, CTRL, SHIFT
+from tests.unit.editor_node.scene_host import tree_of
 
 pytestmark = pytest.mark.gl
 

@@ -12,7 +12,7 @@ from elys.common.components import component_from
 from elys.common.errors import SceneError
 from elys.common.scene import EntityRecord, expand, open_scene, parse_scene
 from elys.editor_node.scene_clipboard import copy_text, read_fragment
-from tests.unit.editor_node.conftest import tree_of
+from tests.unit.editor_node.scene_host import tree_of
 
 DOORS = [
     EntityRecord(name="House", components={"Transform": {"position": [1, 0, 0]}, "RigidBody": {}}),

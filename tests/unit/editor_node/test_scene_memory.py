@@ -12,8 +12,8 @@ from elys.common.scene import EntityRecord
 from elys.editor_node.events import CursorEntered
 from elys.editor_node.keys import Key
 from elys.editor_node.preferences import SceneLook, load_preferences
-from tests.unit.editor_node.conftest import open_stage, yard_records
 from tests.unit.editor_node.person import CTRL, SHIFT, Person
+from tests.unit.editor_node.stage import open_stage, yard_records
 
 pytestmark = pytest.mark.gl
 
@@ -76,7 +76,7 @@ def test_marks_and_debug_lines_are_there_in_the_next_run(tmp_path):
 
     async def find(person) -> None:
         assert marked(person, "locked") == ["Crate"] and marked(person, "hidden") == ["Böx ✦"]
-        assert person.editor.ui.tools.debug == ("contacts",)
+        assert person.editor.panel.look.debug == ("contacts",)
         await person.press(Key.L, CTRL | SHIFT)
         await person.frames(2)
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from elys.bus.messages.commands import Grab, Release
 from elys.common.scene import EntityRecord
-from elys.editor_node.camera import OrbitCamera, project
+from elys.editor_node.camera import project
 from elys.editor_node.events import (
     Modifiers,
     MouseButton,
@@ -178,25 +178,30 @@ def test_places_are_kept_and_gone_back_to(at_the_editor):
         await see(person)
         camera = editor.panel.camera
         await person.press(Key.DIGIT_4, CTRL | ALT)
-        kept = camera.pose
+        place = camera.pose
         await person.press(Key.DIGIT_5, ALT)  # nothing is kept there
         assert not camera.is_gliding
         await person.press(Key.KEYPAD_7)
         await look_still(person)
-        assert camera.pose != kept
+        assert camera.pose != place
         await person.press(Key.DIGIT_4, ALT)
         await look_still(person)
-        assert camera.pose == kept
+        assert camera.pose == place
         await person.click("menu/view")
         await person.click("menu/camera")
         await person.click("menu/camera.top")
         await look_still(person)
         assert camera.pitch == pytest.approx(-np.pi / 2)
-        state = session_state(camera, editor.ui.tools, editor.camera_views.places)
-        again, places = OrbitCamera(), {}
-        restore_session(msgspec.json.decode(msgspec.json.encode(state), type=SessionState), again, Tools(), places)
-        assert again.pose == camera.pose
-        assert places == {"4": kept}
+        state, pose, places = (
+            session_state(editor.viewports, editor.ui.tools, editor.camera_views.places),
+            camera.pose,
+            {},
+        )
+        camera.orbit(300.0, 100.0)
+        kept = msgspec.json.decode(msgspec.json.encode(state), type=SessionState)
+        restore_session(kept, editor.viewports, Tools(), places)
+        assert camera.pose == pose
+        assert places == {"4": place}
 
     at_the_editor(scenario)
 
@@ -406,6 +411,10 @@ def test_a_hand_drags_a_body_and_lets_it_go(at_the_editor):
         await person.until(lambda: isinstance(host.received[-1], Grab) and host.received[-1].target == wanted)
         assert host.received[-1].entity == crate
         assert host.received[-1].anchor == pytest.approx((0.2, 0.4, 0.1))
+        await person.frames(2)
+        assert editor.panel.hand_line == pytest.approx(
+            (*start, *end), abs=0.1
+        )  # from the crate, which nothing moves here
         await person.do(MouseReleased(MouseButton.LEFT))
         await person.until(lambda: isinstance(host.received[-1], Release))
         source.entity, count = ground, len(host.received)
@@ -414,5 +423,6 @@ def test_a_hand_drags_a_body_and_lets_it_go(at_the_editor):
         await person.do(MouseReleased(MouseButton.LEFT))
         assert len(host.received) == count
         assert not editor.model.selection
+        assert editor.panel.hand_line is None
 
     at_the_editor(scenario)

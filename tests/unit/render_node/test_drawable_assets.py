@@ -160,6 +160,30 @@ def test_hdr_pictures_in_runs_are_read_and_damaged_ones_refused() -> None:
             decode_radiance(damaged)
 
 
+@pytest.mark.gl
+def test_an_image_that_is_sampled_in_two_ways_is_there_for_both(stage, renderer) -> None:
+    """Also where each comes between the look for it and the wait, which then has nothing to wait for."""
+
+    class Quick(DrawableAssets):
+        def wait_for_one(self, timeout: float) -> bool:
+            self.settle(timeout)
+            return False
+
+    store = AssetStore()
+    data = io.BytesIO()
+    Image.new("RGB", (4, 4), (0, 200, 0)).save(data, "PNG")
+    name = store.put(data.getvalue(), kind="image")
+    for place, options in enumerate(("", "?wrap=clamp,clamp", "?wrap=mirror,mirror")):
+        plain = Material(base_color=(1.0, 1.0, 1.0), unlit=True, base_color_texture=name + options)
+        stage.add(Transform(position=(2.0 * place - 2.0, 0.0, 0.0)), MeshRenderer(), plain)
+    world = stage.world(Quick(store.get))
+    renderer.settle(world)
+    camera = framing_camera((-2.5, -0.5, -0.5), (2.5, 0.5, 0.5), aspect=3.0, direction=(0, 0, -1))
+    row = renderer.read_pixels(renderer.draw(world, camera, 90, 30))[15, 10:80:35]
+    assert (row[:, 1] > 150).all()
+    assert (row[:, 0] < 60).all()
+
+
 class Host:
     """Serves a store, or nothing; and a clock that is set by hand."""
 

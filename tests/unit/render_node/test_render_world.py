@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation, Slerp
 from elys.bus.messages.state_frame import StateFrame
 from elys.common.components import Camera, Light, Material, MeshRenderer, Transform
 from elys.render_node.camera import View, framing_camera
+from elys.render_node.crowd import without_giants
 from elys.render_node.picture_plan import plan_picture
-from elys.render_node.render_world import without_giants
 
 TURN = (0.0, float(np.sin(0.4)), 0.0, float(np.cos(0.4)))
 
@@ -35,7 +35,7 @@ def test_instances_are_batched_by_mesh_and_look(stage) -> None:
         ("box", 1, True),
     ]
     assert [batch.look.is_mirrored for batch in world.batches] == [False, False, True, False]
-    np.testing.assert_allclose(world.surface[:6, 2, 1], [0.1, 0.2, 0.3, 0.4, 0.5, 0.6], rtol=1e-6)
+    np.testing.assert_allclose(world.instances.surface[:6, 2, 1], [0.1, 0.2, 0.3, 0.4, 0.5, 0.6], rtol=1e-6)
 
 
 def test_hidden_and_disabled_things_are_not_drawn(stage) -> None:
@@ -130,8 +130,9 @@ def test_far_from_the_origin_a_millimetre_is_kept(stage) -> None:
     world = stage.world()
     camera = framing_camera((99_999.0, -1.0, -6.0), (100_001.0, 1.0, -4.0))
     plan = plan_picture(world, View.of(camera, 64, 64))
-    relative = plan.instances["affine"][0, :, 3]
-    np.testing.assert_allclose(relative, world.position[0] - np.array(camera.position), atol=1e-6)
+    items = world.standing.card_rows().items
+    stored = items["affine"][plan.rows, :, 3].astype(np.float64) + items["low"][plan.rows]
+    np.testing.assert_allclose(stored, world.position, atol=1e-9)
 
 
 def test_what_is_behind_the_camera_is_left_out(stage) -> None:
@@ -139,8 +140,9 @@ def test_what_is_behind_the_camera_is_left_out(stage) -> None:
     stage.add(Transform(position=(0.0, 0.0, 5.0)), MeshRenderer())
     stage.add(Transform(position=(50.0, 0.0, -5.0)), MeshRenderer())
     camera = framing_camera((-1, -1, -6), (1, 1, -4), direction=(0, 0, -1))
-    plan = plan_picture(stage.world(), View.of(camera, 64, 64))
-    assert plan.instances["entity"].tolist() == [seen]
+    world = stage.world()
+    plan = plan_picture(world, View.of(camera, 64, 64))
+    assert world.entity[plan.rows].tolist() == [seen]
 
 
 def test_see_through_things_come_farthest_first(stage) -> None:
@@ -150,11 +152,12 @@ def test_see_through_things_come_farthest_first(stage) -> None:
         for z, mesh in ((-3.0, "box"), (-9.0, "sphere"), (-6.0, "box"), (-12.0, "sphere"))
     ]
     camera = framing_camera((-1, -1, -13), (1, 1, -2), direction=(0, 0, -1))
-    plan = plan_picture(stage.world(), View.of(camera, 64, 64))
+    world = stage.world()
+    plan = plan_picture(world, View.of(camera, 64, 64))
     drawn = [
         int(entity)
         for call in plan.transparent
-        for entity in plan.instances["entity"][call.first : call.first + call.instance_count]
+        for entity in world.entity[plan.rows][call.first : call.first + call.instance_count]
     ]
     assert drawn == [order[3], order[1], order[2], order[0]]
 
@@ -165,41 +168,21 @@ def test_solid_things_of_a_batch_come_nearest_first(stage) -> None:
     balls = [stage.add(Transform(position=(0.0, 0.0, z)), MeshRenderer(mesh="sphere")) for z in deep]
     stage.add(Transform(), Light())
     camera = framing_camera((-1, -1, -31), (1, 1, -2), direction=(0, 0, -1))
-    plan = plan_picture(stage.world(), View.of(camera, 64, 64), shadow_size=64)
-    drawn = [plan.instances["entity"][call.first : call.first + call.instance_count].tolist() for call in plan.opaque]
+    world = stage.world()
+    plan = plan_picture(world, View.of(camera, 64, 64), shadow_size=64)
+    drawn = [world.entity[plan.rows][call.first : call.first + call.instance_count].tolist() for call in plan.opaque]
     nearest_first = np.argsort(-deep)
     assert drawn == [np.array(boxes)[nearest_first].tolist(), np.array(balls)[nearest_first].tolist()]
     assert plan.casters == [plan.opaque]  # who throws shadows stands there already
-    assert len(plan.instances) == 80
+    assert len(plan.rows) == 80
 
 
 def test_what_has_no_depth_keeps_its_order(stage) -> None:
     level = [stage.add(Transform(position=(x, 0.0, -5.0)), MeshRenderer()) for x in (1.0, -1.0, 0.0)]
     camera = framing_camera((-2, -1, -6), (2, 1, -4), direction=(0, 0, -1))
-    plan = plan_picture(stage.world(), View.of(camera, 64, 64))
-    assert plan.instances["entity"].tolist() == level
-
-
-@pytest.mark.parametrize(
-    "more", [{}, {"emissive": (1.0, 0.5, 0.0)}, {"alpha_mode": "mask", "opacity": 0.7}], ids=["plain", "glows", "holes"]
-)
-def test_rows_for_light_say_the_same_in_less(stage, make_frame, more) -> None:
-    entity = stage.add(
-        Transform(position=(0.5, 0.0, -5.0), rotation=TURN), MeshRenderer(), Material(roughness=0.3, **more)
-    )
-    stage.add(Transform(position=(-0.5, 0.0, -6.0)), MeshRenderer(), Material(metallic=0.7))
-    world, view = stage.world(), View.of(framing_camera((-1, -1, -6), (1, 1, -4)), 64, 64)
-    whole = plan_picture(world, view).instances.copy()
-    light = plan_picture(world, view, for_light=True).instances
-    assert light.dtype.itemsize == (72 if not more else 100)
-    assert entity in whole["entity"]
-    for name in light.dtype.names:
-        np.testing.assert_array_equal(light[name], whole[name])
-    world.take_state(make_frame({entity: (0.4, 0.3, -5.0)}, tick=1, published_at=1))
-    world.place()
-    for name in light.dtype.names:  # both follow
-        moved = plan_picture(world, view, for_light=True).instances[name].copy()
-        np.testing.assert_array_equal(moved, plan_picture(world, view).instances[name])
+    world = stage.world()
+    plan = plan_picture(world, View.of(camera, 64, 64))
+    assert world.entity[plan.rows].tolist() == level
 
 
 def test_the_highest_enabled_camera_counts(stage) -> None:

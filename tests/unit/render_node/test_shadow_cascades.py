@@ -106,9 +106,10 @@ def test_they_keep_their_size_and_stand_on_texels_of_the_world_while_the_eye_mov
 def test_into_each_is_drawn_who_throws_a_shadow_there(stage: Any) -> None:
     world, camera = avenue(stage), looking()
     view = View.of(camera, *SIZE)
-    rows = np.flatnonzero(world.casts)
+    rows = np.flatnonzero(world.instances.casts)
+    groups = np.flatnonzero(world.crowd.casts)
     for fit in fit_cascades(world, view, SUN, map_size=1024, most=4)[:-1]:
-        chosen = set(reached(world, fit, view, rows).tolist())
+        chosen = set(world.crowd.listed(reached(world.crowd, fit, view, groups)).tolist())
         for row in rows.tolist():
             lower, upper = (corner[0] for corner in world.boxes(np.array([row])))
             grid = np.stack(np.meshgrid(*(np.linspace(a, b, 9) for a, b in zip(lower, upper, strict=True))), axis=-1)

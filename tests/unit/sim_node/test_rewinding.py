@@ -30,7 +30,8 @@ from elys.bus.messages.state_frame import HEADER, StateFrame
 from elys.bus.messages.timeline import Marker, MarkersRequest
 from elys.bus.mirror import SceneMirror
 from elys.bus.player import Player
-from elys.bus.recorder import Recorder, record_session
+from elys.bus.recorder import record_session
+from elys.bus.recorder_files import Recorder
 from elys.bus.recording import Recording
 from elys.bus.session import Session
 from elys.bus.topics import Encoding

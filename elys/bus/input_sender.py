@@ -1,0 +1,85 @@
+"""Keys, buttons and axes on their way to the simulation: what happens between two frames is one message, in order."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Final
+
+from elys.bus import topics
+from elys.bus.messages.commands import Input
+from elys.bus.session import Session
+from elys.common.input_names import AXES, BUTTONS, MOTIONS
+
+MOST_CHANGES: Final = 200  # of keys and buttons in one message; what comes beyond waits for the next
+MOST_TEXT: Final = 200  # characters
+
+
+class InputSender:
+    """Speaks for one player. Nothing is sent while nothing happens; nobody answers: `commands` tells what was applied."""
+
+    def __init__(self, session: Session, *, player: int = 1) -> None:
+        self._session = session
+        self._player = player
+        self._held: set[str] = set()
+        self._lets_go = False
+        self._changes: deque[tuple[str, bool]] = deque()
+        self._moved: dict[str, float] = {}
+        self._axes: dict[str, float] = {}
+        self._text = ""
+
+    @property
+    def held(self) -> frozenset[str]:
+        """What is down."""
+        return frozenset(self._held)
+
+    def press(self, name: str) -> None:
+        """A key or button went down; held ones and unknown ones are passed over."""
+        if name in BUTTONS and name not in self._held:
+            self._held.add(name)
+            self._changes.append((name, True))
+
+    def let_go(self, name: str) -> None:
+        """It went up."""
+        if name in self._held:
+            self._held.discard(name)
+            self._changes.append((name, False))
+
+    def move(self, name: str, distance: float) -> None:
+        """Pointer or wheel went on by a distance, see `input_names.MOTIONS`."""
+        if name in MOTIONS and math.isfinite(distance):
+            self._moved[name] = self._moved.get(name, 0.0) + distance
+
+    def set_axis(self, name: str, place: float) -> None:
+        """A stick stands elsewhere, see `input_names.AXES`; beyond its end it is at its end."""
+        if name in AXES and math.isfinite(place):
+            self._axes[name] = min(max(place, -1.0), 1.0)
+
+    def type(self, text: str) -> None:
+        """A text was typed."""
+        self._text = (self._text + text)[:MOST_TEXT]
+
+    def let_go_of_all(self) -> None:
+        """Nobody plays here any more: what waits is dropped, and all that is held is let go."""
+        self._lets_go = True
+        self._held.clear()
+        self._changes.clear()
+        self._moved, self._axes, self._text = {}, {}, ""
+
+    def send(self) -> bool:
+        """Call it once a frame: sends what has happened since. Whether there was anything."""
+        changes = tuple(self._changes.popleft() for _ in range(min(len(self._changes), MOST_CHANGES)))
+        moved = {name: distance for name, distance in self._moved.items() if distance}
+        if not (self._lets_go or changes or moved or self._axes or self._text):
+            return False
+        message = Input(
+            player=self._player,
+            lets_go=self._lets_go,
+            changes=changes,
+            moved=moved,
+            axes=self._axes,
+            text=self._text,
+        )
+        self._lets_go, self._moved, self._axes, self._text = False, {}, {}, ""
+        self._session.publish(topics.INPUT, message, key=self._session.node.id)
+        return True

@@ -1,0 +1,55 @@
+"""Playing in a viewer's window: keys and mouse go to the running game, until Escape gives them back."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from elys.bus.input_sender import InputSender
+from elys.bus.session import Session
+from elys.render_node.play_control import PlayControl
+from elys.render_node.window import Window
+
+NOTE: Final = "keys and mouse play the game - Escape gives them back"
+
+
+class GameInput:
+    """Lends a window's keys and mouse to the game."""
+
+    def __init__(self, session: Session, window: Window, play: PlayControl) -> None:
+        self._window = window
+        self._play = play
+        self._sender = InputSender(session)
+
+    @property
+    def is_on(self) -> bool:
+        """Whether the game has them."""
+        return self._window.player is not None
+
+    @property
+    def note(self) -> tuple[str, ...]:
+        """What is told on the picture of it."""
+        return (NOTE,) if self.is_on else ()
+
+    def start(self) -> None:
+        """Lends them, and lets time go on; where there is a recording or the past, which nobody plays, it does nothing."""
+        if self._is_possible():
+            self._window.player = self._sender
+            if not self._play.is_playing:
+                self._play.toggle()
+
+    def update(self) -> bool:
+        """Call it after each look at the window: sends what was done. Whether keys and mouse were just given back."""
+        if self.is_on and not self._is_possible():
+            self._window.player = None
+        has_ended = self._window.gave_back
+        self._window.gave_back = False
+        if has_ended:
+            self._sender.let_go_of_all()
+        if self.is_on or has_ended:
+            self._sender.send()
+        return has_ended
+
+    def _is_possible(self) -> bool:
+        status = self._play.status
+        is_live = status is not None and status.kind == "simulation" and not status.is_rewound
+        return is_live and not self._play.is_lost()

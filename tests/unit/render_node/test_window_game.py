@@ -1,0 +1,95 @@
+"""A viewer's window lends its keys and mouse to the game, told by GLFW's own callbacks, on the null platform."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.unit.render_node.test_view_window import in_process
+
+SCRIPT = """
+import glfw
+from elys.bus.messages.session import SessionStatus
+from elys.render_node import thin_window
+from elys.render_node.game_input import NOTE, GameInput
+from elys.render_node.play_control import PlayControl
+
+def status(kind="simulation", is_rewound=False):
+    return SessionStatus(epoch=1, kind=kind, scene="play", tick=3, simulation_time=0.0, playing=False, tick_rate=60.0,
+                         rate=1.0, realtime_factor=0.0, entity_count=1, is_rewound=is_rewound)
+
+async def main():
+    host, session = await open_session()
+    heard, asked, events = [], [], []
+    async def command(request, key):
+        asked.append(request.command.playing)
+        return CommandReply(accepted=True, tick=1)
+    host.serve(topics.COMMAND, command)
+    host.subscribe(topics.INPUT, lambda message, node: heard.append((message, node)))
+    async def until(condition):
+        async with asyncio.timeout(20):
+            while not condition():
+                await asyncio.sleep(0.001)
+    window = Window("test", (96, 64))
+    window.on_event = events.append
+    play = PlayControl(session)
+    game = GameInput(session, window, play)
+    game.start()
+    assert not game.is_on  # nobody has said yet that there is a game
+    for wrong in (status(kind="replay"), status(is_rewound=True)):
+        host.publish(topics.STATUS, wrong)
+        await until(lambda: play.status == wrong)
+        game.start()
+        assert not game.is_on
+    host.publish(topics.STATUS, status())
+    await until(lambda: play.status == status())
+    game.start()
+    assert game.is_on and game.note == (NOTE,)
+    await until(lambda: asked == [True])
+    w = window
+    w._key(None, glfw.KEY_W, 0, glfw.PRESS, 0)
+    w._key(None, glfw.KEY_W, 0, glfw.REPEAT, 0)
+    w._key(None, glfw.KEY_SPACE, 0, glfw.PRESS, 0)
+    w._key(None, glfw.KEY_SPACE, 0, glfw.RELEASE, 0)
+    w._typed(None, ord("w"))
+    x, y = w._pointer
+    w._moved(None, x + 3.0, y - 1.0)
+    w._moved(None, x + 5.0, y - 1.0)
+    w._button(None, glfw.MOUSE_BUTTON_RIGHT, glfw.PRESS, 0)
+    w._scrolled(None, 0.0, 2.0)
+    assert not game.update()
+    await until(lambda: heard)
+    (message, node), = heard
+    assert node == session.node.id
+    assert message.changes == (("w", True), ("space", True), ("space", False), ("mouse_right", True)), message
+    assert message.moved == {"pointer_x": 5.0, "pointer_y": -1.0, "wheel_y": 2.0} and message.text == "w"
+    assert events == []
+    game.update(); game.update()
+    w._key(None, glfw.KEY_ESCAPE, 0, glfw.PRESS, 0)
+    assert game.update() and not game.is_on and game.note == ()
+    await until(lambda: len(heard) == 2)
+    assert heard[1][0].lets_go
+    w._key(None, glfw.KEY_SPACE, 0, glfw.PRESS, 0)  # the viewer's own again
+    w._scrolled(None, 0.0, 1.0)
+    assert events == [KeyPressed("space"), Scrolled(1.0)]
+    for how in ("focus", "rewound"):
+        game.start()
+        w._key(None, glfw.KEY_D, 0, glfw.PRESS, 0)
+        if how == "focus":
+            w._focused(None, 0)
+        else:
+            host.publish(topics.STATUS, status(is_rewound=True))
+            await until(lambda: play.status.is_rewound)
+        assert game.update() and not game.is_on
+        heard.clear()
+        game.start()
+    assert not game.is_on
+    window.close()
+    await session.close(); await host.close()
+    print("done")
+asyncio.run(main())
+"""
+
+
+@pytest.mark.gl
+def test_keys_and_mouse_are_lent_until_escape() -> None:
+    assert in_process(SCRIPT) == "done"
