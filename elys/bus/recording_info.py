@@ -10,9 +10,10 @@ from typing import Final
 import msgspec
 import numpy as np
 
+from elys.bus.lineage import lineage_of
 from elys.bus.recording import Recording
-from elys.bus.recording_lineage import FORK_NAME, Lineage, read_lineage, seconds_of
 from elys.bus.recording_parts import gaps_in
+from elys.bus.recording_sources import Sources, read_sources, seconds_of
 from elys.bus.recording_storage import StateStorage, state_storage
 from elys.bus.transports.mcap import METADATA_NAME
 from elys.bus.transports.mcap_index import DELTA_CHANNEL, STATE_CHANNEL
@@ -82,8 +83,8 @@ class RecordingInfo(msgspec.Struct, frozen=True, kw_only=True):
     channels: tuple[ChannelInfo, ...]
     states: StateStorage
     health: Health
-    lineage: Lineage | None = None  # what it was made of, where it was not recorded as it is
-    fork: dict[str, str] = {}  # of which recording the session was a fork, and at which instant
+    sources: Sources | None = None  # what it was made of, where it was not recorded as it is
+    lineage: dict[str, str] = {}  # of which recording the session was a fork, and at which instant
 
 
 def recording_info(path: Path) -> RecordingInfo:
@@ -113,8 +114,8 @@ def recording_info(path: Path) -> RecordingInfo:
             channels=found.channels(duration),
             states=state_storage(recording),
             health=found.health(),
-            lineage=read_lineage(recording.reader),
-            fork=recording.reader.metadata.get(FORK_NAME, {}),
+            sources=read_sources(recording.reader),
+            lineage=lineage_of(recording),
         )
 
 

@@ -25,7 +25,7 @@ from elys.bus.messages.scene import SceneDelta
 from elys.bus.messages.state_frame import HEADER
 from elys.bus.mirror import SceneMirror
 from elys.bus.recording import Recording
-from elys.bus.recording_lineage import LINEAGE_NAME, Lineage, ancestor_of, lineage_metadata
+from elys.bus.recording_sources import SOURCES_NAME, Sources, source_of, sources_metadata
 from elys.bus.topics import Encoding
 from elys.bus.transports.mcap import METADATA_NAME, McapWriter, recorded_channels
 from elys.bus.transports.mcap_index import DELTA_CHANNEL, SNAPSHOT_CHANNEL, STATE_CHANNEL
@@ -59,7 +59,7 @@ def cut(source: Path, target: Path, selection: Selection, progress: Progress = n
         first, last = positions[0], positions[-1]
         # Several frames may tell of the first tick, as in a pause: all of them belong to it.
         first = int(np.searchsorted(recording.tick, recording.tick[first], side="left"))
-        writing = _PartWriting(part, recording, Lineage(made_by="cut", of=(ancestor_of(recording, first, last),)))
+        writing = _PartWriting(part, recording, Sources(made_by="cut", of=(source_of(recording, first, last),)))
         with writing:
             for message in _before(recording) if first == 0 else ():
                 writing.message(message)
@@ -85,8 +85,8 @@ def merge(sources: Sequence[Path], target: Path, progress: Progress = no_progres
         recordings.sort(key=lambda recording: (int(recording.tick[0]), str(recording.path)))
         _check_same_session(recordings)
         part = stack.enter_context(whole_file(target))
-        ancestors = tuple(ancestor_of(recording, 0, len(recording) - 1) for recording in recordings)
-        writing = _PartWriting(part, recordings[0], Lineage(made_by="merge", of=ancestors))
+        used = tuple(source_of(recording, 0, len(recording) - 1) for recording in recordings)
+        writing = _PartWriting(part, recordings[0], Sources(made_by="merge", of=used))
         total, done, ticks = sum(map(len, recordings)), 0, []
         with writing:
             for number, recording in enumerate(recordings):
@@ -117,7 +117,7 @@ def gaps_in(ticks: Sequence[int]) -> tuple[tuple[int, int], ...]:
 class _PartWriting:
     """A recording that is being put together: frames with the scene that they need before them."""
 
-    def __init__(self, path: Path, like: Recording, lineage: Lineage) -> None:
+    def __init__(self, path: Path, like: Recording, sources: Sources) -> None:
         made = like.reader.metadata[METADATA_NAME]
         self.duplicates = 0
         self._writer = McapWriter(
@@ -126,10 +126,10 @@ class _PartWriting:
             scene=made.get("scene", ""),
             compact=made.get("state") == "compact",
         )
-        self._lineage = lineage
+        self._sources = sources
         # What else the file says of what was simulated: of which build, and of which recording it is a fork.
         self._facts = {
-            name: values for name, values in like.reader.metadata.items() if name not in (METADATA_NAME, LINEAGE_NAME)
+            name: values for name, values in like.reader.metadata.items() if name not in (METADATA_NAME, SOURCES_NAME)
         }
         self._mirror: SceneMirror | None = None
         self._given_up = -1  # a number of deltas that cannot be reached
@@ -139,7 +139,7 @@ class _PartWriting:
         self._told: OrderedDict[tuple[str, bytes], int] = OrderedDict()  # -> the source that had it first
 
     def __enter__(self) -> None:
-        self._writer.add_metadata(LINEAGE_NAME, lineage_metadata(self._lineage))
+        self._writer.add_metadata(SOURCES_NAME, sources_metadata(self._sources))
         for name, values in self._facts.items():
             self._writer.add_metadata(name, values)
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from elys.bus.exports.files import whole_file
 from elys.bus.recording import Recording
-from elys.bus.recording_lineage import LINEAGE_NAME, Lineage, ancestor_of, lineage_metadata
+from elys.bus.recording_sources import SOURCES_NAME, Sources, source_of, sources_metadata
 from elys.bus.transports.mcap import open_alone
 from elys.bus.transports.mcap_mending import mend, needs_mending
 from elys.common.errors import RecordingError
@@ -44,10 +44,10 @@ def recover(source: Path, target: Path | None = None, *, in_place: bool = False)
             raise RecordingError(f"{taken} is there already: move it away, or name another file with -o")
         if in_place:
             open_alone(source).close()
-        origin = Lineage(made_by="recover", of=(ancestor_of(recording, 0, len(recording) - 1),))
+        sources = Sources(made_by="recover", of=(source_of(recording, 0, len(recording) - 1),))
         # In its place: the damaged file takes its other name only when the whole one is written.
         with whole_file(place if backup is None else source.with_name(f".{source.name}.whole")) as part:
-            mending = mend(recording.reader, part, {LINEAGE_NAME: lineage_metadata(origin)})
+            mending = mend(recording.reader, part, {SOURCES_NAME: sources_metadata(sources)})
             ticks = _ticks_in(part, source)
     if backup is not None:
         try:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,6 +10,7 @@ import msgspec
 
 from elys.bus.messages.commands import CommandRequest
 from elys.common.errors import RecordingError, SceneError
+from elys.verbs.moments import parse_moment
 from elys.verbs.output import print_json
 
 if TYPE_CHECKING:
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from elys.sim_node.repetition import Repetition
     from elys.sim_node.simulation import Simulation
     from elys.verbs.simulate import RunReport
-
-_TIME = re.compile(r"(\d+(?:\.\d*)?|\.\d+)\s*s?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +55,7 @@ def fork(
         raise RecordingError(f"a fork of {recording} cannot be recorded over it: choose another name with -o")
     require_recordable(output)
     simulation, origin = opened_at(
-        recording, parsed_time(at), edits=edits, seconds=seconds, repeats=repeats, threads=threads
+        recording, parse_moment(at), edits=edits, seconds=seconds, repeats=repeats, threads=threads
     )
     reports: list[RunReport] = []
     run_until_asked(
@@ -142,13 +140,5 @@ def recorded_scene(name: str, at: str) -> OpenedScene:
     from elys.verbs.verify import scene_of
 
     with Recording(required_recording(name)) as recording:
-        require_within(recording, read_course(recording), parsed_time(at))
-        return scene_of(recording.mirror_at(recording.position_at(parsed_time(at))), recording.path)
-
-
-def parsed_time(text: str) -> float:
-    """A simulation time as people write it, "12.5s" or "12.5"; RecordingError for anything else."""
-    found = _TIME.fullmatch(text.strip())
-    if found is None:
-        raise RecordingError(f"'{text}' is no time: write seconds of simulation, as 12.5s")
-    return float(found[1])
+        require_within(recording, read_course(recording), parse_moment(at))
+        return scene_of(recording.mirror_at(recording.position_at(parse_moment(at))), recording.path)

@@ -4,19 +4,27 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from elys.bus.messages.commands import SetRange
+from elys.verbs.moments import parse_moment
+
 
 class Playback(NamedTuple):
-    """How a recording is played: `start` and `end` [s] of simulation time, None for the recording's own."""
+    """How a recording is played: `start` and `end` are simulation times as people write them, empty for the recording's own."""
 
     paused: bool = False
     rate: float = 1.0
     loop: bool = False
-    start: float | None = None
-    end: float | None = None
+    start: str = ""
+    end: str = ""
 
     def options(self) -> list[str]:
         """The same for a player's command line."""
         told = ["--rate", str(self.rate)] + ["--paused"] * self.paused + ["--loop"] * self.loop
         for name, seconds in (("--from", self.start), ("--to", self.end)):
-            told += [name, str(seconds)] if seconds is not None else []
+            told += [name, seconds] if seconds else []
         return told
+
+    def part(self) -> SetRange:
+        """What is played. Raises ElysError for times that are none."""
+        start, end = (parse_moment(text) if text else None for text in (self.start, self.end))
+        return SetRange(start=start, end=end)

@@ -20,7 +20,7 @@ from elys.verbs.output import print_json, print_table, size_text
 from elys.verbs.playback import Playback
 
 if TYPE_CHECKING:
-    from elys.bus.recording_lineage import Lineage
+    from elys.bus.recording_sources import Sources
     from elys.bus.view_recording import RecordedView
 
 PATIENCE: Final = 5.0  # [s]
@@ -29,6 +29,7 @@ _log = logging.getLogger(__name__)
 
 def play(recording: Path, playback: Playback, *, listen: str | None, editor: bool) -> None:
     """Serves a recording in this process, or under the supervisor with an editor on it."""
+    playback.part()  # times that are none are said here, and not by a node
     start_logging()
     if not editor:
         run_until_asked(serve_recording(recording, playback, listen=listen))
@@ -49,7 +50,6 @@ async def serve_recording(recording: Path, playback: Playback, *, listen: str | 
         RecordingError: it is none. RequestError: it is not there from `start` to `end`.
         BusError: the endpoint cannot be listened at.
     """
-    from elys.bus.messages.commands import SetRange
     from elys.bus.player import Player
     from elys.bus.recording import Recording
 
@@ -57,9 +57,13 @@ async def serve_recording(recording: Path, playback: Playback, *, listen: str | 
         scene = opened.mirror_at(0).scene
         async with hosted(listen, name=scene, kind="replay", scene=scene, epoch=time.time_ns()) as (session, endpoint):
             _log.info("playing %s at %s: attach with `elys view` or `elys edit`", recording, endpoint)
-            part = SetRange(start=playback.start, end=playback.end)
             player = Player(
-                opened, session, playing=not playback.paused, rate=playback.rate, loop=playback.loop, part=part
+                opened,
+                session,
+                playing=not playback.paused,
+                rate=playback.rate,
+                loop=playback.loop,
+                part=playback.part(),
             )
             await player.run()
 
@@ -178,10 +182,10 @@ def info(recording: Path, *, json: bool) -> None:
     contents = f"{facts.body_count} bodies, {facts.entity_count} entities, {facts.asset_count} assets"
     print(f"{contents}, {size_text(facts.size)}; ELYS {facts.elys_version}, protocol {facts.protocol}")
     print(describe(facts.states))
-    if facts.lineage is not None:
-        print("\n".join(_lineage_lines(facts.lineage)))
-    if facts.fork:
-        print(f"a fork of {facts.fork.get('parent', 'another recording')} at {facts.fork.get('time', '?')} s")
+    if facts.sources is not None:
+        print("\n".join(_source_lines(facts.sources)))
+    if facts.lineage:
+        print(f"a fork of {facts.lineage.get('parent', 'another recording')} at {facts.lineage.get('time', '?')} s")
     if facts.health.sentence:
         print(f"health: {facts.health.sentence}")
     print()
@@ -189,12 +193,12 @@ def info(recording: Path, *, json: bool) -> None:
     print_table(("channel", "messages", "per second", "size"), rows)
 
 
-def _lineage_lines(lineage: Lineage, indent: str = "") -> Iterator[str]:
+def _source_lines(sources: Sources, indent: str = "") -> Iterator[str]:
     """What a recording was made of, and what that was made of."""
-    for ancestor in lineage.of:
+    for source in sources.of:
         yield (
-            f"{indent}made by {lineage.made_by} of {ancestor.file}, {ancestor.start:.2f} s to {ancestor.end:.2f} s "
-            f"(ticks {ancestor.first_tick} to {ancestor.last_tick}){'; ' * bool(lineage.text)}{lineage.text}"
+            f"{indent}made by {sources.made_by} of {source.file}, {source.start:.2f} s to {source.end:.2f} s "
+            f"(ticks {source.first_tick} to {source.last_tick}){'; ' * bool(sources.text)}{sources.text}"
         )
-        if ancestor.lineage is not None:
-            yield from _lineage_lines(ancestor.lineage, indent + "  ")
+        if source.sources is not None:
+            yield from _source_lines(source.sources, indent + "  ")

@@ -66,14 +66,15 @@ def prepare(scene: str, *, record: Path | None, threads: int = 1, at: str = "") 
         SceneError, AssetError: the scene is missing or wrong. RecordingError: it cannot be recorded there, or gone on with.
     """
     from elys.sim_node.simulation import Simulation
-    from elys.verbs.fork import opened_at, parsed_time, required_recording
+    from elys.verbs.fork import opened_at, required_recording
     from elys.verbs.kernels import compile_with_progress
+    from elys.verbs.moments import parse_moment
     from elys.verbs.recording_child import require_recordable
 
     if record is not None:
         require_recordable(record)
     if at:
-        return opened_at(required_recording(scene), parsed_time(at), goes_on=False, threads=threads)
+        return opened_at(required_recording(scene), parse_moment(at), goes_on=False, threads=threads)
     assets = AssetStore()
     opened = open_scene_or_sample(scene, assets)
     compile_with_progress(opened, threads=threads)

@@ -14,6 +14,7 @@ from elys.common.components import values_of
 from elys.common.errors import ElysError
 from elys.common.scene import OpenedScene
 from elys.common.scene_document import EntityRecord
+from elys.verbs.moments import parse_moment
 from elys.verbs.output import print_json
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ EXIT_CODES: Final = {"equal": 0, "altered": 1, "other build": 3, "not determinis
 UNSUITABLE: Final = 2
 
 
-def verify(recording: Path, *, first: float, last: float, threads: int, json: bool) -> int:
+def verify(recording: Path, *, start: str, end: str, threads: int, json: bool) -> int:
     """Prints the verdict; returns the exit code."""
     from elys.bus.log import start_logging
     from elys.sim_node.verification import verify as verified
@@ -34,9 +35,10 @@ def verify(recording: Path, *, first: float, last: float, threads: int, json: bo
         logging.CRITICAL
     )  # what physics found was told when it was recorded
     try:
+        first, last = parse_moment(start), parse_moment(end, otherwise=math.inf)
         load_kernels(recording, threads=threads)
         with progress_bar("Running again", is_shown=not json) as progress:
-            verdict = verified(recording, first=first, last=last or math.inf, threads=threads, progress=progress)
+            verdict = verified(recording, first=first, last=last, threads=threads, progress=progress)
     except ElysError as error:
         print(f"elys: {error}", file=sys.stderr)
         return UNSUITABLE

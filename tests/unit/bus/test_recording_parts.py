@@ -59,9 +59,9 @@ def test_a_cut_is_what_was_there_then(told: Path, tmp_path: Path, first: int, la
     assert_part(out, told, first, last)
     info = recording_info(out)
     assert info.complete and not info.health.sentence
-    assert info.lineage is not None and info.lineage.made_by == "cut"
-    (ancestor,) = info.lineage.of
-    assert (ancestor.file, ancestor.first_tick, ancestor.last_tick) == ("told.mcap", first, last)
+    assert info.sources is not None and info.sources.made_by == "cut"
+    (source,) = info.sources.of
+    assert (source.file, source.first_tick, source.last_tick) == ("told.mcap", first, last)
     counts = {channel.name: channel.count for channel in info.channels}
     # One snapshot at the beginning, the deltas within, and every event of its ticks.
     assert counts["snapshot"] == 1
@@ -78,7 +78,7 @@ def test_a_cut_keeps_what_is_said_of_the_simulation(tmp_path: Path) -> None:
     writer.write("exact", b"state", log_time=now)
     writer.close()
     cut(tmp_path / "fork.mcap", tmp_path / "part.mcap", Selection(start=1.0))
-    assert recording_info(tmp_path / "part.mcap").fork == {"parent": "other.mcap", "time": "1.5"}
+    assert recording_info(tmp_path / "part.mcap").lineage == {"parent": "other.mcap", "time": "1.5"}
     with Recording(tmp_path / "part.mcap") as part:
         assert part.reader.metadata["elys.build"] == {"numba": "1"}
         assert [message.body for message in part.reader.messages(("exact",))] == [b"state"]
@@ -87,11 +87,11 @@ def test_a_cut_keeps_what_is_said_of_the_simulation(tmp_path: Path) -> None:
 def test_a_cut_of_a_cut_knows_both(told: Path, tmp_path: Path) -> None:
     cut(told, tmp_path / "a.mcap", Selection(start=0.5, end=1.5))
     cut(tmp_path / "a.mcap", tmp_path / "b.mcap", Selection(start=1.0))
-    lineage = recording_info(tmp_path / "b.mcap").lineage
-    assert lineage is not None
-    (parent,) = lineage.of
-    assert parent.lineage is not None
-    assert (parent.file, parent.lineage.of[0].file) == ("a.mcap", "told.mcap")
+    sources = recording_info(tmp_path / "b.mcap").sources
+    assert sources is not None
+    (parent,) = sources.of
+    assert parent.sources is not None
+    assert (parent.file, parent.sources.of[0].file) == ("a.mcap", "told.mcap")
     assert_part(tmp_path / "b.mcap", told, 60, 90)
 
 
@@ -101,7 +101,7 @@ def test_others_read_a_cut(told: Path, tmp_path: Path) -> None:
         reader = make_reader(file, validate_crcs=True)
         found = Counter(channel.topic for _, channel, _ in reader.iter_messages())
         assert found["state"] == TICKS - 60 + 1
-        assert {record.name for record in reader.iter_metadata()} >= {"elys", "elys/lineage"}
+        assert {record.name for record in reader.iter_metadata()} >= {"elys", "elys.sources"}
 
 
 @pytest.mark.parametrize("second", [40, 61, 60])

@@ -45,7 +45,7 @@ def test_a_cut_file_becomes_whole(tmp_path: Path, cut_at: float) -> None:
     assert len(found) == report.messages
     assert found == read_by_others(whole)[: len(found)]
     info = recording_info(report.path)
-    assert info.complete and info.lineage is not None and info.lineage.made_by == "recover"
+    assert info.complete and info.sources is not None and info.sources.made_by == "recover"
     with Recording(report.path) as mended, Recording(whole) as source:
         assert not mended.reader.mended
         for position, body in enumerate(frames.values()):

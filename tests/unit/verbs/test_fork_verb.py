@@ -15,7 +15,7 @@ from elys.bus.recording import Recording
 from elys.common.errors import RecordingError, SceneError
 from elys.sim_node.verification import verify
 from elys.verbs.edit_file import Change, edits_schema
-from elys.verbs.fork import opened_at, parsed_time
+from elys.verbs.fork import opened_at
 from elys.verbs.simulate import simulate
 from tests.unit.sim_node.test_verification import another_scene, edits_of_two, forks, record
 
@@ -137,10 +137,6 @@ def test_wrong_edits_are_a_sentence(sessions: dict[str, Path], tmp_path: Path, c
 
 
 def test_times(sessions: dict[str, Path]) -> None:
-    assert [parsed_time(text) for text in ("12.5s", "12.5", "3 s", ".5")] == [12.5, 12.5, 3.0, 0.5]
-    for text in ("", "s", "-1", "1e3", "12:30"):
-        with pytest.raises(RecordingError, match="is no time"):
-            parsed_time(text)
     with pytest.raises(RecordingError, match=r"can be gone on with from 0.000 s to .* s, not from 50 s"):
         opened_at(sessions["forks"], 50.0)
 

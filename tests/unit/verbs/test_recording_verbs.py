@@ -52,7 +52,7 @@ def test_parts_and_the_whole(elys, tmp_path: Path) -> None:
     assert "made by merge of a.mcap, 0.00 s to 1.00 s (ticks 0 to 60)" in told
     assert "  made by cut of run.mcap" in told
     facts = json.loads(elys("info", "c.mcap", "--json").out)
-    assert facts["health"]["missing_ticks"] == 0 and facts["lineage"]["made_by"] == "merge"
+    assert facts["health"]["missing_ticks"] == 0 and facts["sources"]["made_by"] == "merge"
 
 
 def test_recovering_says_what_is_lost(elys, tmp_path: Path) -> None:

@@ -10,12 +10,11 @@ from elys.bus.recording import Recording
 from elys.bus.transports.mcap import METADATA_NAME
 from elys.bus.transports.mcap_reading import McapReader
 
-LINEAGE_NAME: Final = "elys/lineage"
-FORK_NAME: Final = "elys.lineage"  # metadata of a session that went on from another's recording
-_KEY: Final = "lineage"
+SOURCES_NAME: Final = "elys.sources"
+_KEY: Final = "sources"
 
 
-class Ancestor(msgspec.Struct, frozen=True, kw_only=True):
+class Source(msgspec.Struct, frozen=True, kw_only=True):
     """A recording that another was made of, as far as it was used."""
 
     file: str
@@ -25,37 +24,37 @@ class Ancestor(msgspec.Struct, frozen=True, kw_only=True):
     end: float  # [s] of simulation
     first_tick: int
     last_tick: int
-    lineage: Lineage | None = None
+    sources: Sources | None = None
 
 
-class Lineage(msgspec.Struct, frozen=True, kw_only=True):
+class Sources(msgspec.Struct, frozen=True, kw_only=True):
     """How a recording was made of others: "cut", "merge" or "recover"."""
 
     made_by: str
-    of: tuple[Ancestor, ...]
+    of: tuple[Source, ...]
     text: str = ""
 
 
-def lineage_metadata(lineage: Lineage) -> dict[str, str]:
+def sources_metadata(sources: Sources) -> dict[str, str]:
     """As metadata of a file: one JSON text."""
-    return {"made_by": lineage.made_by, _KEY: msgspec.json.encode(lineage).decode()}
+    return {"made_by": sources.made_by, _KEY: msgspec.json.encode(sources).decode()}
 
 
-def read_lineage(reader: McapReader) -> Lineage | None:
+def read_sources(reader: McapReader) -> Sources | None:
     """What a file says of its origin; None if it was recorded as it is, or says nothing that can be read."""
-    values = reader.metadata.get(LINEAGE_NAME)
+    values = reader.metadata.get(SOURCES_NAME)
     if values is None:
         return None
     try:
-        return msgspec.json.decode(values.get(_KEY, ""), type=Lineage)
+        return msgspec.json.decode(values.get(_KEY, ""), type=Sources)
     except (msgspec.DecodeError, RecursionError):
         return None
 
 
-def ancestor_of(recording: Recording, first: int, last: int) -> Ancestor:
+def source_of(recording: Recording, first: int, last: int) -> Source:
     """A recording of which the frames from `first` to `last` are used."""
     made: dict[str, Any] = recording.reader.metadata.get(METADATA_NAME, {})
-    return Ancestor(
+    return Source(
         file=recording.path.name,
         session=made.get("session", ""),
         started=seconds_of(made.get("started_ns", "")),
@@ -63,7 +62,7 @@ def ancestor_of(recording: Recording, first: int, last: int) -> Ancestor:
         end=float(recording.time[last]),
         first_tick=int(recording.tick[first]),
         last_tick=int(recording.tick[last]),
-        lineage=read_lineage(recording.reader),
+        sources=read_sources(recording.reader),
     )
 
 

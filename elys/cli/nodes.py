@@ -1,0 +1,83 @@
+"""Single nodes, as launch files start them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Optional
+
+import typer
+
+from elys.cli.app import node_app
+from elys.cli.options import At, Connect, Frames, From, Keep, Listen, NoGuard, Recording, Scene, Threads, To
+
+
+@node_app.command("simulation")
+def node_simulation(
+    scene: Scene,
+    listen: Listen = None,
+    steps: Annotated[int, typer.Option(min=0)] = 0,
+    record: Annotated[Optional[Path], typer.Option()] = None,  # noqa: UP045
+    recording_plan: Annotated[str, typer.Option()] = "{}",
+    fast: Annotated[bool, typer.Option("--fast", help="as fast as it can instead of in real time")] = False,
+    paused: Annotated[bool, typer.Option("--paused")] = False,
+    name: Annotated[str, typer.Option()] = "",
+    threads: Threads = 1,
+    no_guard: NoGuard = False,
+    keep: Keep = 60.0,
+    at: At = "",
+) -> None:
+    """The simulation."""
+    from elys.bus.recording_plan import from_json
+    from elys.verbs import nodes
+
+    nodes.simulation(
+        scene,
+        listen=listen,
+        step_limit=steps,
+        record=record,
+        realtime=not fast,
+        paused=paused,
+        name=name,
+        threads=threads,
+        guarded=not no_guard,
+        keep=keep,
+        plan=from_json(recording_plan),
+        at=at,
+    )
+
+
+@node_app.command("render")
+def node_render(connect: Connect = None) -> None:
+    """A render node that draws views for others."""
+    from elys.verbs import nodes
+
+    nodes.render(connect)
+
+
+@node_app.command("editor")
+def node_editor(
+    connect: Connect = None,
+    frames: Frames = 0,
+    alone: Annotated[bool, typer.Option("--alone", help="begin with the start page")] = False,
+) -> None:
+    """The editor's window."""
+    from elys.verbs import nodes
+
+    nodes.editor(connect, starts_alone=alone, frame_limit=frames)
+
+
+@node_app.command("player")
+def node_player(
+    recording: Recording,
+    listen: Listen = None,
+    paused: Annotated[bool, typer.Option("--paused")] = False,
+    rate: Annotated[float, typer.Option(min=0.01, max=100.0)] = 1.0,
+    loop: Annotated[bool, typer.Option("--loop")] = False,
+    start: From = "",
+    end: To = "",
+) -> None:
+    """A player that serves a recording."""
+    from elys.verbs import nodes
+    from elys.verbs.playback import Playback
+
+    nodes.player(recording, Playback(paused, rate, loop, start, end), listen=listen)

@@ -1,0 +1,175 @@
+"""Sessions: run, watch, edit, look at."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Optional
+
+import typer
+
+from elys.cli.app import app
+from elys.cli.options import (
+    At,
+    Compact,
+    Connect,
+    DebugKinds,
+    Frames,
+    Json,
+    Keep,
+    KeepFiles,
+    Limit,
+    Listen,
+    NoGuard,
+    Rotate,
+    Scene,
+    Threads,
+    Topics,
+)
+
+
+@app.command()
+def run(
+    scene: Scene,
+    headless: Annotated[bool, typer.Option("--headless", help="no window, no GL, no display library")] = False,
+    steps: Annotated[int, typer.Option(help="end after so many ticks (0: run on)", min=0)] = 0,
+    record: Annotated[Optional[Path], typer.Option(help="record the session to this .mcap")] = None,  # noqa: UP045
+    realtime: Annotated[bool, typer.Option("--realtime", help="headless: keep to real time even with --steps")] = False,
+    paused: Annotated[bool, typer.Option("--paused", help="start paused")] = False,
+    listen: Listen = None,
+    name: Annotated[str, typer.Option(help="name of the session; default: the scene's")] = "",
+    threads: Threads = 1,
+    no_guard: NoGuard = False,
+    keep: Keep = 60.0,
+    compact: Compact = False,
+    rotate: Rotate = "",
+    keep_files: KeepFiles = 0,
+    limit: Limit = "",
+    topics: Topics = "",
+    at: At = "",
+    foxglove: Annotated[
+        int,
+        typer.Option(
+            help="serve the session to the Foxglove app at this port of loopback; 8765 is where it looks",
+            min=0,
+            max=65535,
+        ),
+    ] = 0,
+    json: Json = False,
+) -> None:
+    """Simulate a scene, with an editor attached; or --headless, for a server or a script."""
+    from elys.bus.recording_plan import recording_plan
+    from elys.verbs import run as verb
+
+    plan = recording_plan(compact=compact, rotate=rotate, keep_files=keep_files, limit=limit, topic_names=topics)
+    verb.run(
+        scene,
+        headless=headless,
+        step_limit=steps,
+        record=record,
+        realtime=realtime,
+        paused=paused,
+        listen=listen,
+        name=name,
+        threads=threads,
+        guarded=not no_guard,
+        keep=keep,
+        plan=plan,
+        foxglove=foxglove,
+        json=json,
+        at=at,
+    )
+
+
+@app.command()
+def edit(connect: Connect = None) -> None:
+    """Attach an editor to a running session or a replay; where none runs, choose in the editor what to open."""
+    from elys.verbs import attach
+
+    attach.edit(connect)
+
+
+@app.command()
+def view(
+    connect: Connect = None,
+    debug: DebugKinds = "",
+    age: Annotated[
+        bool, typer.Option("--age", help="show tick, time, age and frame rate of what is seen (key A)")
+    ] = False,
+    thin: Annotated[
+        bool, typer.Option("--thin", help="draw nothing here: show what a render node of the session draws")
+    ] = False,
+    encoding: Annotated[
+        str, typer.Option(help="of such pictures: jpeg, h264, or auto: by what the way between carries")
+    ] = "auto",
+    bit_rate: Annotated[
+        float, typer.Option(help="[Mbit/s] that h264 may take; 0: as much as it needs", min=0.0, max=1000.0)
+    ] = 0.0,
+    frames: Frames = 0,
+) -> None:
+    """Watch a running session or a replay in a window."""
+    from elys.verbs import attach
+
+    attach.view(connect, frame_limit=frames, debug=debug, age=age, thin=thin, encoding=encoding, bit_rate=bit_rate)
+
+
+@app.command()
+def demo(
+    directory: Annotated[Path, typer.Option(help="where demo.mcap, demo.png and demo.mp4 go")] = Path(),
+    headless: Annotated[bool, typer.Option("--headless", help="write files even where there is a screen")] = False,
+) -> None:
+    """Show ELYS: the editor on a running simulation, or without a screen a recording, a picture and a video."""
+    from elys.verbs import demo as verb
+
+    verb.demo(directory, headless=headless)
+
+
+@app.command()
+def launch(
+    file: Annotated[Path, typer.Argument(help="a launch file (launch/*.toml)")],
+    values: Annotated[Optional[list[str]], typer.Argument(help="its parameters, NAME=VALUE")] = None,  # noqa: UP045
+) -> None:
+    """Start the processes that a launch file describes."""
+    from elys.verbs import run as verb
+
+    verb.launch(file, values or [])
+
+
+@app.command()
+def sessions(json: Json = False) -> None:
+    """List the sessions that run on this machine."""
+    from elys.verbs import facts
+
+    facts.sessions(json=json)
+
+
+@app.command()
+def top(
+    connect: Connect = None,
+    once: Annotated[bool, typer.Option("--once", help="print the figures once and end")] = False,
+    json: Json = False,
+) -> None:
+    """Watch energy, overlap, errors and times of a running session in the terminal."""
+    from elys.verbs import top as verb
+
+    verb.top(connect, once=once, json=json)
+
+
+@app.command()
+def foxglove(
+    connect: Connect = None,
+    port: Annotated[int, typer.Option(help="port to listen at; 0: any that is free", min=0, max=65535)] = 8765,
+    host: Annotated[str, typer.Option(help="address to listen at; default: this machine alone")] = "127.0.0.1",
+    patience: Annotated[float, typer.Option(help="seconds to wait for the session", min=0.1, hidden=True)] = 5.0,
+) -> None:
+    """Serve a running session, or a replay, to the Foxglove app."""
+    from elys.verbs import foxglove as verb
+
+    verb.foxglove(connect, host=host, port=port, patience=patience)
+
+
+@app.command()
+def doctor(json: Json = False) -> None:
+    """Check what ELYS needs of this machine, and say how to mend it."""
+    from elys.verbs import doctor as verb
+
+    raise typer.Exit(verb.doctor(json=json))
