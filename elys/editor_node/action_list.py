@@ -228,6 +228,13 @@ def _time_actions(model: EditorModel) -> tuple[Action, ...]:
             is_possible=lambda: line.loop_start is not None or line.loop_end is not None,
         ),
         wind("show_all", "Show the whole timeline", "", line.show_all),
+        Action(
+            name="time.keep_last",
+            label="Write the last seconds down",
+            keys=("Ctrl+Shift+K",),
+            run=line.keep_last,
+            is_possible=lambda: line.is_live,
+        ),
     )
 
 

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple, Protocol, get_args
 
 from elys.bus import topics
 from elys.bus.marker_log import MarkerLog
-from elys.bus.messages.commands import Command, Resume, Seek, SetLoop, SetPlaying, SetRange
+from elys.bus.messages.commands import Command, KeepLast, Resume, Seek, SetLoop, SetPlaying, SetRange
 from elys.bus.messages.session import SessionStatus
 from elys.bus.messages.timeline import Marker, MarkerKind, MarkersRequest
 from elys.bus.session import Session
@@ -126,6 +126,16 @@ class Timeline:
         """A rewound simulation goes on as a fork: what it kept of later is forgotten."""
         if self.is_rewound:
             self._host.command("Go on from here", Resume())
+
+    @property
+    def is_live(self) -> bool:
+        """Whether it is a simulation's."""
+        status = self._host.status
+        return status is not None and status.kind == "simulation"
+
+    def keep_last(self) -> None:
+        """Has the last seconds of a simulation written down as a recording."""
+        self._host.command("Keep last", KeepLast())
 
     # --- the bar's view --------------------------------------------------------------------------------------------
 

@@ -49,7 +49,7 @@ from elys.editor_node.viewports import Viewports
 _TIME_MENU: Final = (
     *("time.play", "game.play", "time.step", "time.step_back", "time.start", "time.end", "time.resume"),
     *("time.previous_marker", "time.next_marker", "time.bookmark"),
-    *("time.loop", "time.loop_start", "time.loop_end", "time.forget_loop"),
+    *("time.loop", "time.loop_start", "time.loop_end", "time.forget_loop", "time.keep_last"),
 )
 _FOCUS_FRAMES: Final = 4  # until then docked windows take their places, each new one in front
 

@@ -35,6 +35,7 @@ class Guard:
         self._last = last
         self._path_at = path_at
         self._quiet_until = -1.0
+        self._found = 0  # files because of what went wrong
         self._since: dict[tuple[str, int, int], int] = {}  # what is wrong, and since which tick
         self._told: set[tuple[str, int, int]] = set()
         self._thickness: tuple[tuple[int, int], float] = ((0, 0), 0.0)  # of the thinner of two bodies [m]
@@ -69,11 +70,20 @@ class Guard:
         causes = [str(event.values["cause"]) for event in events if event.kind == "physics" and "cause" in event.values]
         if all(cause == TOLD_AT_SPAWN for cause in causes):
             return
-        if len(self.paths) >= MOST_FILES or simulation.time < self._quiet_until:
+        if self._found >= MOST_FILES or simulation.time < self._quiet_until:
             return
         self._quiet_until = simulation.time + QUIET
-        self.paths.append(self._path_at(simulation.tick))
-        self._last.save(self.paths[-1])
+        self._found += 1
+        self.keep()
+
+    def keep(self) -> Path:
+        """Writes the last seconds because somebody asks for them, or the run ends as it should not; returns where."""
+        path = self._path_at(self._simulation.tick)
+        if path in self.paths:  # asked for twice while time stands still
+            path = path.with_stem(f"{path.stem}-{len(self.paths)}")
+        self.paths.append(path)
+        self._last.save(path)
+        return path
 
     def close(self) -> None:
         """Waits for what is being written."""

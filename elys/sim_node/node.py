@@ -24,6 +24,7 @@ from elys.bus.messages.commands import (
     CommandRequest,
     Grab,
     Input,
+    KeepLast,
     LoadScene,
     NoteSaved,
     Redo,
@@ -449,6 +450,10 @@ class SimulationNode:
                 if not 0.0 <= rate <= 100.0:
                     raise RequestError(f"the rate must lie between 0 (as fast as it can) and 100, not {rate:g}")
                 self._clock.set_rate(rate)
+            case KeepLast():
+                if self.guard is None:
+                    raise RequestError("the last seconds are not kept: start the simulation without --no-guard")
+                self._events.append(Event(kind="kept", values={"path": str(self.guard.keep())}))
             case _:
                 return None
         self._publish_status()

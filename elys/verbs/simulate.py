@@ -122,6 +122,10 @@ async def simulate(
         started = time.perf_counter()
         try:
             await node.run()
+        except Exception:
+            if node.guard is not None:
+                node.guard.keep()  # what led to it
+            raise
         finally:
             wall_time = time.perf_counter() - started
             if node.guard is not None:

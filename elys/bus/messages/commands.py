@@ -173,6 +173,10 @@ class Resume(msgspec.Struct, frozen=True, kw_only=True, tag="resume"):
     """Simulation only: go on from here as a fork. What the flight recorder keeps of later is forgotten."""
 
 
+class KeepLast(msgspec.Struct, frozen=True, kw_only=True, tag="keep_last"):
+    """Simulation only: write the last seconds down as a recording of their own. The event `kept` says where."""
+
+
 class Grab(msgspec.Struct, frozen=True, kw_only=True, tag="grab"):
     """Simulation only: a hand holds a body at a point of it and pulls it in every tick, until released or its holder is gone.
 
@@ -209,7 +213,9 @@ class Input(msgspec.Struct, frozen=True, kw_only=True, tag="input"):
 
 
 Hand = Grab | Release  # what changes how a simulation goes on, without being an edit of the scene
-Time = SetPlaying | StepTicks | Seek | SetRate | SetLoop | SetRange | Rewind | Resume  # what is asked of the clock
+Time = (
+    SetPlaying | StepTicks | Seek | SetRate | SetLoop | SetRange | Rewind | Resume | KeepLast
+)  # what is asked of the clock
 Command = Edit | Batch | Undo | Redo | LoadScene | NoteSaved | Time | Hand | Input
 
 

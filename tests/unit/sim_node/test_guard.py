@@ -10,6 +10,7 @@ import pytest
 
 from elys.bus import topics
 from elys.bus.last_seconds import LastSeconds
+from elys.bus.messages.commands import CommandRequest, KeepLast
 from elys.bus.recording import Recording
 from elys.bus.session import Session
 from elys.bus.transports.loopback import LoopbackBroker
@@ -167,3 +168,44 @@ def test_a_body_whose_numbers_end_is_named_and_its_last_seconds_are_kept(tmp_pat
         assert all(np.isfinite(frame.position).all() for frame in frames)
         texts = [m.body for m in kept.reader.messages((topics.EVENTS.name,))]
     assert any(b"not_finite" in text for text in texts)
+
+
+def test_the_last_seconds_are_written_when_somebody_asks(tmp_path):
+    simulation, _ = small_world()
+
+    async def run():
+        broker = LoopbackBroker()
+        session = await Session.host(broker.listen(), name="s", kind="simulation", epoch=7)
+        node = SimulationNode(simulation, session, realtime=False, step_limit=100)
+        running = asyncio.create_task(node.run())
+        await running
+        client = await Session.join(broker.connect(), kind="editor")
+        told = []
+        client.subscribe(topics.EVENTS, lambda batch, _: told.extend(batch.events))
+
+        async def keep():
+            reply = asyncio.create_task(
+                client.request(topics.COMMAND, CommandRequest(origin=client.node.id, command=KeepLast()))
+            )
+            while not reply.done():
+                node.tick()
+                await asyncio.sleep(0)
+            return reply.result()
+
+        refused = await keep()
+        last = LastSeconds(session, take_snapshot=node.snapshot, assets=simulation.assets, exact=node.chronicle)
+        node.guard = guard = Guard(simulation, last, lambda tick: tmp_path / f"moment-{tick}.mcap")
+        for _ in range(60):
+            node.tick()
+        kept = [await keep(), await keep()]
+        await asyncio.to_thread(guard.close)
+        await asyncio.sleep(0)
+        await client.close()
+        await session.close()
+        return refused, kept, guard.paths, [event.values["path"] for event in told if event.kind == "kept"]
+
+    refused, kept, paths, told = asyncio.run(run())
+    assert not refused.accepted and "--no-guard" in refused.reason
+    assert all(reply.accepted for reply in kept)
+    assert len(set(paths)) == 2 and [str(path) for path in paths] == told
+    assert [verify(path).cause for path in paths] == ["equal", "equal"]
