@@ -34,6 +34,8 @@ def state_storage(recording: Recording) -> StateStorage:
     stored = as_said = 0
     for message in recording.reader.stored_messages((STATE.name,)):
         stored += len(message.body)
+        if len(message.body) < HEADER.size:
+            continue  # damaged: readers say so where they need it
         as_said += HEADER.size + HEADER.unpack_from(message.body)[6] * BODY_SIZE
     is_compact = recording.reader.metadata[METADATA_NAME].get("state") == "compact"
     errors = {

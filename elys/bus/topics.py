@@ -152,7 +152,7 @@ VIEW_REQUEST: Final = Topic(
     name="view/request",
     message=views.ViewRequest,
     text="asks the render node named by the key for a picture",
-    delivery=Delivery.LATEST,
+    delivery=Delivery.SEQUENCED,  # many views ask one node: the newest would push out those of the others
     keyed=True,
     recorded=False,
 )

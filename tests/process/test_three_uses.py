@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import simplejpeg
-from mcap.reader import make_reader
 
 from elys.bus import topics
 from elys.bus.discovery import join_session
@@ -25,6 +24,7 @@ from elys.samples.registry import SAMPLES, write_sample
 from elys.sim_node.simulation import Simulation
 from elys.verbs.scenes import open_scene_or_sample
 from tests.process.clients import client
+from tests.reference import plain_recording
 
 pytestmark = pytest.mark.process
 EYE = (0.0, 3.0, 9.0)
@@ -101,9 +101,8 @@ def red_share(pixels: np.ndarray) -> float:
 
 
 def frames_of(recording: Path) -> list[StateFrame]:
-    """All state frames, read by the official MCAP reader."""
-    with recording.open("rb") as file:
-        return [unpack_frame(message.data) for _, _, message in make_reader(file).iter_messages(topics=["state"])]
+    """All state frames, read by the official MCAP reader and a reader of packed frames that has nothing of ELYS."""
+    return [unpack_frame(body) for body in plain_recording.frames(recording)]
 
 
 @pytest.mark.parametrize("scene", ["yard", "bridge"])

@@ -18,12 +18,16 @@ def whole_file(target: Path) -> Iterator[Path]:
     """
     if target.is_dir():
         raise RecordingError(f"{target} is a directory: name a file")
-    part = target.with_name(f".{target.name}.part")
+    place = target.resolve()  # a link goes on to lead there
+    is_device = place.exists() and not place.is_file()
+    part = place if is_device else place.with_name(f".{place.name}.part")
     try:
         yield part
-        part.replace(target)
+        if not is_device:
+            part.replace(place)
     except OSError as error:
         raise RecordingError(f"{target} cannot be written: {error.strerror or error}") from error
     finally:
-        with contextlib.suppress(OSError):
-            part.unlink(missing_ok=True)
+        if not is_device:
+            with contextlib.suppress(OSError):
+                part.unlink(missing_ok=True)
