@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from elys.common.components import Quat
 from elys.common.math import quaternion
 
 Direction = tuple[float, float, float]
@@ -23,7 +25,9 @@ NAMES: Final = {
 }
 
 
-def seen_faces(rotation: ArrayLike) -> list[tuple[Direction, NDArray[np.float64]]]:
+# Cameras rest in most frames, and few are open.
+@lru_cache(maxsize=16)
+def seen_faces(rotation: Quat) -> tuple[tuple[Direction, NDArray[np.float64]], ...]:
     """The faces turned to a camera of this rotation (world_from_view), and their corners (4, 2) in its picture, y up."""
     view_from_world = quaternion.conjugate(np.asarray(rotation, dtype=np.float64))
     faces = []
@@ -31,7 +35,18 @@ def seen_faces(rotation: ArrayLike) -> list[tuple[Direction, NDArray[np.float64]
         if quaternion.rotate(view_from_world, np.array(normal))[2] > 1e-3:
             corners = quaternion.rotate(view_from_world, _square(normal, 1.0, np.zeros(3)))
             faces.append((normal, np.asarray(corners, dtype=np.float64)[:, :2] * HALF))
-    return faces
+    return tuple(faces)
+
+
+@lru_cache(maxsize=16)
+def axes_along(rotation: Quat, length: float) -> NDArray[np.float64]:
+    """The axes from the cube's corner of lowest x, y and z, `length` half edges long: (3, 2, 3) beginnings and ends in view
+    axes, z to the eye, for a camera of this rotation.
+    """
+    view_from_world = quaternion.conjugate(np.asarray(rotation, dtype=np.float64))
+    corner = quaternion.rotate(view_from_world, np.full(3, -1.0))
+    ways = quaternion.rotate(view_from_world, np.eye(3))
+    return np.stack((np.broadcast_to(corner, (3, 3)), corner + length * ways), axis=1) * HALF
 
 
 def part_at(rotation: ArrayLike, point: tuple[float, float]) -> Direction | None:

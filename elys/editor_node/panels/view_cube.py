@@ -9,7 +9,6 @@ from imgui_bundle import imgui
 from numpy.typing import NDArray
 
 from elys.bus.messages.views import ViewCamera
-from elys.common.math import quaternion
 from elys.editor_node import cube_faces
 from elys.editor_node.cube_faces import Direction
 from elys.editor_node.language import tr
@@ -18,6 +17,7 @@ from elys.editor_node.ui import Ui, color_code
 
 _SIZE: Final = 104.0  # [pixels] of its square
 _MARGIN: Final = 18.0  # [pixels] to the picture's edge
+_AXIS_LENGTH: Final = 2.35  # half edges of the cube
 _AXIS_NAMES: Final = ("X", "Y", "Z")
 
 
@@ -38,7 +38,7 @@ class ViewCube:
         at = ((pointer.x - self._middle[0]) / half, (self._middle[1] - pointer.y) / half)
         self.pointed_at = cube_faces.part_at(camera.rotation, at) if imgui.is_window_hovered() else None
         self.is_hovered = self.pointed_at is not None
-        is_near = self._corner(camera)[2] > 0.0
+        is_near = cube_faces.axes_along(camera.rotation, _AXIS_LENGTH)[0, 0, 2] > 0.0
         if not is_near:
             self._draw_axes(camera)
         draw_list = imgui.get_window_draw_list()
@@ -81,20 +81,11 @@ class ViewCube:
         color = color_code((*TEXT[:3], min(1.0, 2.0 * shown)))
         imgui.get_window_draw_list().add_text(ui.fonts.regular, size, place, color, name)
 
-    @staticmethod
-    def _corner(camera: ViewCamera) -> NDArray[np.float64]:
-        """Where the axes begin, as the camera sees it."""
-        return np.asarray(quaternion.rotate(quaternion.conjugate(np.array(camera.rotation)), (-1.0, -1.0, -1.0)))
-
     def _draw_axes(self, camera: ViewCamera) -> None:
         """Along the cube's edges, from its corner of lowest x, y and z."""
-        view_from_world = quaternion.conjugate(np.array(camera.rotation))
-        corner = self._corner(camera)
         draw_list = imgui.get_window_draw_list()
-        for axis in range(3):
-            way = np.asarray(quaternion.rotate(view_from_world, np.eye(3)[axis]))
-            ends = np.stack((corner, corner + 2.35 * way))[:, :2] * cube_faces.HALF
-            (u, v), (s, t) = (ends * (_SIZE / 2.0)).tolist()
+        for axis, ends in enumerate(cube_faces.axes_along(camera.rotation, _AXIS_LENGTH)):
+            (u, v), (s, t) = (ends[:, :2] * (_SIZE / 2.0)).tolist()
             color = color_code(AXES[axis])
             start = (self._middle[0] + u, self._middle[1] - v)
             end = (self._middle[0] + s, self._middle[1] - t)
