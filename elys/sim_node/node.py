@@ -41,7 +41,7 @@ from elys.bus.messages.commands import (
 from elys.bus.messages.history import HistoryReply, HistoryRequest
 from elys.bus.messages.physics import Touching, TouchingRequest
 from elys.bus.messages.plan import PhysicsPlan, PlanRequest
-from elys.bus.messages.scene import SceneDelta, Snapshot, SnapshotRequest
+from elys.bus.messages.scene import Snapshot, SnapshotRequest
 from elys.bus.messages.session import Event, EventBatch, SessionStatus
 from elys.bus.messages.state_frame import INSTANTS
 from elys.bus.messages.timeline import Markers, MarkersRequest
@@ -56,7 +56,7 @@ from elys.sim_node.guard import Guard
 from elys.sim_node.input_intake import InputIntake
 from elys.sim_node.paused_physics import PausedPhysics
 from elys.sim_node.repetition import Cue, Repetition
-from elys.sim_node.scene.snapshot import take_snapshot
+from elys.sim_node.scene_telling import SceneTelling
 from elys.sim_node.simulation import Simulation
 from elys.sim_node.systems.apply_commands import apply_command
 from elys.sim_node.systems.apply_edits import EditableSimulation, load_scene
@@ -67,7 +67,6 @@ from elys.sim_node.systems.publish_state import (
     publish_debug_lines,
     publish_diagnostics,
     publish_profile,
-    scene_delta,
     state_frame,
     touching,
 )
@@ -124,12 +123,9 @@ class SimulationNode:
         self._clock.seek(simulation.tick)
         self._waiting: deque[_Waiting] = deque()
         self._steps_asked = 0
-        self._sequence = 0
+        self._scene = SceneTelling(simulation, session, self.history, self._clock)
         self._events: list[Event] = []
-        self._settings_told = simulation.settings
-        self._revision_told = 0
         self._paused_physics = PausedPhysics(simulation)
-        self._is_another_scene = False
         self._wake = asyncio.Event()
         self._intake = InputIntake(
             simulation, session, put=self._put, wake=self._wake.set, is_rewound=lambda: self._is_rewound
@@ -140,7 +136,6 @@ class SimulationNode:
         self._repeated = False  # what the tick did was kept already
         self._is_whole = True  # its commands and its step are all that happened in it
         self._forked_until = -1.0  # [s] how far the future went that a fork made void
-        self._is_elsewhere = False  # the scene is that of another time than its readers know
 
     @property
     def playing(self) -> bool:
@@ -217,7 +212,7 @@ class SimulationNode:
             self._is_whole = not self._paused_physics.follow(self.history.content, puts_back=puts_back)
             stages.done("follow_changes")
         self.chronicle.tell(steps=stepping, physics_of=-1 if self._is_whole else self._paused_physics.instant)
-        is_told = self._publish_changes()
+        is_told = self._scene.publish()
         if replies or (stepping and is_heard(self.session, topics.STATE)):
             self._publish_frame(steps=stepping and not self._repeated)
         if stepping and (found := publish_diagnostics(self.session, self.simulation)) and self.guard is not None:
@@ -230,7 +225,7 @@ class SimulationNode:
         self._keep_instant(stages, stepping=stepping, is_told=is_told)
         for waiting, reply in replies:
             if not waiting.reply.done():
-                waiting.reply.set_result(msgspec.structs.replace(reply, sequence=self._sequence))
+                waiting.reply.set_result(msgspec.structs.replace(reply, sequence=self._scene.sequence))
         if self.steps_done == 1 and stepping:
             _log.info("first tick published %.2f s after the process started", process_age())
         if stepping:
@@ -253,7 +248,7 @@ class SimulationNode:
         self._paused_physics.forget()
         self._repeated = self._is_rewound
         if self.flight is not None and self._repeated:
-            self._is_elsewhere |= self.flight.repeat()
+            self._scene.is_elsewhere |= self.flight.repeat()
         else:
             self.simulation.step()
         stages.include(self.simulation.stage_times)
@@ -285,7 +280,7 @@ class SimulationNode:
         """Shows another instant, and waits there."""
         self._clock.pause()
         self._steps_asked = 0
-        self._is_elsewhere |= self._require_flight().go_to(instant)
+        self._scene.is_elsewhere |= self._require_flight().go_to(instant)
         self._paused_physics.forget()
         self._clock.seek(self.simulation.tick)
 
@@ -310,7 +305,7 @@ class SimulationNode:
             self.chronicle.tell(steps=False)
             self.chronicle.note(steps=False, is_told=True, seconds=0.0)
             self._events += self.simulation.take_events()
-            self._is_elsewhere = True  # nobody was told of it yet
+            self._scene.is_elsewhere = True  # nobody was told of it yet
         return self.flight
 
     # --- commands --------------------------------------------------------------------------------------------------
@@ -413,7 +408,7 @@ class SimulationNode:
         entities = load_scene(self.simulation, command)
         self.history.forget()
         self._paused_physics.forget()
-        self._is_another_scene = True
+        self._scene.is_another_scene = True
         self._events.append(Event(kind="scene_loaded", values={"scene": command.name}))
         self._publish_status()
         return Done(entities, command, {})
@@ -480,72 +475,20 @@ class SimulationNode:
         return touching(self.simulation, epoch=self.session.epoch)
 
     async def _give_snapshot(self, request: SnapshotRequest, key: str) -> Snapshot:
-        return self.snapshot(as_edited=request.as_edited)
+        return self._scene.snapshot(as_edited=request.as_edited)
 
-    def snapshot(self, *, as_edited: bool = False) -> Snapshot:
-        """The whole scene as it is between two ticks, or as it would be if time had never moved anything."""
-        simulation = self.simulation
-        return take_snapshot(
-            simulation.world,
-            epoch=self.session.epoch,
-            tick=simulation.tick,
-            simulation_time=simulation.time,
-            sequence=self._sequence,
-            scene=simulation.name,
-            settings=simulation.settings,
-            revision=self.history.revision,
-            content=self.history.content,
-            **({"columns_of": simulation.edited.columns} if as_edited else {}),
-        )
+    def snapshot(self) -> Snapshot:
+        """The whole scene as it is between two ticks."""
+        return self._scene.snapshot()
 
     def _publish_command(self, record: CommandRecord) -> None:
         self.session.publish(topics.COMMANDS, record)
-
-    def _publish_changes(self) -> bool:
-        """Returns whether there were any."""
-        changes = self.simulation.take_changes()
-        if self._is_elsewhere:
-            self._publish_elsewhere()
-            return True
-        settings_changed = self.simulation.settings is not self._settings_told
-        revision_changed = self.history.revision != self._revision_told
-        if not changes and not settings_changed and not revision_changed:
-            return False
-        self._revision_told = self.history.revision
-        if settings_changed:
-            self._settings_told = self.simulation.settings
-            self._clock.set_tick_rate(self.simulation.settings.tick_rate, tick=self.simulation.tick)
-        self._sequence += 1
-        delta = scene_delta(
-            self.simulation,
-            changes,
-            epoch=self.session.epoch,
-            sequence=self._sequence,
-            settings_changed=settings_changed,
-            revision=self.history.revision,
-            content=self.history.content,
-            resync=self._is_another_scene,
-        )
-        self._is_another_scene = False
-        self.session.publish(topics.DELTA, delta)
-        return True
-
-    def _publish_elsewhere(self) -> None:
-        """All of the scene may be other than before: its readers are told to look at it anew."""
-        self._is_elsewhere = False
-        self._settings_told = self.simulation.settings
-        self._clock.set_tick_rate(self.simulation.settings.tick_rate, tick=self.simulation.tick)
-        self._sequence += 1
-        tick = self.simulation.tick
-        self.session.publish(
-            topics.DELTA, SceneDelta(epoch=self.session.epoch, sequence=self._sequence, tick=tick, resync=True)
-        )
 
     def _publish_frame(self, *, steps: bool = False) -> None:
         frame = state_frame(
             self.simulation,
             epoch=self.session.epoch,
-            delta_sequence=self._sequence,
+            delta_sequence=self._scene.sequence,
             playing=self.playing,
             is_told_again=self._is_rewound,
             is_forked=self.simulation.time <= self._forked_until,

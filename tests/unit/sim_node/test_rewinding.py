@@ -85,7 +85,7 @@ class Watcher:
 
     async def current(self) -> None:
         """Until the mirror is what the node's world is."""
-        await self.until(lambda: self.mirror.sequence == self.node._sequence)
+        await self.until(lambda: self.mirror.sequence == self.node.snapshot().sequence)
 
     def hashes(self) -> dict[int, int]:
         return {frame.tick: frame.state_hash for frame in self.frames}
