@@ -6,6 +6,7 @@ Every payload starts with 8 bytes: b"ELYS", the protocol version (u16, little-en
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 from functools import cache
 from typing import Any, Final, TypeVar
 
@@ -51,6 +52,20 @@ def encode_body(message: Any, encoding: Encoding) -> bytes:
             return pack_frame(message)
         case Encoding.RAW:
             return bytes(message)
+
+
+def field_finder(field: str, encoding: Encoding) -> Callable[[bytes], str]:
+    """Finds a text in payloads without decoding the rest; "" in those that have none."""
+    kind = msgspec.defstruct("Named", [(field, str, "")])
+    decoder = (msgspec.json if encoding is Encoding.JSON else msgspec.msgpack).Decoder(kind)
+
+    def found(payload: bytes) -> str:
+        try:
+            return str(getattr(decoder.decode(memoryview(payload)[PREFIX.size :]), field))
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+            return ""
+
+    return found
 
 
 def decode(payload: bytes, message: type[M], encoding: Encoding) -> M:

@@ -10,19 +10,30 @@ from collections.abc import Callable
 from typing import Final
 
 MAILBOX_LIMIT: Final = 100_000  # messages a node may lag behind before the oldest are given up
+MOST_NAMES: Final = 32  # that are told apart under one key between two rounds of the loop
 MAILBOX_SIZE: Final = 256 << 20  # [bytes] likewise
 
 
 class Mailbox:
-    """Takes payloads from any thread to the loop: all of them in order, or only the newest of each key."""
+    """Takes payloads from any thread to the loop: all of them in order, or only the newest of each key.
+
+    Where several share a key, `name_in` finds in a payload whose it is ("" if nobody's), and the newest of each is kept: of
+    `MOST_NAMES` between two rounds of the loop, so that who makes up names fills no memory; the others share one place.
+    """
 
     def __init__(
-        self, loop: asyncio.AbstractEventLoop, callback: Callable[[str, bytes], None], *, newest_only: bool
+        self,
+        loop: asyncio.AbstractEventLoop,
+        callback: Callable[[str, bytes], None],
+        *,
+        newest_only: bool,
+        name_in: Callable[[bytes], str] | None = None,
     ) -> None:
         self._loop = loop
         self._callback = callback
         self._newest_only = newest_only
-        self._newest: dict[str, bytes] = {}
+        self._newest: dict[tuple[str, str], bytes] = {}
+        self._name_in = name_in
         self._queue: deque[tuple[str, bytes]] = deque()
         self._size = 0
         self._lock = threading.Lock()
@@ -33,7 +44,7 @@ class Mailbox:
         """Hands over; called on any thread."""
         with self._lock:
             if self._newest_only:
-                self._newest[key] = payload
+                self._newest[self._place(key, payload)] = payload
             else:
                 self._append(key, payload)
             if self._woken:
@@ -41,6 +52,10 @@ class Mailbox:
             self._woken = True
         with contextlib.suppress(RuntimeError):  # the loop has ended: nobody is left to hear it
             self._loop.call_soon_threadsafe(self._drain)
+
+    def _place(self, key: str, payload: bytes) -> tuple[str, str]:
+        place = (key, self._name_in(payload) if self._name_in is not None else "")
+        return place if place in self._newest or len(self._newest) < MOST_NAMES else (key, "")
 
     def _append(self, key: str, payload: bytes) -> None:
         self._queue.append((key, payload))
@@ -51,7 +66,11 @@ class Mailbox:
 
     def _drain(self) -> None:
         with self._lock:
-            waiting = list(self._newest.items()) if self._newest_only else list(self._queue)
+            waiting = (
+                [(key, payload) for (key, _), payload in self._newest.items()]
+                if self._newest_only
+                else list(self._queue)
+            )
             self._newest.clear()
             self._queue.clear()
             self._size = 0

@@ -152,7 +152,9 @@ class Session:
         self, topic: Topic[Any], callback: Callable[[str, bytes], None], *, key: str = "*", every: bool = False
     ) -> Closer:
         """Calls `callback(full key, payload)` on the loop with undecoded payloads; with `every`, LATEST topics skip none."""
-        mailbox = Mailbox(self._loop, callback, newest_only=topic.delivery is Delivery.LATEST and not every)
+        newest_only = topic.delivery is Delivery.LATEST and not every
+        name_in = codec.field_finder(topic.newest_of, topic.encoding) if topic.newest_of else None
+        mailbox = Mailbox(self._loop, callback, newest_only=newest_only, name_in=name_in)
         expression = topics.key_of(self.name, topic, key)
         return self._keep(self.transport.subscribe(expression, mailbox.put))
 

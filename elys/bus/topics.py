@@ -61,6 +61,7 @@ class Topic(Generic[M]):
     encoding: Encoding = Encoding.JSON
     keyed: bool = False
     recorded: bool = True
+    newest_of: str = ""  # field of a message: of those with one key the newest is kept for each of its values
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,9 +153,10 @@ VIEW_REQUEST: Final = Topic(
     name="view/request",
     message=views.ViewRequest,
     text="asks the render node named by the key for a picture",
-    delivery=Delivery.SEQUENCED,  # many views ask one node: the newest would push out those of the others
+    delivery=Delivery.LATEST,
     keyed=True,
     recorded=False,
+    newest_of="view",  # many ask one node: they must not push one another out
 )
 VIEW_FRAME: Final = Topic(
     name="view/frame",

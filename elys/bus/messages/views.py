@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final, Literal
+from typing import Annotated, Final, Literal
 
 import msgspec
 
@@ -59,7 +59,7 @@ class ViewRequest(msgspec.Struct, frozen=True, kw_only=True):
     """Draw this, please: sent whenever camera, size or selection change or the last picture has arrived; newest wins."""
 
     view: str
-    sequence: int
+    sequence: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]  # comes back with the picture
     camera: ViewCamera | None = None  # none: through a camera of the scene, see `through`
     width: int
     height: int
