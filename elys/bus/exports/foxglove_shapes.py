@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import logging
 import math
 from collections.abc import Callable
 from typing import Any, Final
@@ -11,17 +10,15 @@ from typing import Any, Final
 import numpy as np
 from foxglove import messages as fox
 
+from elys.bus.exports.scene_meshes import SceneMeshes
 from elys.common.assets.gltf_material_writing import MaterialWriting, has_images, has_normal_map
 from elys.common.assets.gltf_writing import GltfModel
-from elys.common.assets.mesh import Mesh, decode_mesh
-from elys.common.assets.primitives import is_primitive, primitive
+from elys.common.assets.mesh import Mesh
 from elys.common.components import Material, Vec3
-from elys.common.errors import ElysError
 
 _HALF_TURN: Final = math.sqrt(0.5)
 # Foxglove's cylinders stand along z, ours along y; and it turns models from y up to z up, which our scene is not.
 _ALONG_Y: Final = fox.Quaternion(x=-_HALF_TURN, y=0.0, z=0.0, w=_HALF_TURN)
-_log = logging.getLogger(__name__)
 
 
 class Shapes:
@@ -29,7 +26,7 @@ class Shapes:
 
     def __init__(self, fetch: Callable[[str], bytes]) -> None:
         self._fetch = fetch
-        self._meshes: dict[str, Mesh | None] = {}
+        self._meshes = SceneMeshes(fetch)
         self._models: dict[tuple[str, Material], bytes] = {}
 
     def primitives(self, mesh: str, material: Material, scale: Vec3) -> dict[str, Any]:
@@ -48,7 +45,7 @@ class Shapes:
                     }
                 case "cylinder" | "cone":
                     return {"cylinders": [_cylinder(x, y, z, color, top=0.0 if mesh == "cone" else 1.0)]}
-        found = self._mesh(mesh)
+        found = self._meshes.get(mesh)
         if found is None:
             return {}
         if has_images(material):
@@ -57,22 +54,11 @@ class Shapes:
 
     def bounds(self, mesh: str) -> tuple[Vec3, Vec3]:
         """Lower and upper corner of a mesh in its own space; a cube of 1 m if it cannot be had."""
-        found = self._mesh(mesh)
+        found = self._meshes.get(mesh)
         if found is None:
             return (-0.5, -0.5, -0.5), (0.5, 0.5, 0.5)
         lower, upper = found.bounds
         return tuple(lower.tolist()), tuple(upper.tolist())
-
-    def _mesh(self, name: str) -> Mesh | None:
-        if name not in self._meshes:
-            self._meshes[name] = None
-            try:
-                mesh = primitive(name) if is_primitive(name) else decode_mesh(self._fetch(name))
-            except ElysError as error:
-                _log.warning("not drawn: %s", error)
-            else:
-                self._meshes[name] = mesh if len(mesh.indices) else None
-        return self._meshes[name]
 
     def _model(self, name: str, mesh: Mesh, material: Material, scale: Vec3) -> Any:
         """The mesh with its images, as a .glb."""

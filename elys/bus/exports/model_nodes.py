@@ -9,12 +9,13 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from elys.bus.exports.scene_meshes import SceneMeshes
 from elys.bus.mirror import MirrorEntity, SceneMirror, WorldPose
 from elys.common.assets.gltf_material_writing import MaterialWriting, has_images, has_normal_map
 from elys.common.assets.gltf_writing import GltfModel
-from elys.common.assets.mesh import Mesh, decode_mesh
+from elys.common.assets.mesh import Mesh
 from elys.common.assets.morph_weights import parse_weights
-from elys.common.assets.primitives import is_primitive, primitive
+from elys.common.assets.primitives import is_primitive
 from elys.common.assets.skin import NamesBelow, SkinBinding, decode_skin
 from elys.common.components import Camera, Light, Material, MeshRenderer, Morph, Skin, Transform
 from elys.common.errors import AssetError, ElysError
@@ -39,7 +40,7 @@ class ModelNodes:
         self._model = model
         self._fetch = fetch
         self._materials = MaterialWriting(model, fetch)
-        self._meshes: dict[str, Mesh | None] = {}
+        self._meshes = SceneMeshes(fetch)
         self._primitives: dict[tuple[str, bool, bool], dict[str, Any]] = {}
         self._drawn: dict[tuple[str, Material, str], int] = {}
         self._roots: list[int] = []
@@ -93,7 +94,7 @@ class ModelNodes:
 
     def _draw(self, node: dict[str, Any], entity: MirrorEntity) -> None:
         drawing = entity.components.get("MeshRenderer")
-        if not isinstance(drawing, MeshRenderer) or (mesh := self._mesh(drawing.mesh)) is None:
+        if not isinstance(drawing, MeshRenderer) or (mesh := self._meshes.get(drawing.mesh)) is None:
             return
         material = entity.components.get("Material", Material())
         assert isinstance(material, Material)
@@ -126,18 +127,6 @@ class ModelNodes:
             _log.warning("left out of the model: %s", error)
             given = ()
         return [*given, *[0.0] * mesh.target_count][: mesh.target_count]
-
-    def _mesh(self, name: str) -> Mesh | None:
-        """A mesh that has something to draw; None, said once, if it cannot be had."""
-        if name not in self._meshes:
-            self._meshes[name] = None
-            try:
-                mesh = primitive(name) if is_primitive(name) else decode_mesh(self._fetch(name))
-            except ElysError as error:
-                _log.warning("left out of the model: %s", error)
-            else:
-                self._meshes[name] = mesh if len(mesh.indices) else None
-        return self._meshes[name]
 
     def _bend(self, mirror: SceneMirror, entity: MirrorEntity) -> None:
         """Gives a bent mesh its skin; what lacks a joint is drawn as it is."""
