@@ -140,6 +140,11 @@ class LastSeconds:
         self._writers.append(writer)
         writer.start()
 
+    @property
+    def is_writing(self) -> bool:
+        """Whether a file is not whole yet."""
+        return any(writer.is_alive() for writer in self._writers)
+
     def close(self, timeout: float = 30.0) -> None:
         """Keeps nothing any more, and waits until what is being written is whole, at most `timeout` seconds."""
         if self.publication in self._session.taps:

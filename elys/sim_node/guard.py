@@ -76,6 +76,11 @@ class Guard:
         self._found += 1
         self.keep()
 
+    @property
+    def is_writing(self) -> bool:
+        """Whether a file is not whole yet."""
+        return self._last.is_writing
+
     def keep(self) -> Path:
         """Writes the last seconds because somebody asks for them, or the run ends as it should not; returns where."""
         path = self._path_at(self._simulation.tick)

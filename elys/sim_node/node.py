@@ -448,6 +448,8 @@ class SimulationNode:
             case KeepLast():
                 if self.guard is None:
                     raise RequestError("the last seconds are not kept: start the simulation without --no-guard")
+                if self.guard.is_writing:  # who asks without end gets one file after the other
+                    raise RequestError("the last seconds are being written already: ask again when they are")
                 self._events.append(Event(kind="kept", values={"path": str(self.guard.keep())}))
             case _:
                 return None
