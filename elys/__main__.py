@@ -11,7 +11,7 @@ from elys.common.errors import ElysError
 
 # Verbs stand in --help in the order in which they are imported.
 # isort: off
-from elys.cli import sessions, scenes, recordings  # noqa: F401
+from elys.cli import sessions, network, scenes, recordings  # noqa: F401
 from elys.cli import pictures, experiments, topics, nodes  # noqa: F401
 # isort: on
 

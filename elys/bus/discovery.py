@@ -17,6 +17,7 @@ from typing import Final
 import msgspec
 
 from elys.bus.session import Node, Session
+from elys.bus.topics import is_chunk
 from elys.bus.transports.transport import Closer
 from elys.bus.transports.zenoh import DEFAULT_PORT, ZenohTransport
 from elys.common.assets.store import replace_file
@@ -42,6 +43,12 @@ class SessionRecord(msgspec.Struct, frozen=True, kw_only=True):
     scene: str
     started: float  # [s] since 1970
     process_started: str = ""  # tells the process from a later one of the same number
+    is_behind_router: bool = False  # so that others may be found at its endpoint
+
+    @property
+    def place(self) -> str:
+        """What to give to `join_session`."""
+        return f"{self.name}@{self.endpoint}" if self.is_behind_router else self.endpoint
 
 
 def runtime_directory() -> Path:
@@ -53,7 +60,7 @@ def runtime_directory() -> Path:
     return Path(tempfile.gettempdir()) / f"elys-{os.getuid()}"  # no login session: a server, a container
 
 
-def advertise(*, name: str, endpoint: str, kind: str, scene: str) -> Closer:
+def advertise(*, name: str, endpoint: str, kind: str, scene: str, is_behind_router: bool = False) -> Closer:
     """Lets others on this machine find the session this process hosts, until closed or dead; BusError if it cannot be written."""
     record = SessionRecord(
         name=name,
@@ -63,9 +70,10 @@ def advertise(*, name: str, endpoint: str, kind: str, scene: str) -> Closer:
         scene=scene,
         started=time.time(),
         process_started=start_of_process(os.getpid()),
+        is_behind_router=is_behind_router,
     )
     folder = runtime_directory() / "sessions"
-    path = folder / f"{record.pid}-{re.sub(r'[^A-Za-z0-9]+', '_', record.endpoint)}.json"
+    path = folder / f"{record.pid}-{re.sub(r'[^A-Za-z0-9]+', '_', record.place)}.json"
     try:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         replace_file(path, msgspec.json.encode(record), durable=False)
@@ -98,20 +106,54 @@ def find_sessions() -> list[SessionRecord]:
 def choose_endpoint(connect: str | None = None) -> str:
     """Where to connect: what the user named, else the newest session on this machine.
 
+    Both may be a place: `NAME@ENDPOINT` names one of the sessions behind an endpoint, `NAME@` one of this machine.
+
     Raises:
-        ConnectionLost: nothing was named and no session runs here. BusError: what was named is no endpoint.
+        ConnectionLost: nothing was named and no session runs here. BusError: what was named is no endpoint, or more is needed.
     """
-    if connect:
-        return complete_endpoint(connect)
+    name, endpoint = split_place(connect or "")
+    if endpoint:
+        return complete_place(connect or "")
     sessions = find_sessions()
     if not sessions:
         raise ConnectionLost(_NO_SESSION)
-    if len(sessions) > 1:
-        others = ", ".join(f"{record.name} at {record.endpoint}" for record in sessions[1:])
-        _log.info(
-            "joining the newest session, %s at %s; there are also %s", sessions[0].name, sessions[0].endpoint, others
+    chosen = [record for record in sessions if not name or record.name == name]
+    if not chosen:
+        there = ", ".join(dict.fromkeys(record.name for record in sessions))
+        raise ConnectionLost(f"no session {name} runs on this machine; there is {there}")
+    beside = [record.name for record in chosen if record.endpoint == chosen[0].endpoint]
+    if len(set(beside)) > 1:
+        raise BusError(
+            f"several sessions run at {chosen[0].endpoint}, {', '.join(beside)}: name one with --session NAME"
         )
-    return sessions[0].endpoint
+    if len(chosen) > 1:
+        others = ", ".join(f"{record.name} at {record.endpoint}" for record in chosen[1:])
+        _log.info("joining the newest session, %s at %s; there are also %s", chosen[0].name, chosen[0].endpoint, others)
+    return chosen[0].place
+
+
+def split_place(text: str) -> tuple[str, str]:
+    """Name ("" if none is given) and endpoint ("" likewise) of `NAME@ENDPOINT`; BusError for a name that no session has."""
+    name, at, endpoint = text.rpartition("@")
+    if at and not is_chunk(name):
+        raise BusError(f"'{name}' is no session's name, which has letters, digits, '.', '_' and '-'")
+    return name, endpoint
+
+
+def complete_place(text: str) -> str:
+    """`NAME@HOST` or `HOST`, with or without a port, as a whole place; BusError for what can be none."""
+    name, endpoint = split_place(text)
+    return f"{name}@{complete_endpoint(endpoint)}" if name else complete_endpoint(endpoint)
+
+
+def place_of(connect: str | None, session: str) -> str | None:
+    """What `--connect` and `--session` say together; BusError if they name two sessions."""
+    if not session:
+        return connect
+    name, endpoint = split_place(connect or "")
+    if name and name != session:
+        raise BusError(f"--connect names session {name} and --session {session}: name one of them")
+    return f"{session}@{endpoint}"
 
 
 def complete_endpoint(text: str) -> str:
@@ -126,16 +168,17 @@ def complete_endpoint(text: str) -> str:
 async def join_session(
     connect: str | None = None, *, kind: str, timeout: float = 5.0, node: Node | None = None
 ) -> Session:
-    """A session with the host that `connect` names, or with the newest one on this machine; `node` as for `Session.join`.
+    """A session with the host that `connect` names (endpoint or place), or with the newest one on this machine; `node` as for
+    `Session.join`.
 
     Raises:
         ConnectionLost: there is none, or nobody answers within `timeout` seconds.
-        ProtocolError: the host speaks another version of the protocol.
+        ProtocolError: the host speaks another version of the protocol. BusError: several are there, and none was named.
     """
-    endpoint = choose_endpoint(connect)
+    name, endpoint = split_place(choose_endpoint(connect))
     transport = await asyncio.to_thread(ZenohTransport.connect, endpoint, timeout=timeout)
     try:
-        return await Session.join(transport, kind=kind, timeout=timeout, node=node)
+        return await Session.join(transport, kind=kind, name=name or "*", timeout=timeout, node=node)
     except BaseException:
         await asyncio.to_thread(transport.close)
         raise

@@ -38,13 +38,16 @@ class Mailbox:
         self._size = 0
         self._lock = threading.Lock()
         self._woken = False
+        self.skipped = 0  # messages whose place a newer one took
         self.lost = 0  # messages given up because the loop did not come round
 
     def put(self, key: str, payload: bytes) -> None:
         """Hands over; called on any thread."""
         with self._lock:
             if self._newest_only:
-                self._newest[self._place(key, payload)] = payload
+                place = self._place(key, payload)
+                self.skipped += place in self._newest
+                self._newest[place] = payload
             else:
                 self._append(key, payload)
             if self._woken:

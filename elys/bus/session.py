@@ -17,12 +17,14 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final, TypeVar
 
-import elys
 from elys.bus import codec, topics
+from elys.bus.handshake import all_welcomes, checked, greet, welcome_to
 from elys.bus.mailbox import Mailbox
-from elys.bus.messages.session import Hello, Welcome
-from elys.bus.topics import PROTOCOL_VERSION, Delivery, Encoding, Query, Topic
+from elys.bus.messages.session import Welcome
+from elys.bus.messages.vitals import HostFacts
+from elys.bus.topics import Delivery, Query, Topic
 from elys.bus.transports.transport import Closer, IncomingQuery, Transport
+from elys.bus.vitals import Traffic, give_vitals
 from elys.common.errors import BusError, ConnectionLost, ElysError, MessageError, ProtocolError, RequestError
 
 M = TypeVar("M")
@@ -57,6 +59,8 @@ class Session:
         self.connected = True
         self.nodes: dict[str, Node] = {}  # all that are alive, by id
         self.refused: dict[str, int] = {}  # messages that were not what their topic promises, by topic
+        self.traffic = Traffic()
+        self.host_facts: Callable[[], HostFacts] | None = None  # of a host: what it carries, for who asks
         self.taps: list[Callable[[Topic[Any], str, bytes], None]] = []  # see every publication (topic, key, payload)
         self._loop = asyncio.get_running_loop()
         self._closers: list[Closer] = []
@@ -73,7 +77,7 @@ class Session:
     async def host(cls, transport: Transport, *, name: str, kind: str, epoch: int) -> Session:
         """Opens a session as its host: answers handshakes and shows itself alive."""
         session = cls(transport, name=name, node=Node(kind, node_id(kind)), epoch=epoch)
-        session._closers.append(transport.serve(topics.key_of(name, topics.HELLO), session._welcome))
+        session._closers.append(transport.serve(topics.key_of(name, topics.HELLO), partial(welcome_to, name, epoch)))
         session._show_and_watch()
         return session
 
@@ -86,9 +90,10 @@ class Session:
         Raises:
             ConnectionLost: nobody answered within `timeout` seconds.
             ProtocolError: the host speaks another version of the protocol.
+            BusError: several sessions are there, and none was named.
         """
         session = cls(transport, name=name, node=node or Node(kind, node_id(kind)), epoch=0)
-        welcome = await session._shake_hands(timeout, name)
+        welcome = await greet(transport, node=session.node, name=name, timeout=timeout)
         session.name, session.epoch = welcome.session, welcome.epoch
         session._show_and_watch()
         session._closers.append(transport.watch_link(session._from_thread(session._link_changed)))
@@ -118,13 +123,19 @@ class Session:
         if self.taps:
             self.publish(topic, message)
         elif not self._closed:
-            make = partial(codec.encode, message, topic.encoding)
+            make = partial(self._counted, topic, message)
             self.transport.publish_made(topics.key_of(self.name, topic), make, topic.delivery)
+
+    def _counted(self, topic: Topic[M], message: M) -> bytes:
+        payload = codec.encode(message, topic.encoding)
+        self.traffic.count_sent(topic.name, len(payload))
+        return payload
 
     def publish_payload(self, topic: Topic[Any], payload: bytes, *, key: str = "") -> None:
         """Sends what is encoded already."""
         if self._closed:
             return
+        self.traffic.count_sent(topic.name, len(payload))
         self.transport.publish(topics.key_of(self.name, topic, key), payload, topic.delivery)
         for tap in self.taps:
             tap(topic, key, payload)
@@ -156,7 +167,14 @@ class Session:
         name_in = codec.field_finder(topic.newest_of, topic.encoding) if topic.newest_of else None
         mailbox = Mailbox(self._loop, callback, newest_only=newest_only, name_in=name_in)
         expression = topics.key_of(self.name, topic, key)
-        return self._keep(self.transport.subscribe(expression, mailbox.put))
+        arrivals = self.traffic.begin(topic, mailbox)
+        close = self._keep(self.transport.subscribe(expression, arrivals.counted(mailbox.put)))
+
+        def end() -> None:
+            self.traffic.end(topic, arrivals)
+            close()
+
+        return end
 
     # --- asking and answering --------------------------------------------------------------------------------------
 
@@ -273,52 +291,8 @@ class Session:
 
     # --- handshake and presence ------------------------------------------------------------------------------------
 
-    def _welcome(self, incoming: IncomingQuery) -> None:
-        refusal = ""
-        try:
-            codec.check_prefix(incoming.payload, Encoding.JSON)
-            codec.decode_body(incoming.payload, Hello, Encoding.JSON, offset=codec.PREFIX.size)
-        except ProtocolError as error:
-            refusal = f"{error}: install the same release of ELYS on both sides (this one is {elys.__version__})"
-        except MessageError as error:
-            incoming.refuse(str(error))
-            return
-        welcome = Welcome(
-            protocol=PROTOCOL_VERSION,
-            version=elys.__version__,
-            session=self.name,
-            epoch=self.epoch,
-            refusal=refusal,
-        )
-        incoming.reply(codec.encode(welcome, Encoding.JSON))
-
-    async def _shake_hands(self, timeout: float, name: str) -> Welcome:
-        hello = Hello(protocol=PROTOCOL_VERSION, kind=self.node.kind, node=self.node.id, version=elys.__version__)
-        key = f"{topics.ROOT}/{name}/{topics.HELLO.name}"  # the name may be "*": whoever hosts here
-        deadline = time.monotonic() + timeout
-        while True:
-            left = deadline - time.monotonic()
-            if left <= 0:
-                raise ConnectionLost(f"no session answered within {timeout:g} s")
-            try:
-                answer = await self._ask(key, codec.encode(hello, Encoding.JSON), min(left, 1.0))
-                break
-            except ConnectionLost:
-                await asyncio.sleep(0.02)  # answered at once with nobody there; the host may be starting
-        try:
-            welcome = codec.decode_body(answer, Welcome, Encoding.JSON, offset=codec.PREFIX.size)
-        except MessageError as error:
-            raise ProtocolError(f"the host's greeting cannot be read ({error}): another release of ELYS?") from error
-        if welcome.refusal:
-            raise ProtocolError(welcome.refusal)
-        if welcome.protocol != PROTOCOL_VERSION:
-            raise ProtocolError(
-                f"the host speaks protocol version {welcome.protocol} (ELYS {welcome.version}), this side "
-                f"{PROTOCOL_VERSION} (ELYS {elys.__version__}): install the same release on both sides"
-            )
-        return welcome
-
     def _show_and_watch(self) -> None:
+        self.serve(topics.VITALS, partial(give_vitals, self), key=self.node.id)
         own = topics.node_key(self.name, self.node.kind, self.node.id)
         self._closers.append(self.transport.announce(own))
         everyone = topics.node_key(self.name, "*", "*")
@@ -366,17 +340,18 @@ class Session:
         stranger = ""
         while True:
             try:
-                welcome = await self._shake_hands(30.0, "*")
-            except (ConnectionLost, RequestError) as error:
+                welcomes = await all_welcomes(self.transport, node=self.node, name="*", timeout=1.0)
+            except RequestError as error:
                 _log.warning("the host of session %s is not back yet: %s", self.name, error)
-                continue
-            if welcome.session == self.name:
-                return welcome
-            if welcome.session != stranger:
-                stranger = welcome.session
+                welcomes = []
+            for welcome in welcomes:
+                if welcome.session == self.name:
+                    return checked(welcome)
+            if welcomes and welcomes[0].session != stranger:
+                stranger = welcomes[0].session
                 _log.warning(
                     "where session %s was, session %s runs now: start this node anew to attach to it",
                     self.name,
                     stranger,
                 )
-            await asyncio.sleep(0.5)
+            await asyncio.sleep(0.5 if welcomes else 0.02)

@@ -1,12 +1,14 @@
-"""Looking at what is said on the bus: what `elys topic list | echo | hz` print."""
+"""Looking at what is said on the bus: what `elys topic list | info | echo | hz` print."""
 
 from __future__ import annotations
 
 import asyncio
+import dataclasses
 import math
+import re
 import time
 from collections import deque
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -14,6 +16,7 @@ import msgspec
 
 from elys.bus import codec, topics
 from elys.bus.messages.state_frame import StateFrame
+from elys.bus.network import NetworkWatch, TopicUse
 from elys.bus.session import Session
 from elys.bus.topics import Topic
 from elys.common.errors import MessageError, ProtocolError
@@ -70,6 +73,62 @@ def list_topics() -> list[TopicRow]:
         )
         for query in topics.QUERIES
     ]
+
+
+class TopicInfo(msgspec.Struct, frozen=True, kw_only=True):
+    """What `elys topic info` says of a topic in a session."""
+
+    name: str
+    text: str
+    message: str
+    fields: dict[str, str]  # of the message, with their types
+    delivery: str
+    encoding: str
+    recorded: bool
+    on_demand: bool  # made only while somebody listens
+    use: TopicUse
+
+
+async def info(session: Session, names: Sequence[str], *, interval: float = 1.0) -> list[TopicInfo]:
+    """How topics are used in a session, measured over `interval` seconds by asking all nodes.
+
+    Raises:
+        BusError: there is no such topic.
+    """
+    chosen = [topics.topic_named(name) for name in names]
+    watch = NetworkWatch(session)
+    await asyncio.sleep(0.1)  # until all nodes there are were heard of
+    await watch.ask()
+    await asyncio.sleep(interval)
+    await watch.ask()
+    return [
+        TopicInfo(
+            name=topic.name,
+            text=topic.text,
+            message=topic.message.__name__,
+            fields=fields_of(topic.message),
+            delivery=topic.delivery.value,
+            encoding=topic.encoding.value,
+            recorded=topic.recorded,
+            on_demand=topic in topics.ON_DEMAND,
+            use=watch.topic_use(topic.name),
+        )
+        for topic in chosen
+    ]
+
+
+def fields_of(message: type[Any]) -> dict[str, str]:
+    """The fields of a message with their types, as one writes them."""
+    if dataclasses.is_dataclass(message):
+        return {field.name: _type_text(field.type) for field in dataclasses.fields(message)}
+    if not issubclass(message, msgspec.Struct):
+        return {}
+    return {field.encode_name: _type_text(field.type) for field in msgspec.structs.fields(message)}
+
+
+def _type_text(kind: Any) -> str:
+    text = kind if isinstance(kind, str) else kind.__name__ if isinstance(kind, type) else str(kind)
+    return re.sub(r"\b(?:[a-z_]+\.)+", "", text)
 
 
 async def echo(session: Session, name: str) -> AsyncIterator[Any]:

@@ -22,6 +22,7 @@ from elys.bus.messages import (
     state_frame,
     timeline,
     views,
+    vitals,
 )
 from elys.common.errors import BusError
 
@@ -182,6 +183,13 @@ HELLO: Final = Query(
     reply=session.Welcome,
     text="the handshake of versions",
 )
+VITALS: Final = Query(
+    name="vitals",
+    request=vitals.VitalsRequest,
+    reply=vitals.Vitals,
+    text="asks the node named by the key how it does on the network",
+    keyed=True,
+)
 SNAPSHOT: Final = Query(
     name="snapshot",
     request=scene.SnapshotRequest,
@@ -284,6 +292,7 @@ TOPICS: Final[tuple[Topic[Any], ...]] = (
 )
 QUERIES: Final[tuple[Query[Any, Any], ...]] = (
     HELLO,
+    VITALS,
     SNAPSHOT,
     EXACT,
     PREFAB,
@@ -344,6 +353,11 @@ def topic_named(name: str) -> Topic[Any]:
     raise BusError(f"there is no topic '{name}'; there are {', '.join(topic.name for topic in TOPICS)}")
 
 
+def is_chunk(text: str) -> bool:
+    """Whether a text can be a session's name or a key."""
+    return _CHUNK.match(text) is not None
+
+
 def _require_chunk(what: str, text: str) -> None:
-    if not _CHUNK.match(text):
+    if not is_chunk(text):
         raise BusError(f"{what} may hold letters, digits, '.', '_' and '-', not {text!r}")

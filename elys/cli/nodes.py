@@ -8,13 +8,29 @@ from typing import Annotated, Optional
 import typer
 
 from elys.cli.app import node_app
-from elys.cli.options import At, Connect, Frames, From, Keep, Listen, NoGuard, Recording, Scene, Threads, To
+from elys.cli.options import (
+    At,
+    Connect,
+    Discover,
+    Frames,
+    From,
+    Keep,
+    Listen,
+    NoGuard,
+    Recording,
+    Router,
+    Scene,
+    Threads,
+    To,
+)
 
 
 @node_app.command("simulation")
 def node_simulation(
     scene: Scene,
     listen: Listen = None,
+    router: Router = None,
+    discover: Discover = False,
     steps: Annotated[int, typer.Option(min=0)] = 0,
     record: Annotated[Optional[Path], typer.Option()] = None,  # noqa: UP045
     recording_plan: Annotated[str, typer.Option()] = "{}",
@@ -33,6 +49,8 @@ def node_simulation(
     nodes.simulation(
         scene,
         listen=listen,
+        router=router,
+        discover=discover,
         step_limit=steps,
         record=record,
         realtime=not fast,

@@ -24,6 +24,19 @@ Connect = Annotated[
     Optional[str],  # noqa: UP045  typer reads the annotation
     typer.Option(help="endpoint of the session, tcp/HOST:PORT; default: the one running on this machine"),
 ]
+SessionName = Annotated[
+    str, typer.Option("--session", help="name of the session, where several are behind one endpoint (elys sessions)")
+]
+Router = Annotated[
+    Optional[str],  # noqa: UP045
+    typer.Option(
+        help="listen nowhere: be reached through the router (elys router) at this endpoint, as other sessions"
+    ),
+]
+Discover = Annotated[
+    bool,
+    typer.Option("--discover", help="answer those of the local network who look around (elys sessions --discover)"),
+]
 Listen = Annotated[
     Optional[str],  # noqa: UP045
     typer.Option(help="endpoint to listen at, tcp/HOST:PORT; default: loopback, the first free port from 7447"),
@@ -54,3 +67,10 @@ Only = Annotated[
 ]
 Jobs = Annotated[int, typer.Option(min=0, max=512, help="runs side by side (0: one for each processor)")]
 Cluster = Annotated[str, typer.Option(help="run on a Dask cluster: endpoint of its scheduler, tcp://HOST:PORT")]
+
+
+def place(connect: str | None, session: str) -> str | None:
+    """What `--connect` and `--session` say together, as verbs take it."""
+    from elys.bus.discovery import place_of
+
+    return place_of(connect, session)

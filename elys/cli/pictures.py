@@ -8,7 +8,7 @@ from typing import Annotated, Optional
 import typer
 
 from elys.cli.app import app
-from elys.cli.options import Connect, DebugKinds
+from elys.cli.options import Connect, DebugKinds, SessionName, place
 
 
 @app.command()
@@ -42,6 +42,7 @@ def render(
         float, typer.Option(help="circle around the scene, once in so many seconds (0: do not)", min=0.0, max=1e6)
     ] = 0.0,
     connect: Connect = None,
+    session: SessionName = "",
     debug: DebugKinds = "",
     debug_of: Annotated[
         list[str],
@@ -67,7 +68,7 @@ def render(
         camera=camera,
         path=path,
         orbit=orbit,
-        connect=connect,
+        connect=place(connect, session),
         environment=environment,
         debug=debug,
         debug_of=debug_of,

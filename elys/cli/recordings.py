@@ -18,9 +18,11 @@ from elys.cli.options import (
     Listen,
     Recording,
     Rotate,
+    SessionName,
     Threads,
     To,
     Topics,
+    place,
 )
 
 
@@ -28,6 +30,7 @@ from elys.cli.options import (
 def record(
     output: Annotated[Path, typer.Option("--output", "-o", help="the .mcap to write")],
     connect: Connect = None,
+    session: SessionName = "",
     seconds: Annotated[
         float, typer.Option(help="stop after so many seconds (0: at Ctrl-C or the session's end)", min=0.0)
     ] = 0.0,
@@ -48,7 +51,13 @@ def record(
 
     plan = recording_plan(compact=compact, rotate=rotate, keep_files=keep_files, limit=limit, topic_names=topics)
     replay.record(
-        output, connect=connect, seconds=seconds, views=view, view_size=view_size, view_fps=view_fps, plan=plan
+        output,
+        connect=place(connect, session),
+        seconds=seconds,
+        views=view,
+        view_size=view_size,
+        view_fps=view_fps,
+        plan=plan,
     )
 
 

@@ -13,6 +13,7 @@ from elys.cli.options import (
     Compact,
     Connect,
     DebugKinds,
+    Discover,
     Frames,
     Json,
     Keep,
@@ -21,9 +22,12 @@ from elys.cli.options import (
     Listen,
     NoGuard,
     Rotate,
+    Router,
     Scene,
+    SessionName,
     Threads,
     Topics,
+    place,
 )
 
 
@@ -36,6 +40,8 @@ def run(
     realtime: Annotated[bool, typer.Option("--realtime", help="headless: keep to real time even with --steps")] = False,
     paused: Annotated[bool, typer.Option("--paused", help="start paused")] = False,
     listen: Listen = None,
+    router: Router = None,
+    discover: Discover = False,
     name: Annotated[str, typer.Option(help="name of the session; default: the scene's")] = "",
     threads: Threads = 1,
     no_guard: NoGuard = False,
@@ -69,6 +75,8 @@ def run(
         realtime=realtime,
         paused=paused,
         listen=listen,
+        router=router,
+        discover=discover,
         name=name,
         threads=threads,
         guarded=not no_guard,
@@ -81,16 +89,17 @@ def run(
 
 
 @app.command()
-def edit(connect: Connect = None) -> None:
+def edit(connect: Connect = None, session: SessionName = "") -> None:
     """Attach an editor to a running session or a replay; where none runs, choose in the editor what to open."""
     from elys.verbs import attach
 
-    attach.edit(connect)
+    attach.edit(place(connect, session))
 
 
 @app.command()
 def view(
     connect: Connect = None,
+    session: SessionName = "",
     debug: DebugKinds = "",
     age: Annotated[
         bool, typer.Option("--age", help="show tick, time, age and frame rate of what is seen (key A)")
@@ -109,7 +118,15 @@ def view(
     """Watch a running session or a replay in a window."""
     from elys.verbs import attach
 
-    attach.view(connect, frame_limit=frames, debug=debug, age=age, thin=thin, encoding=encoding, bit_rate=bit_rate)
+    attach.view(
+        place(connect, session),
+        frame_limit=frames,
+        debug=debug,
+        age=age,
+        thin=thin,
+        encoding=encoding,
+        bit_rate=bit_rate,
+    )
 
 
 @app.command()
@@ -135,28 +152,9 @@ def launch(
 
 
 @app.command()
-def sessions(json: Json = False) -> None:
-    """List the sessions that run on this machine."""
-    from elys.verbs import facts
-
-    facts.sessions(json=json)
-
-
-@app.command()
-def top(
-    connect: Connect = None,
-    once: Annotated[bool, typer.Option("--once", help="print the figures once and end")] = False,
-    json: Json = False,
-) -> None:
-    """Watch energy, overlap, errors and times of a running session in the terminal."""
-    from elys.verbs import top as verb
-
-    verb.top(connect, once=once, json=json)
-
-
-@app.command()
 def foxglove(
     connect: Connect = None,
+    session: SessionName = "",
     port: Annotated[int, typer.Option(help="port to listen at; 0: any that is free", min=0, max=65535)] = 8765,
     host: Annotated[str, typer.Option(help="address to listen at; default: this machine alone")] = "127.0.0.1",
     patience: Annotated[float, typer.Option(help="seconds to wait for the session", min=0.1, hidden=True)] = 5.0,
@@ -164,7 +162,7 @@ def foxglove(
     """Serve a running session, or a replay, to the Foxglove app."""
     from elys.verbs import foxglove as verb
 
-    verb.foxglove(connect, host=host, port=port, patience=patience)
+    verb.foxglove(place(connect, session), host=host, port=port, patience=patience)
 
 
 @app.command()

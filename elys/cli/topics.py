@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from elys.cli.app import topic_app
-from elys.cli.options import Connect, Json
+from elys.cli.options import Connect, Json, SessionName, place
 
 
 @topic_app.command("list")
@@ -18,26 +18,42 @@ def topic_list(json: Json = False) -> None:
     topic.list_topics(json=json)
 
 
+@topic_app.command("info")
+def topic_info(
+    topic: Annotated[str, typer.Argument(help="name of a topic; default: all")] = "",
+    connect: Connect = None,
+    session: SessionName = "",
+    seconds: Annotated[float, typer.Option(help="how long to measure [s]", min=0.1, max=1e3)] = 1.0,
+    json: Json = False,
+) -> None:
+    """Say who publishes and hears a topic, how much and how old, how it is delivered, and what its messages hold."""
+    from elys.verbs import topic as verb
+
+    verb.info(topic, place(connect, session), seconds=seconds, json=json)
+
+
 @topic_app.command("echo")
 def topic_echo(
     topic: Annotated[str, typer.Argument(help="name of a topic (elys topic list)")],
     connect: Connect = None,
+    session: SessionName = "",
     count: Annotated[int, typer.Option("--count", "-n", help="end after so many messages (0: never)", min=0)] = 0,
 ) -> None:
     """Print the messages of a topic as they come."""
     from elys.verbs import topic as verb
 
-    verb.echo(topic, connect, count=count)
+    verb.echo(topic, place(connect, session), count=count)
 
 
 @topic_app.command("hz")
 def topic_hz(
     topic: Annotated[str, typer.Argument(help="name of a topic; default: all")] = "",
     connect: Connect = None,
+    session: SessionName = "",
     seconds: Annotated[float, typer.Option(help="how long to measure [s]", min=0.1, max=1e6)] = 2.0,
     json: Json = False,
 ) -> None:
     """Measure how often and how much a topic is published."""
     from elys.verbs import topic as verb
 
-    verb.hz(topic, connect, seconds=seconds, json=json)
+    verb.hz(topic, place(connect, session), seconds=seconds, json=json)

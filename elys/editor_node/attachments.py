@@ -8,7 +8,7 @@ import time
 from collections.abc import Awaitable, Callable
 from typing import Final, Protocol
 
-from elys.bus.discovery import SessionRecord, complete_endpoint, find_sessions, join_session
+from elys.bus.discovery import SessionRecord, complete_place, find_sessions, join_session
 from elys.bus.log import SessionLogHandler, log_to_session
 from elys.bus.session import Session
 from elys.common.errors import BusError, ElysError
@@ -104,7 +104,7 @@ class Attachments:
     def connect(self, text: str) -> None:
         """Attaches to the session at an endpoint, as a person writes one."""
         try:
-            endpoint = complete_endpoint(text.strip())
+            endpoint = complete_place(text.strip())
         except BusError as error:
             self._refuse(str(error))
             return

@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 
 from elys.bus.session import Node, Session, node_id
 from elys.bus.topics import Delivery, Query, Topic
-from elys.bus.transports.transport import Answer, Closer, IncomingQuery
+from elys.bus.transports.transport import Answer, Answers, Closer, IncomingQuery, Link
 from elys.common.errors import ConnectionLost
 
 Q = TypeVar("Q")
@@ -181,6 +181,18 @@ class _Nowhere:
     def request(self, key_expression: str, payload: bytes, timeout: float, answer: Answer) -> None:
         """Nobody answers."""
         answer(None, "")
+
+    def survey(self, key_expression: str, payload: bytes, timeout: float, answers: Answers) -> None:
+        """Nobody answers."""
+        answers([], [])
+
+    def identity(self) -> str:
+        """Nobody calls it anything."""
+        return ""
+
+    def links(self) -> list[Link]:
+        """There are none."""
+        return []
 
     def announce(self, key: str) -> Closer:
         """Nobody sees it."""

@@ -147,6 +147,11 @@ class SimulationNode:
         """Simulated seconds in one second; 0: as fast as it can."""
         return self._clock.rate
 
+    @property
+    def realtime_factor(self) -> float:
+        """Simulated seconds per second, measured."""
+        return self._clock.realtime_factor
+
     async def run(self) -> None:
         """Serves the session and ticks until the step limit or cancellation."""
         session = self.session

@@ -1,8 +1,7 @@
-"""schema, samples, sessions: verbs that print facts and start nothing."""
+"""schema, samples: verbs that print facts and start nothing."""
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 from elys.common.errors import SceneError
@@ -41,18 +40,3 @@ def samples(name: str, output: Path | None, *, json: bool) -> None:
         print()
         print_table(("hard case", "what it is"), cases)
         print("\nTry: elys run NAME, or elys samples NAME to write it as a file.")
-
-
-def sessions(*, json: bool) -> None:
-    """Lists the sessions of this machine."""
-    from elys.bus.discovery import find_sessions
-
-    found = find_sessions()
-    if json:
-        print_json(found)
-    elif not found:
-        print("No session is running on this machine. Start one: elys run SCENE")
-    else:
-        now = time.time()
-        rows = [(s.name, s.kind, s.endpoint, s.scene, f"{now - s.started:.0f} s", s.pid) for s in found]
-        print_table(("session", "kind", "endpoint", "scene", "age", "process"), rows)

@@ -7,15 +7,21 @@ import contextlib
 import logging
 import re
 import signal
-from collections.abc import AsyncIterator, Coroutine
+from collections.abc import AsyncIterator, Callable, Coroutine
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from elys.bus.log import log_to_session, start_logging
 from elys.bus.recording_plan import RecordingPlan
-from elys.bus.session import Session
+from elys.bus.session import Node, Session, node_id
+from elys.common.errors import BusError
 from elys.verbs.playback import Playback
+
+if TYPE_CHECKING:
+    from elys.bus.transports.zenoh import ZenohTransport
+
+_ROUTER_PATIENCE = 20.0  # [s] for a router that starts beside
 
 _log = logging.getLogger(__name__)
 
@@ -54,23 +60,26 @@ async def joined(connect: str | None, *, kind: str, timeout: float = 5.0) -> Asy
 
 @contextlib.asynccontextmanager
 async def hosted(
-    listen: str | None, *, name: str, kind: str, scene: str, epoch: int
+    listen: str | None, *, name: str, kind: str, scene: str, epoch: int, router: str | None = None
 ) -> AsyncIterator[tuple[Session, str]]:
-    """A session of one's own and the endpoint it listens at, found by others of this machine without being told where.
+    """A session of one's own and the endpoint it is found at, by others of this machine without being told where.
+
+    With `router` it listens nowhere and is reached through the router at that endpoint, as others may be.
 
     Raises:
-        BusError: the endpoint cannot be listened at.
+        BusError: the endpoint cannot be listened at, or a session of this name is behind the router already.
+        ConnectionLost: there is no router.
     """
-    from elys.bus.discovery import advertise, complete_endpoint
-    from elys.bus.transports.zenoh import ZenohTransport
+    from elys.bus.discovery import advertise
 
-    open_transport = (
-        partial(ZenohTransport.listen, complete_endpoint(listen)) if listen else ZenohTransport.listen_on_free_port
-    )
-    transport = await asyncio.to_thread(open_transport)
+    transport = await asyncio.to_thread(_host_transport(listen, router))
     try:
+        if router:
+            await _require_new(transport, session_name(name))
         session = await Session.host(transport, name=session_name(name), kind=kind, epoch=epoch)
-        withdraw = advertise(name=session.name, kind=kind, endpoint=transport.endpoint, scene=scene)
+        withdraw = advertise(
+            name=session.name, kind=kind, endpoint=transport.endpoint, scene=scene, is_behind_router=bool(router)
+        )
     except BaseException:
         await asyncio.to_thread(transport.close)
         raise
@@ -83,6 +92,25 @@ async def hosted(
         await session.close()
 
 
+def _host_transport(listen: str | None, router: str | None) -> Callable[[], ZenohTransport]:
+    from elys.bus.discovery import complete_endpoint
+    from elys.bus.transports.zenoh import ZenohTransport
+
+    if router and listen:
+        raise BusError("a session listens itself or is reached through a router: give --listen or --router")
+    if router:
+        return partial(ZenohTransport.connect, complete_endpoint(router), timeout=_ROUTER_PATIENCE, hosts=True)
+    return partial(ZenohTransport.listen, complete_endpoint(listen)) if listen else ZenohTransport.listen_on_free_port
+
+
+async def _require_new(transport: ZenohTransport, name: str) -> None:
+    from elys.bus.handshake import all_welcomes
+
+    node = Node("simulation", node_id("simulation"))
+    if await all_welcomes(transport, node=node, name=name, timeout=1.0):
+        raise BusError(f"a session {name} is behind {transport.endpoint} already: choose another name with --name")
+
+
 def session_name(text: str) -> str:
     """A name as sessions have it: letters, digits, '.', '_' and '-' only."""
     return re.sub(r"[^A-Za-z0-9_.-]+", "-", text).strip("-") or "session"
@@ -92,6 +120,8 @@ def simulation(
     scene: str,
     *,
     listen: str | None,
+    router: str | None,
+    discover: bool,
     step_limit: int,
     record: Path | None,
     realtime: bool,
@@ -112,6 +142,8 @@ def simulation(
         simulate(
             opened,
             listen=listen,
+            router=router,
+            discover=discover,
             step_limit=step_limit,
             record=record,
             realtime=realtime,

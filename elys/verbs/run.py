@@ -19,8 +19,15 @@ LAUNCH_DIRECTORIES: Final = (_PACKAGE.parent / "launch", _PACKAGE / "_launch")  
 def run(scene: str, *, listen: str | None, foxglove: int = 0, **options: Any) -> None:
     """Simulates a scene: with an editor, or headless; with a port, also for the Foxglove app."""
     from elys.bus.discovery import complete_endpoint
+    from elys.verbs.host_facts import require_announceable
 
     endpoint = complete_endpoint(listen) if listen else None  # what is none is said before anything takes its time
+    if options["router"] and (options["discover"] or foxglove):
+        raise LaunchError(
+            "a session behind a router is announced by `elys router --discover`, and served by `elys foxglove --session NAME`"
+        )
+    if options["discover"]:
+        require_announceable(endpoint)
     if not foxglove:
         _run(scene, listen=endpoint, **options)
         return
@@ -40,6 +47,8 @@ def _run(
     realtime: bool,
     paused: bool,
     listen: str | None,
+    router: str | None,
+    discover: bool,
     name: str,
     threads: int,
     guarded: bool,
@@ -57,6 +66,8 @@ def _run(
             realtime=realtime or not step_limit,
             paused=paused,
             listen=listen,
+            router=router,
+            discover=discover,
             name=name,
             threads=threads,
             guarded=guarded,
@@ -66,6 +77,10 @@ def _run(
             at=at,
         )
         return
+    if router:
+        raise LaunchError(
+            "a session behind a router runs by itself: add --headless, and attach with `elys edit --session NAME`"
+        )
     from elys.render_node.window import probe_display
     from elys.sim_node.kernel_cache import kernels_are_warm
     from elys.sim_node.kernel_needs import needed_kernels
@@ -81,6 +96,7 @@ def _run(
     options = ["--steps", str(step_limit)] if step_limit else []
     options += ["--record", str(record), "--recording-plan", to_json(plan)] if record else []
     options += ["--paused"] if paused else []
+    options += ["--discover"] if discover else []
     options += ["--name", name] if name else []
     options += [] if guarded else ["--no-guard"]
     options += ["--keep", str(keep)]
@@ -160,6 +176,8 @@ def _run_headless(
     realtime: bool,
     paused: bool,
     listen: str | None,
+    router: str | None,
+    discover: bool,
     name: str,
     threads: int,
     guarded: bool,
@@ -181,6 +199,8 @@ def _run_headless(
         await simulate(
             simulation,
             listen=listen,
+            router=router,
+            discover=discover,
             step_limit=step_limit,
             record=record,
             realtime=realtime,

@@ -15,6 +15,7 @@ import platformdirs
 
 from elys.bus.recording_plan import PLAIN, RecordingPlan
 from elys.common.assets.store import AssetStore
+from elys.verbs.host_facts import discoverable, facts_of
 from elys.verbs.nodes import hosted, session_name
 from elys.verbs.output import size_text
 from elys.verbs.scenes import open_scene_or_sample
@@ -85,6 +86,8 @@ async def simulate(
     simulation: Simulation,
     *,
     listen: str | None,
+    router: str | None = None,
+    discover: bool = False,
     step_limit: int,
     record: Path | None,
     realtime: bool,
@@ -107,7 +110,10 @@ async def simulate(
     from elys.verbs.recording_child import RecordingChild
 
     scene, epoch = simulation.name, time.time_ns()
-    async with hosted(listen, name=name or scene, kind="simulation", scene=scene, epoch=epoch) as (session, endpoint):
+    async with hosted(listen, name=name or scene, kind="simulation", scene=scene, epoch=epoch, router=router) as (
+        session,
+        endpoint,
+    ):
         _log.info("simulating %s at %s", scene, endpoint)
         node = SimulationNode(
             simulation, session, realtime=realtime, playing=not paused, step_limit=step_limit, keep=keep
@@ -119,9 +125,11 @@ async def simulate(
             recorder.attach(session, node, simulation.assets, lossless=not realtime)
         if guarded:
             node.guard = _guard_of(node, session, record)
+        session.host_facts = facts_of(node)
         started = time.perf_counter()
         try:
-            await node.run()
+            async with discoverable(session, endpoint, wanted=discover):
+                await node.run()
         except Exception:
             if node.guard is not None:
                 node.guard.keep()  # what led to it

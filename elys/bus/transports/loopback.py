@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from elys.bus.topics import Delivery
-from elys.bus.transports.transport import Answer, Closer, IncomingQuery
+from elys.bus.transports.transport import Answer, Answers, Closer, IncomingQuery, Link
 from elys.common.errors import BusError
 
 
@@ -58,6 +58,37 @@ class LoopbackQuery:
     def refuse(self, reason: str) -> None:
         """Says why there is no answer."""
         self.request.settle(None, reason)
+
+
+class _Survey:
+    """A question to several: ends when all have answered, or at its time."""
+
+    def __init__(self, count: int, timeout: float, answers: Answers) -> None:
+        self._left = count
+        self._answers = answers
+        self._lock = threading.Lock()
+        self._replies: list[bytes] = []
+        self._reasons: list[str] = []
+        self._timer = threading.Timer(timeout, self._end)
+        self._timer.daemon = True
+        self._timer.start()
+
+    def hear(self, payload: bytes | None, reason: str) -> None:
+        with self._lock:
+            if payload is not None:
+                self._replies.append(payload)
+            else:
+                self._reasons.append(reason)
+            self._left -= 1
+            if self._left:
+                return
+        self._end()
+
+    def _end(self) -> None:
+        with self._lock:
+            answers, self._answers = self._answers, _nobody
+        self._timer.cancel()
+        answers(self._replies, self._reasons)
 
 
 class LoopbackBroker:
@@ -190,6 +221,25 @@ class LoopbackTransport:
         request.timer.start()
         for queryable in queryables:
             queryable.callback(LoopbackQuery(key_expression, payload, request))
+
+    def survey(self, key_expression: str, payload: bytes, timeout: float, answers: Answers) -> None:
+        """Asks all who serve these keys; `answers` hears once, when all have spoken or after `timeout` seconds."""
+        self._require_open()
+        queryables = self._broker._matching(self._broker._queryables, key_expression)
+        if not queryables:
+            answers([], [])
+            return
+        survey = _Survey(len(queryables), timeout, answers)
+        for queryable in queryables:
+            queryable.callback(LoopbackQuery(key_expression, payload, _Request(survey.hear)))
+
+    def identity(self) -> str:
+        """There is only one end: the process."""
+        return "loopback"
+
+    def links(self) -> list[Link]:
+        """None: nothing leaves the process."""
+        return []
 
     def announce(self, key: str) -> Closer:
         """Shows others that this key's owner is alive, until closed."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from elys.bus.topics import Delivery
 
@@ -29,6 +29,18 @@ class Answer(Protocol):
     def __call__(self, payload: bytes | None, reason: str) -> None: ...
 
 
+Answers = Callable[[list[bytes], list[str]], None]  # all replies to a question, and the reasons of those who refused
+
+
+class Link(NamedTuple):
+    """A connection to another end of the same transport."""
+
+    peer: str  # who that is, see `Transport.identity`
+    kind: str  # what the other end is to the transport: client, router, peer
+    local: str  # this side's address
+    remote: str  # the other's
+
+
 class Transport(Protocol):
     """Carries payloads. Key expressions may hold `*` for one part and a final `**` for any rest."""
 
@@ -49,6 +61,15 @@ class Transport(Protocol):
 
     def request(self, key_expression: str, payload: bytes, timeout: float, answer: Answer) -> None:
         """Asks; the first answer within `timeout` seconds counts."""
+
+    def survey(self, key_expression: str, payload: bytes, timeout: float, answers: Answers) -> None:
+        """Asks all who serve these keys; `answers` hears once, when all have spoken or after `timeout` seconds."""
+
+    def identity(self) -> str:
+        """What this end is called by others' `links`."""
+
+    def links(self) -> list[Link]:
+        """The connections there are now."""
 
     def announce(self, key: str) -> Closer:
         """Shows others that this key's owner is alive, until closed or dead."""

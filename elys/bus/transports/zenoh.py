@@ -30,7 +30,7 @@ from zenoh.handlers import Callback
 
 from elys.bus.topics import Delivery
 from elys.bus.transports.outgoing import Outgoing
-from elys.bus.transports.transport import Answer, Closer, IncomingQuery
+from elys.bus.transports.transport import Answer, Answers, Closer, IncomingQuery, Link
 from elys.common.errors import BusError, ConnectionLost
 
 DEFAULT_PORT: Final = 7447
@@ -93,8 +93,10 @@ class ZenohTransport:
         raise BusError(f"the ports {first_port} to {port} of {address} are all in use: name another port")
 
     @classmethod
-    def connect(cls, endpoints: str | Sequence[str] = DEFAULT_ENDPOINT, *, timeout: float = 5.0) -> ZenohTransport:
-        """Opens the side of everybody else; blocks until connected, at most `timeout` seconds.
+    def connect(
+        cls, endpoints: str | Sequence[str] = DEFAULT_ENDPOINT, *, timeout: float = 5.0, hosts: bool = False
+    ) -> ZenohTransport:
+        """Opens the side of everybody else, or of a host below a router; blocks until connected, `timeout` seconds at most.
 
         Raises:
             ConnectionLost: nobody listens there.
@@ -116,7 +118,7 @@ class ZenohTransport:
             raise BusError(
                 f"cannot connect to '{' or '.join(names)}' ({_cause(error)}): give tcp/ADDRESS:PORT"
             ) from error
-        return cls(session, endpoint=names[0], hosts=False)
+        return cls(session, endpoint=names[0], hosts=hosts)
 
     # --- publishing and subscribing --------------------------------------------------------------------------------
 
@@ -192,17 +194,35 @@ class ZenohTransport:
                 answer(None, "")
 
         with self._closed_said():
-            self._session.get(
-                key_expression,
-                Callback(arrived, ended, indirect=False),
-                payload=payload,
-                timeout=timeout,
-                target=zenoh.QueryTarget.ALL,
-                consolidation=zenoh.ConsolidationMode.NONE,
-                congestion_control=zenoh.CongestionControl.BLOCK,
-            )
+            handler = Callback(arrived, ended, indirect=False)
+            self._session.get(key_expression, handler, **_options(payload, timeout))
+
+    def survey(self, key_expression: str, payload: bytes, timeout: float, answers: Answers) -> None:
+        """Asks all who serve these keys; `answers` hears once, when all have spoken or after `timeout` seconds."""
+        replies: list[bytes] = []
+        reasons: list[str] = []
+
+        def arrived(reply: zenoh.Reply) -> None:
+            if (sample := reply.ok) is not None:
+                replies.append(sample.payload.to_bytes())
+            elif (error := reply.err) is not None and str(error.encoding) == _REFUSAL:
+                reasons.append(error.payload.to_bytes().decode(errors="replace"))
+
+        with self._closed_said():
+            handler = Callback(arrived, lambda: answers(replies, reasons), indirect=False)
+            self._session.get(key_expression, handler, **_options(payload, timeout))
 
     # --- who is there ----------------------------------------------------------------------------------------------
+
+    def identity(self) -> str:
+        """What this end is called by others' `links`."""
+        return str(self._session.info.zid())
+
+    def links(self) -> list[Link]:
+        """The connections there are now."""
+        info = self._session.info
+        kinds = {str(transport.zid): str(transport.whatami) for transport in info.transports()}
+        return [Link(str(o.zid), kinds.get(str(o.zid), ""), str(o.src), str(o.dst)) for o in info.links()]
 
     def announce(self, key: str) -> Closer:
         """Shows others that this key's owner is alive, until closed or dead."""
@@ -311,6 +331,17 @@ class ZenohQuery:
 
         with contextlib.suppress(RuntimeError):  # the transport is closing: nobody is left to answer
             self._answering.submit(work)
+
+
+def _options(payload: bytes, timeout: float) -> dict[str, Any]:
+    """How questions are asked: of all who may answer, each answer as it comes."""
+    return {
+        "payload": payload,
+        "timeout": timeout,
+        "target": zenoh.QueryTarget.ALL,
+        "consolidation": zenoh.ConsolidationMode.NONE,
+        "congestion_control": zenoh.CongestionControl.BLOCK,
+    }
 
 
 def _config(mode: str) -> zenoh.Config:

@@ -91,8 +91,8 @@ class StartPage:
             icon = icons.ICON_FA_FILM if record.kind == "replay" else icons.ICON_FA_CUBES
             age = tr("started {age} ago", age=age_text(time.time() - record.started))
             details = "   ".join(dict.fromkeys((record.scene, record.endpoint, age)))
-            if _offer(f"{icon}   {record.name}", details, f"session {record.endpoint}"):
-                ui.attachments.connect(record.endpoint)
+            if _offer(f"{icon}   {record.name}", details, f"session {record.place}"):
+                ui.attachments.connect(record.place)
             ui.landmarks.note(f"start/session/{place}")
 
     def _draw_connect(self, ui: Ui) -> None:
