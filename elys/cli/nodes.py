@@ -20,8 +20,10 @@ from elys.cli.options import (
     Recording,
     Router,
     Scene,
+    SessionName,
     Threads,
     To,
+    place,
 )
 
 
@@ -82,6 +84,14 @@ def node_editor(
     from elys.verbs import nodes
 
     nodes.editor(connect, starts_alone=alone, frame_limit=frames)
+
+
+@node_app.command("viewer")
+def node_viewer(connect: Connect = None, session: SessionName = "", frames: Frames = 0) -> None:
+    """A viewer's window, which waits for its session."""
+    from elys.verbs import nodes
+
+    nodes.viewer(place(connect, session), frame_limit=frames)
 
 
 @node_app.command("player")

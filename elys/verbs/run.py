@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -106,7 +107,7 @@ def _run(
 
 
 def launch(file: Path, values: list[str]) -> None:
-    """Starts what a launch file describes; the endpoint is chosen here if it is a parameter that nobody set."""
+    """Starts what a launch file describes; parameters named endpoint or NAME_endpoint that nobody set are chosen here."""
     from elys.launch import fill_in, read_launch_file, run_processes
 
     described = read_launch_file(file)
@@ -116,8 +117,9 @@ def launch(file: Path, values: list[str]) -> None:
         if not equals:
             raise LaunchError(f"'{value}' is no parameter: write NAME=VALUE")
         parameters[name] = text
-    if "endpoint" in described.parameters and "endpoint" not in parameters:
-        parameters["endpoint"] = free_endpoint()
+    for name in described.parameters:
+        if name not in parameters and (name == "endpoint" or name.endswith("_endpoint")):
+            parameters[name] = free_endpoint(taken=tuple(parameters.values()))
     sys.exit(run_processes(fill_in(described, parameters)))
 
 
@@ -140,8 +142,8 @@ def start(
     return run_processes([replace(p, command=(*p.command, *words.get(p.name, ()))) for p in processes])
 
 
-def free_endpoint() -> str:
-    """The first endpoint of loopback, from the default port on, at which nobody listens."""
+def free_endpoint(*, taken: Collection[str] = ()) -> str:
+    """The first endpoint of loopback, from the default port on, at which nobody listens and that is not `taken`."""
     import socket
 
     from elys.bus.transports.zenoh import DEFAULT_PORT
@@ -153,7 +155,8 @@ def free_endpoint() -> str:
                 probe.bind(("127.0.0.1", port))
             except OSError:
                 continue
-            return f"tcp/127.0.0.1:{port}"
+        if (endpoint := f"tcp/127.0.0.1:{port}") not in taken:
+            return endpoint
     raise LaunchError(f"the ports {DEFAULT_PORT} to {DEFAULT_PORT + 99} are all in use: name one with --listen")
 
 

@@ -20,12 +20,14 @@ import pytest
 class Command:
     """A running `elys` command; its lines (stdout and stderr together) are collected as they come."""
 
-    def __init__(self, words: tuple[str, ...], environment: dict[str, str], directory: Path) -> None:
+    def __init__(
+        self, words: tuple[str, ...], environment: dict[str, str], directory: Path, *, before: tuple[str, ...] = ()
+    ) -> None:
         self.words = words
         self.lines: list[str] = []
         self._news = threading.Condition()
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "elys", *words],
+            [*before, sys.executable, "-m", "elys", *words],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -105,8 +107,8 @@ def elys(environment: dict[str, str], tmp_path: Path) -> Iterator[Elys]:
     """Starts `elys WORDS...` in a directory of the test's own."""
     started: list[Command] = []
 
-    def start(*words: str | Path, **variables: str) -> Command:
-        command = Command(tuple(map(str, words)), {**environment, **variables}, tmp_path)
+    def start(*words: str | Path, before: tuple[str, ...] = (), **variables: str) -> Command:
+        command = Command(tuple(map(str, words)), {**environment, **variables}, tmp_path, before=before)
         started.append(command)
         return command
 

@@ -34,7 +34,7 @@ class ZenohRouter(ZenohTransport):
         try:
             _insert(config, "listen/endpoints", [listen])
             _insert(config, "connect/endpoints", list(upstream))
-            _insert(config, "connect/timeout_ms", 0)  # does not wait: what is above may start later
+            _insert(config, "connect/timeout_ms", -1)  # knocks for ever, beside all else: what is above may start later
             _insert(config, "connect/exit_on_failure", False)
             session = zenoh.open(config)
         except zenoh.ZError as error:

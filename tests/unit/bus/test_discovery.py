@@ -14,6 +14,8 @@ import pytest
 from elys.bus import discovery
 from elys.common.errors import BusError, ConnectionLost
 
+A = "tcp/127.0.0.1:7447"
+
 
 @pytest.fixture(autouse=True)
 def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
@@ -75,3 +77,46 @@ def test_a_directory_that_cannot_be_written_is_named(tmp_path: Path, monkeypatch
     monkeypatch.setenv("ELYS_RUNTIME_DIR", str(tmp_path / "file"))
     with pytest.raises(BusError, match="set ELYS_RUNTIME_DIR"):
         discovery.advertise(name="x", endpoint="tcp/127.0.0.1:1", kind="simulation", scene="")
+
+
+def test_worlds_behind_one_router_are_named() -> None:
+    for name in ("alpha", "beta"):
+        discovery.advertise(name=name, endpoint=A, kind="simulation", scene="", is_behind_router=True)
+    with pytest.raises(
+        BusError, match=f"several sessions run at {A}, (alpha, beta|beta, alpha): name one with --session"
+    ):
+        discovery.choose_endpoint()
+    assert discovery.choose_endpoint("alpha@") == f"alpha@{A}"
+    assert discovery.choose_endpoint("beta@10.0.0.1") == "beta@tcp/10.0.0.1:7447"
+    with pytest.raises(
+        ConnectionLost, match=r"no session gamma runs on this machine; there is (alpha, beta|beta, alpha)"
+    ):
+        discovery.choose_endpoint("gamma@")
+
+
+def test_the_newest_that_listens_itself_needs_no_name() -> None:
+    discovery.advertise(name="alpha", endpoint=A, kind="simulation", scene="", is_behind_router=True)
+    discovery.advertise(name="beta", endpoint=A, kind="simulation", scene="", is_behind_router=True)
+    discovery.advertise(name="own", endpoint="tcp/127.0.0.1:2", kind="simulation", scene="")
+    assert discovery.choose_endpoint() == "tcp/127.0.0.1:2"
+
+
+@pytest.mark.parametrize(
+    ("connect", "session", "place"),
+    [
+        (None, "", None),
+        ("robot", "", "robot"),
+        ("robot", "yard", "yard@robot"),
+        (None, "yard", "yard@"),
+        ("yard@robot", "yard", "yard@robot"),
+    ],
+)
+def test_endpoint_and_name_make_a_place(connect: str | None, session: str, place: str | None) -> None:
+    assert discovery.place_of(connect, session) == place
+
+
+def test_a_place_that_makes_no_sense_is_refused() -> None:
+    with pytest.raises(BusError, match="names session meadow and --session yard"):
+        discovery.place_of("meadow@robot", "yard")
+    with pytest.raises(BusError, match="'a b' is no session's name"):
+        discovery.complete_place("a b@robot")

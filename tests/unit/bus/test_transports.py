@@ -114,6 +114,23 @@ def ask(transport: Transport, key: str, payload: bytes = b"", timeout: float = P
             return answer  # type: ignore[no-any-return]
 
 
+def test_a_survey_hears_all_who_answer_and_why_others_do_not(network: Network) -> None:
+    host, first, second = network.host(), network.client(), network.client()
+    host.serve("w/a/hello", lambda query: query.reply(b"a " + query.payload))
+    first.serve("w/b/hello", lambda query: query.reply(b"b " + query.payload))
+    second.serve("w/c/hello", lambda query: query.refuse("c is shut"))
+    for key in ("w/b/hello", "w/c/hello"):
+        ask(host, key)
+    inbox = Inbox()
+    host.survey("w/*/hello", b"you", PATIENCE, lambda replies, reasons: inbox(sorted(replies), reasons))
+    assert inbox.next() == ([b"a you", b"b you"], ["c is shut"])
+    host.survey("w/nobody", b"", PATIENCE, inbox)
+    assert inbox.next() == ([], [])
+    second.serve("w/d/hello", lambda query: None)
+    network.client().survey("w/d/hello", b"", 0.1, inbox)
+    assert inbox.next() == ([], [])
+
+
 @pytest.mark.parametrize("delivery", list(Delivery))
 def test_all_who_subscribe_hear_what_is_published_in_order(network: Network, delivery: Delivery) -> None:
     host, reader, other = network.host(), network.client(), network.client()
