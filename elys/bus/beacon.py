@@ -20,7 +20,7 @@ import socket
 import struct
 import time
 from collections.abc import AsyncIterator, Callable, Sequence
-from typing import Annotated, Final, Literal
+from typing import Annotated, Final, Literal, cast
 
 import msgspec
 
@@ -97,8 +97,7 @@ class Beacon(asyncio.DatagramProtocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """The socket is open."""
-        assert isinstance(transport, asyncio.DatagramTransport)
-        self._transport = transport
+        self._transport = cast(asyncio.DatagramTransport, transport)  # which it is, but says so from Python 3.12 on only
 
     def datagram_received(self, data: bytes, address: tuple[str, int]) -> None:
         """Somebody asks, or says something else, which is left alone."""

@@ -2,6 +2,7 @@
 
 python -m tests.benchmarks                 all, and the tables of the README and of docs/editor.md are written anew
 python -m tests.benchmarks ticks starts    only these
+python -m tests.benchmarks viewers --help  many viewers have, too
 python -m tests.benchmarks rigid --help    rigid bodies have choices of their own
 """
 
@@ -25,6 +26,7 @@ from tests.benchmarks import (
     starts,
     ticks,
     view_streams,
+    viewers,
 )
 from tests.benchmarks.machine import machine
 
@@ -40,6 +42,7 @@ SUITES: dict[str, Callable[[], list[tuple[str, str]]]] = {
     "models": models.measure,
     "pictures": pictures.measure,
     "editor": editor.measure,
+    "viewers": viewers.measure,
 }
 PAGES = {"editor": "docs/editor.md"}  # whose rows stand there and not in the README
 
@@ -47,6 +50,9 @@ PAGES = {"editor": "docs/editor.md"}  # whose rows stand there and not in the RE
 def main() -> None:
     if sys.argv[1:2] == ["rigid"]:
         rigid_bodies.main(sys.argv[2:])
+        return
+    if sys.argv[1:2] == ["viewers"] and sys.argv[2:]:
+        viewers.main(sys.argv[2:])
         return
     chosen = sys.argv[1:] or list(SUITES)
     unknown = [name for name in chosen if name not in SUITES]

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from elys.bus.discovery import join_session
+from tests.benchmarks.viewers import stage
 from tests.process.clients import Client, client
 from tests.process.network_spaces import two_machines
 
@@ -66,6 +67,19 @@ def test_a_tree_goes_on_whatever_of_it_is_killed(elys):
 async def fresh_frames(viewer: Client) -> None:
     await viewer.until(lambda: len(viewer.frames) > 10, seconds=40)
     assert [f.tick for f in viewer.frames] == sorted({f.tick for f in viewer.frames})
+
+
+def test_of_many_viewers_below_a_tree_none_misses_a_change_of_the_scene(soak):
+    """The benchmark's small sister: each viewer is a connection and a session of its own, four a router."""
+    count = 100 if soak else 12
+    with stage("stack", branches=3) as on:
+        phase = on.phase(count, 20.0 if soak else 2.0)
+        again = on.phase(0, 1.0)
+    assert phase.ticks > 10 and phase.deltas >= 4 * count
+    assert (phase.missed_states, phase.missed_deltas) == (0, 0)
+    assert phase.fewest_states > 0.5 * phase.ticks
+    assert len(phase.routers) == 4
+    assert (again.states, again.deltas) == (0, 0)
 
 
 def test_two_worlds_behind_one_port_are_told_apart(elys):
