@@ -8,6 +8,7 @@ import time
 from collections.abc import Awaitable, Callable
 from typing import Final, Protocol
 
+from elys.bus.beacon import FoundSession, look_around
 from elys.bus.discovery import SessionRecord, complete_place, find_sessions, join_session
 from elys.bus.log import SessionLogHandler, log_to_session
 from elys.bus.session import Session
@@ -62,6 +63,8 @@ class Attachments:
         self.error = ""  # why the last wish was not fulfilled
         self.endpoint = str(getattr(seat.transport, "endpoint", "")) if seat.session is not None else ""
         self.sessions: tuple[SessionRecord, ...] = ()  # that run on this machine, as far as somebody looks
+        self.nearby: tuple[FoundSession, ...] | None = None  # of the local network, once somebody asked
+        self._asking: asyncio.Task[None] | None = None
         self._preferences = preferences
         self._join = join or (lambda endpoint: join_session(endpoint, kind=seat.node.kind, node=seat.node))
         self._on_change = on_change
@@ -98,6 +101,16 @@ class Attachments:
         self._looked_at = self._clock()
         if self._looking is None or self._looking.done():
             self._looking = self.seat.start(self._look())
+
+    @property
+    def is_looking_around(self) -> bool:
+        """Whether the local network is being asked."""
+        return self._asking is not None and not self._asking.done()
+
+    def look_around(self) -> None:
+        """Asks the local network once for sessions that answer; `nearby` says what was found."""
+        if not self.is_looking_around:
+            self._asking = self.seat.start(self._look_around())
 
     # --- what can be wished for ------------------------------------------------------------------------------------
 
@@ -223,6 +236,13 @@ class Attachments:
                 self.sessions = found
                 self._on_change()
             await asyncio.sleep(LOOK_INTERVAL)
+
+    async def _look_around(self) -> None:
+        try:
+            self.nearby = tuple(await look_around())
+        except BusError as error:
+            self._refuse(str(error))
+        self._on_change()
 
     def _link_changed(self, connected: bool) -> None:
         self._lost_at = None if connected else self._clock()

@@ -36,7 +36,7 @@ class Viewer:
         self.begin()
 
     def begin(self) -> None:
-        self.states = self.missed_states = self.deltas = self.missed_deltas = 0
+        self.states = self.size = self.missed_states = self.deltas = self.missed_deltas = 0
         self.ages: list[float] = []
 
     async def watch(self) -> None:
@@ -50,6 +50,7 @@ class Viewer:
         _, tick, _, published_at = _STATE_HEAD.unpack_from(payload, 8)
         self.ages.append((time.time_ns() - published_at) / 1e6)
         self.states += 1
+        self.size += len(payload)
         if self.last_tick >= 0:
             self.missed_states += max(tick - self.last_tick - 1, 0)
         self.last_tick = tick
@@ -88,6 +89,7 @@ def begin(viewers: list[Viewer]) -> Callable[[], str]:
         return json.dumps(
             {
                 "states": [viewer.states for viewer in viewers],
+                "sizes": [viewer.size for viewer in viewers],
                 "missed_states": [viewer.missed_states for viewer in viewers],
                 "deltas": [viewer.deltas for viewer in viewers],
                 "missed_deltas": [viewer.missed_deltas for viewer in viewers],

@@ -3,7 +3,7 @@
 python -m tests.benchmarks.viewer_host ENDPOINT SCENE
 
 Says "hosting" when it ticks. Each line on stdin is answered by one of JSON: ticks so far, processor time of the thread that ticks
-and of the whole process [s], how many state frames were sent. A line that says "touch" changes something in the scene as well.
+and of the whole process [s], how many state frames were sent. "touch" changes something in the scene as well, "snapshot" makes one and tells what that took [s].
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import time
 
 import msgspec
 
-from elys.bus import topics
+from elys.bus import codec, topics
 from elys.bus.messages.commands import CommandRequest, SetComponent
 from elys.bus.session import Session
 from elys.bus.transports.zenoh import ZenohTransport
@@ -58,11 +58,15 @@ def tell(node: SimulationNode, session: Session, running: asyncio.Future[None]) 
         values = {"base_color": [0.5, 0.5, (node.steps_done % 100) / 100.0]}
         command = SetComponent(entity=entity, component="Material", values=values)
         node._put(CommandRequest(origin="bench", command=command))
+    began = time.thread_time()
+    if line.strip() == "snapshot":
+        codec.encode(node.snapshot(), topics.SNAPSHOT.reply_encoding)
     sent = session.traffic.sent().get(topics.STATE.name)
     facts = {
         "ticks": node.steps_done,
         "thread": time.thread_time(),
         "process": time.process_time(),
+        "snapshot": time.thread_time() - began,
         "states": sent.messages if sent is not None else 0,
     }
     print(json.dumps(facts), flush=True)

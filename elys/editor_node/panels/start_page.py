@@ -9,6 +9,7 @@ from typing import Final
 from imgui_bundle import imgui
 
 import elys
+from elys.bus.beacon import FoundSession
 from elys.bus.transports.zenoh import DEFAULT_PORT
 from elys.editor_node.language import tr, tr_label
 from elys.editor_node.theme import ERROR, TEXT, TEXT_DIM, icons
@@ -50,6 +51,7 @@ class StartPage:
                     imgui.table_next_column()
                     self._draw_sessions(ui)
                     self._draw_connect(ui)
+                    self._draw_nearby(ui)
                     imgui.table_next_column()
                     self._draw_recent(ui)
                     self._draw_samples(ui)
@@ -88,10 +90,9 @@ class StartPage:
         if not sessions:
             dim_text(tr("Nothing runs here now; what starts shows up by itself."))
         for place, record in enumerate(sessions):
-            icon = icons.ICON_FA_FILM if record.kind == "replay" else icons.ICON_FA_CUBES
             age = tr("started {age} ago", age=age_text(time.time() - record.started))
             details = "   ".join(dict.fromkeys((record.scene, record.endpoint, age)))
-            if _offer(f"{icon}   {record.name}", details, f"session {record.place}"):
+            if _offer(f"{_icon_of(record.kind)}   {record.name}", details, f"session {record.place}"):
                 ui.attachments.connect(record.place)
             ui.landmarks.note(f"start/session/{place}")
 
@@ -112,6 +113,24 @@ class StartPage:
                 self._endpoint = endpoint
                 ui.attachments.connect(endpoint)
             ui.landmarks.note(f"start/recent endpoint/{place}")
+
+    def _draw_nearby(self, ui: Ui) -> None:
+        attachments = ui.attachments
+        imgui.dummy((0.0, imgui.get_font_size() * 0.4))
+        imgui.begin_disabled(attachments.is_looking_around)
+        if imgui.button(tr_label("Look around in the local network", "look around")):
+            attachments.look_around()
+        imgui.end_disabled()
+        ui.landmarks.note("start/look around")
+        imgui.set_item_tooltip(tr("Finds sessions that were started with --discover"))
+        if attachments.nearby is None or attachments.is_looking_around:
+            return
+        if not attachments.nearby:
+            dim_text(tr("No session of the local network answers."))
+        for place, found in enumerate(attachments.nearby):
+            if _offer(f"{_icon_of(found.kind)}   {found.name}", nearby_text(found), f"nearby {found.place}"):
+                attachments.connect(found.place)
+            ui.landmarks.note(f"start/nearby/{place}")
 
     def _draw_recent(self, ui: Ui) -> None:
         for title, recent, icon, run, name in (
@@ -141,6 +160,20 @@ class StartPage:
             if _offer(f"{icons.ICON_FA_SHAPES}   {name}", tr(title), f"sample {name}"):
                 ui.attachments.open_scene(name)
             ui.landmarks.note(f"start/sample/{name}")
+
+
+def nearby_text(found: FoundSession) -> str:
+    """What a session of the local network says of itself, in a line."""
+    parts = [found.scene, found.endpoint, tr("started {age} ago", age=age_text(found.age))]
+    if found.load >= 0.0:
+        parts.append(tr("load {percent} %", percent=round(100 * found.load)))
+    if found.needs_secret:
+        parts.append(tr("needs a secret"))
+    return "   ".join(part for part in parts if part)
+
+
+def _icon_of(kind: str) -> str:
+    return str(icons.ICON_FA_FILM if kind == "replay" else icons.ICON_FA_CUBES)
 
 
 def age_text(seconds: float) -> str:

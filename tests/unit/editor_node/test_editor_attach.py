@@ -8,6 +8,7 @@ from collections.abc import AsyncIterator
 
 import pytest
 
+from elys.bus.beacon import FoundSession
 from elys.bus.discovery import SessionRecord
 from elys.bus.session import Session
 from elys.bus.transports.loopback import LoopbackBroker
@@ -389,5 +390,38 @@ def test_the_link_shows_its_figures(screenshot_directory):
         await person.click("link/disconnect")
         await person.frames(2)
         assert not editor.attachments.is_attached
+
+    at_a_lonely_editor(scenario)
+
+
+@pytest.mark.gl
+def test_the_start_page_looks_around_when_asked(monkeypatch, screenshot_directory):
+    asked: list[int] = []
+
+    async def answers() -> list[FoundSession]:
+        asked.append(1)
+        found = FoundSession(
+            name="meadow", kind="simulation", scene="Meadow", endpoint=A, age=300.0, load=0.25, clients=2,
+            needs_secret=True, version="",
+        )  # fmt: skip
+        return [found] if len(asked) > 1 else []
+
+    monkeypatch.setattr(attachments_module, "find_sessions", lambda: [])
+    monkeypatch.setattr(attachments_module, "look_around", answers)
+
+    async def scenario(person, town):
+        editor = person.editor
+        await person.frames(20)
+        assert not asked, "nobody is asked before somebody wants it"
+        await town.host(f"meadow@{A}", name="meadow")
+        await person.click("start/look around")
+        await person.until(lambda: editor.attachments.nearby == ())
+        await person.click("start/look around")
+        await person.until(lambda: editor.attachments.nearby)
+        await person.frames(3)
+        editor.screenshot(screenshot_directory / "start-nearby.png")
+        await person.click("start/nearby/0")
+        await person.until(lambda: editor.model.scene.is_known)
+        assert editor.seat.name == "meadow"
 
     at_a_lonely_editor(scenario)
