@@ -97,7 +97,9 @@ class Beacon(asyncio.DatagramProtocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """The socket is open."""
-        self._transport = cast(asyncio.DatagramTransport, transport)  # which it is, but says so from Python 3.12 on only
+        self._transport = cast(
+            asyncio.DatagramTransport, transport
+        )  # which it is, but says so from Python 3.12 on only
 
     def datagram_received(self, data: bytes, address: tuple[str, int]) -> None:
         """Somebody asks, or says something else, which is left alone."""

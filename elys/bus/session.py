@@ -32,6 +32,8 @@ Q = TypeVar("Q")
 R = TypeVar("R")
 
 HOST_KINDS: Final = ("simulation", "replay")
+# Hundreds of viewers that each hear of each other would be tens of thousands of messages: they hear of those they need.
+_SEEN_BY: Final = {"viewer": (*HOST_KINDS, "render")}  # all others see everybody
 _log = logging.getLogger(__name__)
 
 
@@ -57,7 +59,7 @@ class Session:
         self.node = node
         self.epoch = epoch  # which run of the host; changes when the host restarts
         self.connected = True
-        self.nodes: dict[str, Node] = {}  # all that are alive, by id
+        self.nodes: dict[str, Node] = {}  # all that are alive, by id; of a viewer the hosts and render nodes
         self.refused: dict[str, int] = {}  # messages that were not what their topic promises, by topic
         self.traffic = Traffic()
         self.host_facts: Callable[[], HostFacts] | None = None  # of a host: what it carries, for who asks
@@ -295,8 +297,9 @@ class Session:
         self.serve(topics.VITALS, partial(give_vitals, self), key=self.node.id)
         own = topics.node_key(self.name, self.node.kind, self.node.id)
         self._closers.append(self.transport.announce(own))
-        everyone = topics.node_key(self.name, "*", "*")
-        self._closers.append(self.transport.watch(everyone, self._from_thread(self._node_changed)))
+        for kind in _SEEN_BY.get(self.node.kind, ("*",)):
+            them = topics.node_key(self.name, kind, "*")
+            self._closers.append(self.transport.watch(them, self._from_thread(self._node_changed)))
 
     def _node_changed(self, key: str, alive: bool) -> None:
         kind, identity = key.split("/")[-2:]

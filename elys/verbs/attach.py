@@ -40,7 +40,7 @@ def view(
     probe_display()
 
     async def work() -> None:
-        async with joined(endpoint, kind="tool") as session:
+        async with joined(endpoint, kind="viewer") as session:
             frames = frame_limit or None
             if thin:
                 from elys.render_node.thin_window import run_thin_view

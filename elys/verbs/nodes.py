@@ -194,7 +194,7 @@ def viewer(connect: str | None, *, frame_limit: int) -> None:
     from elys.render_node.view_window import run_view
 
     async def work() -> None:
-        async with joined(connect, kind="tool", timeout=60.0) as session:
+        async with joined(connect, kind="viewer", timeout=60.0) as session:
             await run_view(session, frames=frame_limit or None)
 
     start_logging()

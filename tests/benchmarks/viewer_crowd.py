@@ -64,7 +64,7 @@ class Viewer:
 
 
 async def watch(endpoint: str, count: int) -> None:
-    viewers = [Viewer(await join_session(endpoint, kind="tool", timeout=30.0)) for _ in range(count)]
+    viewers = [Viewer(await join_session(endpoint, kind="viewer", timeout=30.0)) for _ in range(count)]
     await asyncio.gather(*(viewer.watch() for viewer in viewers))
     print("watching", flush=True)
     lines: asyncio.Queue[str] = asyncio.Queue()

@@ -3,7 +3,8 @@
 python -m tests.benchmarks.viewer_host ENDPOINT SCENE
 
 Says "hosting" when it ticks. Each line on stdin is answered by one of JSON: ticks so far, processor time of the thread that ticks
-and of the whole process [s], how many state frames were sent. "touch" changes something in the scene as well, "snapshot" makes one and tells what that took [s].
+and of the whole process [s], how many state frames were sent. "touch"
+changes something in the scene as well; "snapshot" makes one and tells what that took [s].
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -175,29 +175,29 @@ def free_ports(count: int) -> list[int]:
     return ports
 
 
-def in_turns(on: Stage, *, count: int, seconds: float, turns: int = 2) -> tuple[list[Phase], list[Phase]]:
-    """Phases without and with viewers, alternating, so that what drifts meanwhile drifts for both."""
-    alone, watched = [], []
+def in_turns(on: Stage, *, counts: Sequence[int], seconds: float, turns: int = 2) -> list[list[Phase]]:
+    """Phases with each of these counts of viewers, in turns, so that what drifts meanwhile drifts for all."""
+    phases: list[list[Phase]] = [[] for _ in counts]
     for _ in range(turns):
-        alone.append(on.phase(0, seconds))
-        watched.append(on.phase(count, seconds))
-    return alone, watched
+        for place, count in enumerate(counts):
+            phases[place].append(on.phase(count, seconds))
+    return phases
 
 
-def rows_of(alone: list[Phase], watched: list[Phase], *, what: str) -> list[Row]:
+def rows_of(alone: list[Phase], one: list[Phase], watched: list[Phase], *, what: str) -> list[Row]:
     """The table's rows for one setting."""
     ages = np.concatenate([phase.ages for phase in watched])
     total = sum(phase.states + phase.missed_states for phase in watched)
     deltas = sum(phase.deltas for phase in watched)
-    before, after = (np.median([phase.tick for phase in phases]) for phases in (alone, watched))
+    none, first, all_of_them = (float(np.median([phase.tick for phase in phases])) for phases in (alone, one, watched))
     spread = max(phase.tick for phase in alone) / min(phase.tick for phase in alone) - 1.0
     share = sum(sum(phase.routers) for phase in watched) / sum(phase.seconds for phase in watched)
     return [
         (f"{what}: age of a state at arrival, p50 / p99", f"{np.percentile(ages, 50):.1f} / {np.percentile(ages, 99):.1f} ms"),
         (f"{what}: states missed; deltas missed", f"{sum(p.missed_states for p in watched)} of {total}; "
          f"{sum(p.missed_deltas for p in watched)} of {deltas}"),
-        (f"{what}: processor time of the ticking thread in a tick, without / with viewers",
-         f"{before:.3f} / {after:.3f} ms ({100 * (after / before - 1):+.1f} %; turns without differ by {100 * spread:.1f} %)"),
+        (f"{what}: processor time of the ticking thread in a tick with none / one / all of them",
+         f"{none:.3f} / {first:.3f} / {all_of_them:.3f} ms (turns with none differ by {100 * spread:.1f} %)"),
         (f"{what}: processor time of the routers together", f"{100 * share:.0f} % of a core"),
     ]  # fmt: skip
 
@@ -214,8 +214,8 @@ def measured(scene: str, *, count: int, seconds: float, branches: int = 0) -> li
     """One setting."""
     below = f"a tree of {branches + 1} routers" if branches else "one router"
     with stage(scene, branches=branches) as on:
-        alone, watched = in_turns(on, count=count, seconds=seconds)
-    return rows_of(alone, watched, what=f"{count} viewers below {below}, {scene}")
+        alone, one, watched = in_turns(on, counts=(0, 1, count), seconds=seconds)
+    return rows_of(alone, one, watched, what=f"{count} viewers below {below}, {scene}")
 
 
 def main(words: list[str]) -> None:

@@ -85,11 +85,12 @@ def check_table(check: list[dict[str, Any]]) -> str:
         "| below one router | router, predicted | measured | age p50, predicted | measured | p99 |",
         "| --- | --- | --- | --- | --- | --- |",
     ]
-    for row in check:
-        lines.append(
-            f"| {row['viewers']} viewers, {row['size'] / 1000:.1f} kB | {1e3 * row['predicted']:.2f} ms a tick "
-            f"| {1e3 * row['router']:.2f} ms | {row['predicted_age']:.1f} ms | {row['age_p50']:.1f} ms | {row['age_p99']:.1f} ms |"
-        )
+    lines += [
+        f"| {row['viewers']} viewers, {row['size'] / 1000:.1f} kB | {1e3 * row['predicted']:.2f} ms a tick "
+        f"| {1e3 * row['router']:.2f} ms | {row['predicted_age']:.1f} ms | {row['age_p50']:.1f} ms "
+        f"| {row['age_p99']:.1f} ms |"
+        for row in check
+    ]
     return "\n".join(lines)
 
 
@@ -102,7 +103,7 @@ def table(outcomes: list[Outcome], costs: Costs) -> str:
     for found in outcomes:
         routers = found.levels[1:]
         busiest = max(routers, key=lambda load: load.processor)
-        storm = join_storm(found.viewers, costs, below_router=round(found.viewers / routers[-1].nodes))
+        storm = join_storm(found.viewers, costs, routers=sum(load.nodes for load in routers))
         lines.append(
             f"| {found.viewers:,} | {sum(load.nodes for load in routers):,} | {len(routers)} "
             f"| {found.age(50):.0f} / {found.age(99):.0f} ms | {100 * found.lost:.1f} % "

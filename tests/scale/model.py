@@ -128,7 +128,7 @@ def _in_order(below: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def tree_for(viewers: int, *, fan_out: int) -> list[int]:
-    """Fan-outs of the smallest tree of routers of at most `fan_out` that carries so many viewers; the host sends to one router."""
+    """Fan-outs of the flattest tree of routers of at most `fan_out` for so many viewers; the host sends to one router."""
     depth = max(1, math.ceil(math.log(max(viewers, 2)) / math.log(fan_out) - 1e-9))
     each = math.ceil(viewers ** (1.0 / depth) - 1e-9)
     return [1, *[each] * depth]
@@ -139,15 +139,11 @@ class JoinStorm:
     """What happens when so many viewers come at once."""
 
     host: float  # [s] of the host's processor for all snapshots
-    presence: float  # messages that tell each node of each other
-    presence_of_router: float  # [s] of processor time of one router that all of them pass
+    presence: float  # messages by which all routers and the host hear of them
+    presence_of_all: float  # the same if each viewer heard of each other as well
 
 
-def join_storm(viewers: int, costs: Costs, *, below_router: int) -> JoinStorm:
-    """The cost of `viewers` that join, `below_router` of them at each router of the last level."""
-    told = float(viewers) ** 2
-    return JoinStorm(
-        host=viewers * costs.snapshot,
-        presence=told,
-        presence_of_router=viewers * (costs.taking(100.0) + below_router * costs.giving(100.0)),
-    )
+def join_storm(viewers: int, costs: Costs, *, routers: int) -> JoinStorm:
+    """The cost of `viewers` that join below so many routers."""
+    told = float(viewers) * (routers + 1)
+    return JoinStorm(host=viewers * costs.snapshot, presence=told, presence_of_all=told + float(viewers) ** 2)

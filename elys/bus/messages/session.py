@@ -13,7 +13,7 @@ class Hello(msgspec.Struct, frozen=True, kw_only=True):
     """A node introduces itself to the host, before anything else."""
 
     protocol: int
-    kind: str  # what it is: simulation, replay, render, editor, recorder or tool
+    kind: str  # what it is: simulation, replay, render, editor, recorder, viewer or tool
     node: str  # its id, unique in the session
     version: str  # of ELYS
 

@@ -332,3 +332,12 @@ async def test_a_tap_sees_every_publication() -> None:
 def test_versions_are_what_the_package_says() -> None:
     assert elys.__version__
     assert codec.with_prefix(b"", Encoding.JSON)[:4] == b"ELYS"
+
+
+async def test_viewers_hear_of_hosts_and_render_nodes_and_an_editor_of_everybody(pair: Pair) -> None:
+    host, editor = await pair.open()
+    kinds = ("viewer", "viewer", "render")
+    viewer, other, render = [await Session.join(pair.connect(), kind=kind) for kind in kinds]
+    await until(lambda: len(editor.nodes) == len(host.nodes) == 5 and len(viewer.nodes) == len(other.nodes) == 2)
+    assert set(viewer.nodes) == set(other.nodes) == {host.node.id, render.node.id}
+    await close(viewer, other, render, editor, host)
