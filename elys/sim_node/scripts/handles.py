@@ -9,11 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
-import msgspec
-
-from elys.common.components import Component, RigidBody, Transform, component_from
+from elys.common.components import Component, RigidBody, Transform
 from elys.common.errors import EntityError
-from elys.common.ids import NO_ENTITY, Entity
+from elys.common.ids import MAX_ENTITIES, NO_ENTITY, Entity
 from elys.common.math import poses
 from elys.sim_node.inputs import PlayerInput
 from elys.sim_node.scripts.vector import Rotation, Vector
@@ -116,7 +114,7 @@ class EntityHandle:
     @property
     def position(self) -> Vector:
         """Its place [m]."""
-        return Vector(self._world.transforms.world_pose(self.id)[0])
+        return Vector(self._pose("position", 0))
 
     @position.setter
     def position(self, position: Iterable[float]) -> None:
@@ -125,7 +123,7 @@ class EntityHandle:
     @property
     def rotation(self) -> Rotation:
         """How it is turned."""
-        return Rotation(self._world.transforms.world_pose(self.id)[1])
+        return Rotation(self._pose("rotation", 1))
 
     @rotation.setter
     def rotation(self, rotation: Iterable[float]) -> None:
@@ -173,8 +171,7 @@ class EntityHandle:
 
     def set(self, component: type[Component] | str, **values: Any) -> None:
         """Changes fields of a component that it has; ComponentError for what it does not take."""
-        name = component if isinstance(component, str) else component.__name__
-        self._world.set(self.id, component_from(name, values, base=self._world.get(self.id, name)))
+        self._world.set_fields(self.id, component, values)
 
     def add(self, component: Component) -> None:
         """Gives it a component it has not."""
@@ -213,6 +210,13 @@ class EntityHandle:
     def _world(self) -> Any:
         return self._scripts.simulation.world
 
+    def _pose(self, name: str, part: int) -> Any:
+        world = self._world
+        if world.hierarchy.parent_of(self.id) != NO_ENTITY or not world.has(self.id, Transform):
+            return world.transforms.world_pose(self.id)[part]
+        table = world.table(Transform)  # of a root: its own values are the world's
+        return table.whole_column(name)[table.row_of[self.id & MAX_ENTITIES]].tolist()
+
     def _place(self, position: Vector | None, rotation: Rotation | None) -> None:
         world = self._world
         parent = world.hierarchy.parent_of(self.id)
@@ -222,9 +226,7 @@ class EntityHandle:
             above, now = world.transforms.world_pose(parent), world.transforms.world_pose(self.id)
             placed = poses.local_pose(*above, position or now[0], rotation or now[1])
             local = dict(zip(("position", "rotation"), placed, strict=True))
-        values = {name: tuple(value) for name, value in local.items() if value is not None}
-        world.set(self.id, msgspec.structs.replace(world.get(self.id, Transform), **values))
-        world.transforms.propagate()
+        world.set_fields(self.id, Transform, {name: tuple(value) for name, value in local.items() if value is not None})
 
 
 class GameWorld:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -11,7 +11,7 @@ from elys.sim_node.scripts.handles import EntityHandle, Touch
 from elys.sim_node.scripts.vector import Vector
 
 if TYPE_CHECKING:
-    from elys.sim_node.scripts.runner import Running, Scripts
+    from elys.sim_node.scripts.runner import Scripts
 
 
 class Happening(NamedTuple):
@@ -22,7 +22,7 @@ class Happening(NamedTuple):
     arguments: tuple[Any, ...]
 
 
-def visits_of(scripts: Scripts, listening: Mapping[int, Running]) -> Iterator[Happening]:
+def visits_of(scripts: Scripts) -> Iterator[Happening]:
     """Who came into triggers, stays there, or left; told to the trigger's script and to the visitor's."""
     triggers = scripts.simulation.physics.events.triggers
     for hook, visits in (
@@ -30,7 +30,7 @@ def visits_of(scripts: Scripts, listening: Mapping[int, Running]) -> Iterator[Ha
         ("on_trigger_stay", triggers.stayed),
         ("on_trigger_exit", triggers.exited),
     ):
-        entities = _listeners(listening, hook)
+        entities = _listeners(scripts, hook)
         if not len(entities) or not len(visits.trigger):
             continue
         sides = (visits.trigger, visits.trigger_body), (visits.entity, visits.body)
@@ -39,10 +39,10 @@ def visits_of(scripts: Scripts, listening: Mapping[int, Running]) -> Iterator[Ha
                 yield Happening(entity, hook, (EntityHandle(scripts, int(other[0][row])),))
 
 
-def contacts_of(scripts: Scripts, listening: Mapping[int, Running]) -> Iterator[Happening]:
+def contacts_of(scripts: Scripts) -> Iterator[Happening]:
     """Which contacts began; told to both sides' scripts."""
     begun = scripts.simulation.physics.events.contacts.begun
-    entities = _listeners(listening, "on_contact")
+    entities = _listeners(scripts, "on_contact")
     if not len(entities) or not len(begun.entity_a):
         return
     sides = (begun.entity_a, begun.body_a, -1.0), (begun.entity_b, begun.body_b, 1.0)
@@ -57,8 +57,8 @@ def contacts_of(scripts: Scripts, listening: Mapping[int, Running]) -> Iterator[
             yield Happening(entity, "on_contact", (EntityHandle(scripts, int(other[0][row])), touch))
 
 
-def _listeners(listening: Mapping[int, Running], hook: str) -> np.ndarray[Any, Any]:
-    return np.array([entity for entity, one in listening.items() if hook in one.hooks], np.uint32)
+def _listeners(scripts: Scripts, hook: str) -> np.ndarray[Any, Any]:
+    return np.array([one.entity for one in scripts.listening(hook)], np.uint32)
 
 
 def _rows_of(sides: tuple[Any, ...], entities: np.ndarray[Any, Any]) -> Iterator[tuple[int, int]]:

@@ -86,6 +86,10 @@ class Scripts:
         self._events: list[Event] = []
         self._watchdog = Watchdog()
         self._said = -_SAID_EVERY
+        self._spent = 0.0  # [s] in this tick, before physics
+        self._measures = False  # how long each takes
+        self._are_new = False  # some have not started yet
+        self._listening: dict[str, list[Running]] = {}  # by hook; made anew when anybody comes, goes or changes
 
     def __len__(self) -> int:
         return len(self._running)
@@ -97,63 +101,85 @@ class Scripts:
         if not self.are_trusted or not (self._running or len(self._query)):
             self._queue.clear()
             return
+        began = time.perf_counter()
+        self._watchdog.begin()
         self._follow()
         heard, self._queue = self._queue, []
         self._events += heard
-        running = list(self._running.values())
-        for one in running:
-            one.spent = 0.0
-            if one.is_enabled and not one.has_started and not one.failure:
-                one.has_started = True
-                self._call(one, "start")
-        self._tell(running, heard)
+        for one in self._waiting_to_start():
+            one.has_started = True
+            self._listening = {}
+            self._call(one, "start")
+        self._tell(heard)
         happened = {event.kind: event for event in reversed(heard)}
-        dt = self.world.dt
-        for one in running:
-            if one.tasks and one.is_enabled:
-                self._resume(one, happened)
-            if "fixed_update" in one.hooks:
-                self._call(one, "fixed_update", dt)
+        for one in [one for one in self._running.values() if one.tasks and one.is_enabled]:
+            self._resume(one, happened)
+        self._call_all("fixed_update", self.world.dt)
         self._end_doomed()
+        self._watchdog.end()
+        self._spent = time.perf_counter() - began
 
     def run_late(self, world: World) -> None:
         """After physics: `update`."""
-        dt = self.world.dt
-        for one in list(self._running.values()):
-            if one.has_started and "update" in one.hooks:
-                self._call(one, "update", dt)
-        if self._running:
-            self._end_doomed()
-            self._look_at_budget(dt)
+        if not self._running:
+            return
+        began = time.perf_counter()
+        self._watchdog.begin()
+        self._call_all("update", self.world.dt)
+        self._end_doomed()
+        self._watchdog.end()
+        self._look_at_budget(self._spent + time.perf_counter() - began)
 
-    def _tell(self, running: list[Running], heard: list[Event]) -> None:
-        listening = {one.entity: one for one in running if one.has_started}
-        for happening in (*visits_of(self, listening), *contacts_of(self, listening)):
-            self._call(listening[happening.entity], happening.hook, *happening.arguments)
-        players = self.world.players
-        for one in running:
-            if "on_event" in one.hooks:
-                for event in heard:
-                    if not event.entity or event.entity == one.entity:
-                        self._call(one, "on_event", event)
-            if "on_input" in one.hooks:
-                for player in players:
-                    self._call(one, "on_input", player)
+    def _waiting_to_start(self) -> list[Running]:
+        if not self._are_new:
+            return []
+        self._are_new = False
+        return [one for one in self._running.values() if one.is_enabled and not one.has_started and not one.failure]
+
+    def _tell(self, heard: list[Event]) -> None:
+        for happening in (*visits_of(self), *contacts_of(self)):
+            self._call(self._running[happening.entity], happening.hook, *happening.arguments)
+        for one in self.listening("on_event") if heard else ():
+            for event in heard:
+                if not event.entity or event.entity == one.entity:
+                    self._call(one, "on_event", event)
+        for player in self.world.players:
+            self._call_all("on_input", player)
+
+    def listening(self, hook: str) -> list[Running]:
+        """Those whose hook is called now, in their order."""
+        if hook not in self._listening:
+            self._listening[hook] = [one for one in self._running.values() if one.has_started and hook in one.hooks]
+        return self._listening[hook]
+
+    def _call_all(self, hook: str, *arguments: Any) -> None:
+        """Calls a hook of all that have it. One loop, entered anew only behind a script that fails: this is what a tick costs."""
+        listening, place, watchdog = self.listening(hook), 0, self._watchdog
+        measures = self._measures
+        while place < len(listening):
+            try:
+                for one in listening[place:]:
+                    watchdog.call += 1
+                    place += 1
+                    began = time.perf_counter() if measures else 0.0
+                    result = getattr(one.itself, hook)(*arguments)
+                    if result is not None and type(result) is Call:
+                        self._begin(one, result)
+                    if measures:
+                        one.spent += time.perf_counter() - began
+            except (Exception, ScriptTimeout) as error:
+                self._fail(listening[place - 1], error)
 
     def _call(self, one: Running, hook: str, *arguments: Any) -> None:
         if hook not in one.hooks or not self.simulation.world.is_alive(one.entity):
             return
-        began = time.perf_counter()
-        self._watchdog.begin()
+        self._watchdog.call += 1
         try:
             result = getattr(one.itself, hook)(*arguments)
             if type(result) is Call:
                 self._begin(one, result)
         except (Exception, ScriptTimeout) as error:
             self._fail(one, error)
-        finally:
-            self._watchdog.end()
-            one.spent += time.perf_counter() - began
 
     def _begin(self, one: Running, call: Call) -> None:
         task = Task.of(call, self.simulation.tick, self._ticks_in)
@@ -163,19 +189,18 @@ class Scripts:
             one.tasks.remove(task)
 
     def _resume(self, one: Running, happened: Mapping[str, Event]) -> None:
-        began = time.perf_counter()
-        mine = {kind: event for kind, event in happened.items() if event.entity in (0, one.entity)}
-        for task in list(one.tasks):
-            self._watchdog.begin()
-            try:
+        began = time.perf_counter() if self._measures else 0.0
+        mine = happened and {kind: event for kind, event in happened.items() if event.entity in (0, one.entity)}
+        self._watchdog.call += 1
+        try:
+            for task in list(one.tasks):
                 task.advance(self.simulation.tick, self._ticks_in, mine)
-            except (Exception, ScriptTimeout) as error:
-                self._fail(one, error)
-                break
-            finally:
-                self._watchdog.end()
-        one.tasks = [task for task in one.tasks if not task.is_done]
-        one.spent += time.perf_counter() - began
+                if task.is_done and task in one.tasks:
+                    one.tasks.remove(task)
+        except (Exception, ScriptTimeout) as error:
+            self._fail(one, error)
+        if self._measures:
+            one.spent += time.perf_counter() - began
 
     def _ticks_in(self, seconds: float) -> int:
         return round(min(seconds, 1e9) * self.simulation.settings.tick_rate)
@@ -211,6 +236,8 @@ class Scripts:
             if is_enabled and not one.failure:
                 self._become(one, component)
         self._running = dict(sorted(self._running.items()))
+        self._are_new = True
+        self._listening = {}
 
     def _become(self, one: Running, component: Script) -> None:
         try:
@@ -251,14 +278,13 @@ class Scripts:
     def _end(self, one: Running) -> None:
         """It is taken away: its waiting functions end, and it may say farewell."""
         one.tasks.clear()
+        self._listening = {}
         if one.has_started and "on_destroy" in one.hooks and one.itself is not None:
-            self._watchdog.begin()
+            self._watchdog.call += 1
             try:
                 one.itself.on_destroy()
             except (Exception, ScriptTimeout) as error:
                 self._fail(one, error)
-            finally:
-                self._watchdog.end()
         one.has_started = False
 
     def _end_doomed(self) -> None:
@@ -284,6 +310,7 @@ class Scripts:
             text = f"{where}: {what}" if where else what
         one.failure = text
         one.tasks.clear()
+        self._listening = {}
         _log.error("%s is off: %s", self._named(one), text)
         self._events.append(Event(kind="script", entity=one.entity, values={"text": text}))
 
@@ -291,18 +318,23 @@ class Scripts:
         name = one.script.name if one.script is not None else "the script"
         return f"{name} of {self.simulation.named(one.entity)}"
 
-    def _look_at_budget(self, dt: float) -> None:
-        spent = sum(one.spent for one in self._running.values())
-        if spent > BUDGET * dt and time.monotonic() - self._said > _SAID_EVERY:
-            self._said = time.monotonic()
-            worst = max(self._running.values(), key=lambda one: one.spent)
-            _log.warning(
-                "scripts took %.1f of a tick's %.1f ms, %s alone %.1f ms",
-                1e3 * spent,
-                1e3 * dt,
-                self._named(worst),
-                1e3 * worst.spent,
-            )
+    def _look_at_budget(self, spent: float) -> None:
+        """Names the script that takes most when all together take too much: the next tick measures each."""
+        allowed = BUDGET * self.world.dt
+        if self._measures:
+            worst = max(self._running.values(), key=lambda one: one.spent, default=None)
+            if worst is not None and spent > allowed:
+                self._said = time.monotonic()
+                _log.warning(
+                    "scripts took %.1f of a tick's %.1f ms, %s alone %.1f ms",
+                    1e3 * spent,
+                    1e3 * self.world.dt,
+                    self._named(worst),
+                    1e3 * worst.spent,
+                )
+            for one in self._running.values():
+                one.spent = 0.0
+        self._measures = spent > allowed and time.monotonic() - self._said > _SAID_EVERY
 
     # --- what scripts ask
 
@@ -386,7 +418,7 @@ class Scripts:
 
     def load(self, saved: Mapping[str, Any]) -> None:
         """Puts back what `saved` gave; a script that is not there any more, or other, stays off and says so."""
-        self._seen = ()
+        self._seen, self._listening = (), {}
         self._doomed.clear()
         self._events.clear()
         self._queue = list(saved["queue"])

@@ -1,7 +1,7 @@
 """Ends a script that does not come back.
 
-A thread looks at how long scripts have been running and raises an error in them when that is beyond a limit far above any budget.
-What a script did until then stays, so a run in which it happened is not repeated exactly; whoever verifies it is told.
+A thread looks whether one call into a script has been going on for longer than a limit far above any budget, and raises an error in
+it. What the script did until then stays, so a run in which this happened is not repeated exactly.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import contextlib
 import ctypes
 import threading
 import time
-from collections.abc import Iterator
+import weakref
 from typing import Final
 
 LIMIT: Final = 2.0  # [s] that one script may run in a tick
@@ -22,49 +22,60 @@ class ScriptTimeout(BaseException):
 
 
 class Watchdog:
-    """Watches the thread that makes it."""
+    """Watches the thread that makes it.
+
+    Attributes:
+        call: changes with every call into a script. To set it is all that watching costs a call.
+    """
 
     def __init__(self, limit: float = LIMIT) -> None:
+        self.call = 0
         self._limit = limit
         self._watched = threading.get_ident()
         self._lock = threading.Lock()
-        self._since = 0.0  # 0 while no script runs
+        self._is_running = False
         self._has_fired = False
         self._thread: threading.Thread | None = None
 
-    @contextlib.contextmanager
-    def watch(self) -> Iterator[None]:
-        """Raises ScriptTimeout inside, should it take longer than the limit."""
-        if self._thread is None:
-            self._thread = threading.Thread(target=self._look, name="elys-script-watchdog", daemon=True)
-            self._thread.start()
-        self.begin()
-        try:
-            yield
-        finally:
-            self.end()
-
     def begin(self) -> None:
-        """A script runs from now on."""
-        self._since = time.monotonic()
+        """Scripts run from now on."""
+        self._is_running = True
+        if self._thread is None:
+            self._watched = threading.get_ident()
+            self._thread = threading.Thread(target=_look, args=(weakref.ref(self),), name="elys-script-watchdog", daemon=True)
+            self._thread.start()
 
     def end(self) -> None:
-        """It has come back."""
+        """They are through: an error that was raised and has not come yet does no harm any more."""
         with self._lock:
-            self._since = 0.0
+            self.call += 1
+            self._is_running = False
             has_fired, self._has_fired = self._has_fired, False
-        if has_fired:  # raised already, or about to be: here it does no harm
+        if has_fired:
             with contextlib.suppress(ScriptTimeout):
                 for _ in range(1000):
                     pass
 
-    def _look(self) -> None:
-        while True:
-            time.sleep(_LOOKS)
-            with self._lock:
-                since = self._since
-                if since and not self._has_fired and time.monotonic() - since > self._limit:
-                    self._has_fired = True
-                    ctypes.pythonapi.PyThreadState_SetAsyncExc(
-                        ctypes.c_ulong(self._watched), ctypes.py_object(ScriptTimeout)
-                    )
+    def look(self, seen: int, since: float) -> None:
+        """Ends the call that was seen `since`, if it is still the same and that is too long ago."""
+        with self._lock:
+            if self._is_running and self.call == seen and not self._has_fired and time.monotonic() - since > self._limit:
+                self._has_fired = True
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(
+                    ctypes.c_ulong(self._watched), ctypes.py_object(ScriptTimeout)
+                )
+
+
+def _look(watchdog: weakref.ref[Watchdog]) -> None:
+    seen, since = 0, 0.0
+    while True:
+        time.sleep(_LOOKS)
+        found = watchdog()
+        if found is None:
+            return
+        call = found.call
+        if call != seen:
+            seen, since = call, time.monotonic()
+        else:
+            found.look(seen, since)
+        del found
