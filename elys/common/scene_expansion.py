@@ -13,8 +13,8 @@ from typing import Final, NoReturn
 from elys.common.assets.gltf import MODEL_SUFFIXES, ImportedModel, import_model
 from elys.common.assets.heights import HEIGHT_SUFFIXES, read_height_mesh, read_heights
 from elys.common.assets.images import IMAGE_SUFFIXES, read_image
-from elys.common.assets.scripts import read_script
 from elys.common.assets.primitives import PRIMITIVES, is_primitive
+from elys.common.assets.scripts import read_script
 from elys.common.assets.store import AssetKind, AssetStore, is_reference
 from elys.common.assets.texture import parse_texture, split_texture
 from elys.common.components import Kind, declaration_of
@@ -24,7 +24,13 @@ from elys.common.scene_naming import Names
 from elys.common.scene_reading import read_scene
 
 # Ground may be named where it is collided with, and where it is drawn.
-_KINDS: Final[Mapping[str, AssetKind]] = {"mesh": "mesh", "heights": "heights", "clips": "clips", "skin": "skin", "source": "script"}
+_KINDS: Final[Mapping[str, AssetKind]] = {
+    "mesh": "mesh",
+    "heights": "heights",
+    "clips": "clips",
+    "skin": "skin",
+    "source": "script",
+}
 _HEIGHT_READERS: Final[Mapping[AssetKind, Callable[[Path, AssetStore], str]]] = {
     "heights": read_heights,
     "mesh": read_height_mesh,

@@ -30,7 +30,9 @@ class Writer:
 
     def function(self, number: int) -> str:
         body = self.block(number, depth=0, in_loop=False)
-        return f"async def f{number}(log, a, b=2):\n    c = 0\n" + textwrap.indent(body, "    ") + "\n    return a, b, c\n"
+        return (
+            f"async def f{number}(log, a, b=2):\n    c = 0\n" + textwrap.indent(body, "    ") + "\n    return a, b, c\n"
+        )
 
     def block(self, number: int, *, depth: int, in_loop: bool) -> str:
         count = self.random.randint(1, 4)
@@ -42,7 +44,10 @@ class Writer:
             simple += ["break", "continue"]
         nested = ["if", "for", "while", "try", "finally", "both"] if depth < 3 else []
         kind = self.random.choice(simple + nested + nested)
-        inner = lambda loop=in_loop: textwrap.indent(self.block(number, depth=depth + 1, in_loop=loop), "    ")
+
+        def inner(loop: bool = in_loop) -> str:
+            return textwrap.indent(self.block(number, depth=depth + 1, in_loop=loop), "    ")
+
         choice, name = self.random.choice, self.random.choice("abc")
         match kind:
             case "assign":
@@ -52,7 +57,13 @@ class Writer:
             case "comprehension":
                 return f"log.append([{name} + k for k in range(3) if k != a])"
             case "wait":
-                return choice(("await ticks(1)", f"{name} = await give({self.random.randint(0, 9)})", f"{name} += 1; await ticks(1)"))
+                return choice(
+                    (
+                        "await ticks(1)",
+                        f"{name} = await give({self.random.randint(0, 9)})",
+                        f"{name} += 1; await ticks(1)",
+                    )
+                )
             case "call" if number + 1 < FUNCTIONS:
                 return f"({name}, b, log_size) = await f{number + 1}(log, {choice('abc')})"
             case "raise":
@@ -72,13 +83,13 @@ class Writer:
                 n = f"n{self.loops}"
                 return f"{n} = 0\nwhile {n} < {self.random.randint(1, 3)}:\n    {n} += 1\n{inner(True)}"
             case "try":
-                return f"try:\n{inner()}\nexcept {choice(('ValueError', '(KeyError, ValueError)', 'Exception'))} as error:\n{self.quiet(in_loop)}"
+                kinds = choice(("ValueError", "(KeyError, ValueError)", "Exception"))
+                return f"try:\n{inner()}\nexcept {kinds} as error:\n{self.quiet(in_loop)}"
             case "finally":
                 return f"try:\n{inner()}\nfinally:\n    log.append(('finally', a))"
             case "both":
-                return (
-                    f"try:\n{inner()}\nexcept ValueError:\n{self.quiet(in_loop)}\nelse:\n{inner()}\nfinally:\n    c += 1\n    log.append(c)"
-                )
+                tried = f"try:\n{inner()}\nexcept ValueError:\n{self.quiet(in_loop)}\nelse:\n{inner()}"
+                return f"{tried}\nfinally:\n    c += 1\n    log.append(c)"
         return "log.append(a)"
 
     def quiet(self, in_loop: bool) -> str:

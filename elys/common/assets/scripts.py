@@ -51,8 +51,8 @@ def read_script(path: Path, behaviour: str, assets: AssetStore) -> str:
                 waiting.append(wanted)
         if len(files) > MOST_FILES or sum(map(len, files.values())) > MOST_BYTES:
             raise AssetError(
-                f"{path} imports more than {MOST_FILES} files or {MOST_BYTES / 1e6:g} MB from beside it: keep large data in files "
-                "that are no scripts"
+                f"{path} imports more than {MOST_FILES} files or {MOST_BYTES / 1e6:g} MB from beside it: keep large data "
+                "in files that are no scripts"
             )
     bundle = ScriptBundle(behaviour=behaviour, main=path.name, files=dict(sorted(files.items())))
     source = f"{path}#{behaviour}" if behaviour else str(path)
@@ -98,11 +98,7 @@ def _imports(name: str, text: str) -> list[str]:
             above = package[: max(0, len(package) - node.level + 1)] if node.level else []
             base = ".".join([*above, *([node.module] if node.module else [])])
             modules += [part for part in (base, *(f"{base}.{alias.name}".strip(".") for alias in node.names)) if part]
-    return [
-        candidate
-        for module in dict.fromkeys(modules)
-        for candidate in _files_of(module)
-    ]
+    return [candidate for module in dict.fromkeys(modules) for candidate in _files_of(module)]
 
 
 def _files_of(module: str) -> list[str]:

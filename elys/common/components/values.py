@@ -82,14 +82,14 @@ def _named_values(where: str, value: Any) -> dict[str, Any]:
             raise ComponentError(f"{where}: {_shown(name)} is no name of a field")
         if isinstance(item, list | tuple) and 1 <= len(item) <= 4:
             checked[name] = tuple(_number(f"{where}.{name}", element) for element in item)
-        elif isinstance(item, bool | str):
-            checked[name] = item
-        elif isinstance(item, int) and -(2**53) <= item <= 2**53:
+        elif isinstance(item, bool | str) or (isinstance(item, int) and -(2**53) <= item <= 2**53):
             checked[name] = item
         elif isinstance(item, float):
             checked[name] = _number(f"{where}.{name}", item)
         else:
-            raise ComponentError(f"{where}.{name} must be a number, true or false, a text or up to 4 numbers, not {_shown(item)}")
+            raise ComponentError(
+                f"{where}.{name} must be a number, true or false, a text or up to 4 numbers, not {_shown(item)}"
+            )
     if len(values_text(checked)) > MAX_TEXT_LENGTH:
         raise ComponentError(f"{where} may have {MAX_TEXT_LENGTH} characters as JSON, not {len(values_text(checked))}")
     return checked

@@ -227,7 +227,9 @@ class World:
         """Changes some fields of a component the entity has; ComponentError for what they do not take."""
         table, row = self._find(entity, component)
         declaration, strings = table.declaration, self.strings
-        packed = {name: pack_value(declaration, declaration.field(name), value, strings) for name, value in values.items()}
+        packed = {
+            name: pack_value(declaration, declaration.field(name), value, strings) for name, value in values.items()
+        }
         table.write(row, packed)
         self._note_component(entity, table, was_present=True)
 

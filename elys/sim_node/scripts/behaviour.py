@@ -1,23 +1,24 @@
 """The class that scripts derive from, and how their fields are declared.
 
-    from elys.script import Behaviour, about, seconds
-    from typing import Annotated
+from elys.script import Behaviour, about, seconds
+from typing import Annotated
 
-    class Door(Behaviour):
-        \"\"\"Opens for whoever comes near.\"\"\"
+class Door(Behaviour):
+    \"\"\"Opens for whoever comes near.\"\"\"
 
-        rise: Annotated[float, about("How far it goes up.", unit="m", minimum=0.0)] = 2.0
-        stays_open: Annotated[float, about("Before it closes again.", unit="s", minimum=0.0)] = 1.5
-        keeper: Entity | None = None
+    rise: Annotated[float, about("How far it goes up.", unit="m", minimum=0.0)] = 2.0
+    stays_open: Annotated[float, about("Before it closes again.", unit="s", minimum=0.0)] = 1.5
+    keeper: Entity | None = None
 
-        async def on_trigger_enter(self, other):
-            await self.entity.move_to(self.home + (0.0, self.rise, 0.0), duration=0.5)
-            await seconds(self.stays_open)
-            await self.entity.move_to(self.home, duration=0.5)
+    async def on_trigger_enter(self, other):
+        await self.entity.move_to(self.home + (0.0, self.rise, 0.0), duration=0.5)
+        await seconds(self.stays_open)
+        await self.entity.move_to(self.home, duration=0.5)
 """
 
 from __future__ import annotations
 
+import inspect
 import logging
 import random
 import types
@@ -128,7 +129,7 @@ def fields_of(behaviour: type[Behaviour], names: dict[str, Any]) -> tuple[FieldD
     for owner in reversed(behaviour.__mro__):
         if not issubclass(owner, Behaviour) or owner is Behaviour:
             continue
-        for name, hint in owner.__dict__.get("__annotations__", {}).items():
+        for name, hint in inspect.get_annotations(owner).items():
             if name.startswith("_"):
                 continue
             hint = _evaluated(behaviour, name, hint, names)

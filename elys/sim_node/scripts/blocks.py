@@ -1,7 +1,7 @@
 """Parts of a function as functions of their own, which take its local variables as a dict and leave them changed.
 
-Inside they are Python's own code with Python's own rules: comprehensions and lambdas see the variables, a variable that has no value
-yet is an UnboundLocalError, and a traceback names the script's file, line and function.
+Inside they are Python's own code with Python's own rules: comprehensions and lambdas see the variables, a variable that has no
+value yet is an UnboundLocalError, and a traceback names the script's file, line and function.
 """
 
 from __future__ import annotations
@@ -47,7 +47,9 @@ class BlockMaker:
 
     def _made(self, body: list[ast.stmt]) -> Block:
         inner = [_SuperCalls(self._itself).visit(part) for part in body]
-        used = sorted(self._names & {found.id for part in body for found in ast.walk(part) if isinstance(found, ast.Name)})
+        used = sorted(
+            self._names & {found.id for part in body for found in ast.walk(part) if isinstance(found, ast.Name)}
+        )
         bound = sorted(self._names & set().union(*map(_bound_names, body)))
         first = body[0]
         lines = [f"if {name!r} in {_VARIABLES}: {name} = {_VARIABLES}[{name!r}]" for name in sorted({*used, *bound})]

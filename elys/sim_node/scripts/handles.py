@@ -1,7 +1,7 @@
 """What scripts see of the world: entities, and all that can be asked and done.
 
-Places, speeds and forces are in world space, in SI units; y is up. What a script writes holds at once for scripts, and for physics in
-its next step.
+Places, speeds and forces are in world space, in SI units; y is up. What a script writes holds at once for scripts, and for
+physics in its next step.
 """
 
 from __future__ import annotations
@@ -152,12 +152,19 @@ class EntityHandle:
         return Vector(poses.rotate(self.rotation, (0.0, 0.0, -1.0)))
 
     def move_to(
-        self, position: Iterable[float], *, duration: float, rotation: Iterable[float] | None = None, ease: str = "smooth"
+        self,
+        position: Iterable[float],
+        *,
+        duration: float,
+        rotation: Iterable[float] | None = None,
+        ease: str = "smooth",
     ) -> Call:
         """To be awaited: goes there in some seconds, "linear" or "smooth" (slow at both ends). A kinematic body takes along what
         stands on it."""
         target = None if rotation is None else Rotation(rotation)
-        return self._scripts.prelude("move_to", self._scripts.world, self, Vector(position), target, float(duration), ease)
+        return self._scripts.prelude(
+            "move_to", self._scripts.world, self, Vector(position), target, float(duration), ease
+        )
 
     # --- what it has
 
@@ -224,7 +231,8 @@ class EntityHandle:
             local: dict[str, Any] = {"position": position, "rotation": rotation}
         else:
             above, now = world.transforms.world_pose(parent), world.transforms.world_pose(self.id)
-            placed = poses.local_pose(*above, position or now[0], rotation or now[1])
+            place, turn, scale = above
+            placed = poses.local_pose(place, turn, scale, tuple(position or now[0]), tuple(rotation or now[1]))
             local = dict(zip(("position", "rotation"), placed, strict=True))
         world.set_fields(self.id, Transform, {name: tuple(value) for name, value in local.items() if value is not None})
 

@@ -10,6 +10,7 @@ from elys.common.assets.scripts import decode_script
 from elys.common.assets.store import AssetStore, is_reference
 from elys.common.components.declaration import FieldDeclaration
 from elys.common.errors import AssetError, ScriptError
+from elys.common.trust import is_trusted
 from elys.sim_node.scripts.behaviour import HOOKS, Behaviour, fields_of
 from elys.sim_node.scripts.modules import ScriptModules
 from elys.sim_node.scripts.program import Program
@@ -59,6 +60,20 @@ class ScriptLibrary:
             raise ScriptError(str(found))
         return found
 
+    def require_trusted(self, source: str) -> None:
+        """Raises ScriptError for a script that nobody has said may run."""
+        path = self._path_of(source)
+        if path.name and not is_trusted(str(path)):
+            raise ScriptError(
+                f"scripts in {path.parent} are not trusted, so nothing of them is run: if you know who wrote them, add --trust, "
+                f"or say `elys trust {path.parent}` once"
+            )
+        if not path.name and not is_trusted(""):
+            raise ScriptError(
+                "the scripts that came with it are not trusted, so nothing of them is run: if you know who wrote them, "
+                "add --trust"
+            )
+
     def prelude(self, name: str) -> Program:
         """An async function of prelude.py."""
         return next(program for (called, _), program in self._prelude.programs.items() if called.endswith(f":{name}"))
@@ -85,6 +100,10 @@ class ScriptLibrary:
     def _scripts(self) -> list[LoadedScript]:
         return [script for script in self._loaded.values() if isinstance(script, LoadedScript)]
 
+    def _path_of(self, source: str) -> Path:
+        """The file that a script came from; one without a name if it came from none here."""
+        return Path(self._assets.source(source).partition("#")[0])
+
     def _read(self, source: str) -> LoadedScript:
         if not source:
             raise ScriptError("its component names no script: give file.py#Class")
@@ -94,7 +113,8 @@ class ScriptLibrary:
             bundle = decode_script(self._assets.get(source))
         except AssetError as error:
             raise ScriptError(str(error)) from error
-        path = Path(self._assets.source(source).partition("#")[0])
+        self.require_trusted(source)
+        path = self._path_of(source)
         places = {name: str(path.parent / name) for name in bundle.files} if path.name else {}
         modules = ScriptModules(bundle, places)
         behaviour = modules.behaviour()

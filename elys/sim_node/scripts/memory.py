@@ -1,8 +1,8 @@
 """What scripts remember, as values that a state of the simulation can hold, and back.
 
-Numbers, texts, tuples, lists, dicts, sets, arrays, entities, other behaviours, random generators, what can be awaited, and records
-(named tuples, dataclasses, enumerations) that a script file declares. What two places share they share again afterwards. Anything
-else, an open file or a socket, has no other time to go back to and is refused by name.
+Numbers, texts, tuples, lists, dicts, sets, arrays, entities, components, other behaviours, random generators, what can be
+awaited, and records (named tuples, dataclasses, enumerations) that a script file declares. What two places share they share
+again afterwards. Anything else, an open file or a socket, has no other time to go back to and is refused by name.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from typing import Any, Final, Protocol
 import numpy as np
 
 from elys.bus.messages.session import Event
+from elys.common.components import Component, component_from, values_of
 from elys.common.errors import ScriptError
 from elys.sim_node.scripts.program import Program
 from elys.sim_node.scripts.task import Frame, Task, Wait
@@ -79,6 +80,8 @@ class Keeper:
             return value.item()
         if (words := self._world.word_for(value)) is not None:
             return (f"{_MARK}named", *words)
+        if isinstance(value, Component):
+            return (f"{_MARK}component", kind.__name__, self._kept(values_of(value)))
         if kind is Event:
             return (f"{_MARK}Event", value.kind, value.entity, value.other, tuple(value.values.items()))
         if kind in _VECTORS.values():
@@ -112,8 +115,8 @@ class Keeper:
         if (name := self._world.name_of_record(kind)) is not None:
             return self._record(value, kind, name, number)
         raise ScriptError(
-            f"{self._way[0]}{''.join(self._way[1:])} is a {kind.__qualname__}, which cannot be kept: a script may remember numbers, "
-            "texts, tuples, lists, dicts, sets, arrays, entities, other scripts and records declared in its file"
+            f"{self._way[0]}{''.join(self._way[1:])} is a {kind.__qualname__}, which cannot be kept: a script may remember "
+            "numbers, texts, tuples, lists, dicts, sets, arrays, entities, other scripts and records declared in its file"
         )
 
     def _record(self, value: Any, kind: type[Any], name: str, number: int) -> Any:
@@ -148,7 +151,9 @@ class Keeper:
         if type(value) in ATOMS:
             return value
         if len(self._way) > _DEEPEST:
-            raise ScriptError(f"{self._way[0]} holds values {_DEEPEST} deep in one another, which cannot be kept: make it flatter")
+            raise ScriptError(
+                f"{self._way[0]} holds values {_DEEPEST} deep in one another, which cannot be kept: make it flatter"
+            )
         self._way.append(step)
         kept = self._kept(value)
         self._way.pop()
@@ -174,6 +179,8 @@ class Finder:
                 return self._world.named_by(tuple(parts))
             case "again":
                 return self._made[parts[0]]
+            case "component":
+                return component_from(parts[0], self.found(parts[1]))
             case "Event":
                 name, entity, other, values = parts
                 return Event(kind=name, entity=entity, other=other, values=dict(values))
@@ -218,7 +225,7 @@ class Finder:
     def _record(self, number: int, name: str, parts: list[Any]) -> Any:
         kind = self._kind(name)
         if issubclass(kind, tuple):
-            made = self._made[number] = kind(*map(self.found, parts))  # type: ignore[call-arg]
+            made = self._made[number] = kind(*map(self.found, parts))
             return made
         made = self._made[number] = object.__new__(kind)
         for field, part in zip(dataclasses.fields(kind), parts, strict=True):

@@ -55,7 +55,9 @@ class ScriptModules:
     @classmethod
     def of_file(cls, path: Path) -> ScriptModules:
         """The modules of a single file, which is run."""
-        modules = cls(ScriptBundle(behaviour="", main=path.name, files={path.name: path.read_text()}), {path.name: str(path)})
+        modules = cls(
+            ScriptBundle(behaviour="", main=path.name, files={path.name: path.read_text()}), {path.name: str(path)}
+        )
         modules._module(_module_name(path.name))
         return modules
 
@@ -83,13 +85,15 @@ class ScriptModules:
             chosen = getattr(module, bundle.behaviour, None)
             if isinstance(chosen, type) and issubclass(chosen, Behaviour) and chosen is not Behaviour:
                 return chosen
-            there = f"; it has {', '.join(found)}" if found else ": write `class {}(Behaviour)`".format(bundle.behaviour)
+            there = f"; it has {', '.join(found)}" if found else f": write `class {bundle.behaviour}(Behaviour)`"
             raise ScriptError(f"{place} has no behaviour {bundle.behaviour}{there}")
         if len(found) == 1:
             return next(iter(found.values()))
         if not found:
             raise ScriptError(f"{place} has no behaviour: derive a class from elys.script.Behaviour")
-        raise ScriptError(f"{place} has the behaviours {', '.join(found)}: say which, as {bundle.main}#{next(iter(found))}")
+        raise ScriptError(
+            f"{place} has the behaviours {', '.join(found)}: say which, as {bundle.main}#{next(iter(found))}"
+        )
 
     def record(self, name: str) -> type[Any] | None:
         """A class that the files declare, by "file.py:Name"."""
@@ -102,7 +106,10 @@ class ScriptModules:
     def name_of(self, kind: type[Any]) -> str | None:
         """The opposite; None for a class from elsewhere."""
         module = self._modules.get(kind.__module__)
-        if module is None or self.record(name := f"{_file_of(kind.__module__, self._bundle)}:{kind.__qualname__}") is not kind:
+        if (
+            module is None
+            or self.record(name := f"{_file_of(kind.__module__, self._bundle)}:{kind.__qualname__}") is not kind
+        ):
             return None
         return name
 
@@ -182,14 +189,16 @@ class ScriptModules:
     def _import(
         self,
         name: str,
-        globals: Mapping[str, Any] | None = None,  # noqa: A002  as Python calls it
-        locals: Mapping[str, Any] | None = None,  # noqa: A002
+        globals: Mapping[str, Any] | None = None,
+        locals: Mapping[str, Any] | None = None,
         fromlist: tuple[str, ...] = (),
         level: int = 0,
     ) -> ModuleType:
         full = name
         if level:
-            parts = str((globals or {}).get("__package__") or "").split(".") if (globals or {}).get("__package__") else []
+            parts = (
+                str((globals or {}).get("__package__") or "").split(".") if (globals or {}).get("__package__") else []
+            )
             kept = parts[: len(parts) - level + 1]
             full = ".".join([*kept, *([name] if name else [])])
         if not self._has(full):
@@ -236,7 +245,9 @@ def _async_functions(tree: ast.Module) -> list[tuple[str, ast.AsyncFunctionDef]]
         if isinstance(node, ast.AsyncFunctionDef):
             found.append((node.name, node))
         elif isinstance(node, ast.ClassDef):
-            found += [(f"{node.name}.{part.name}", part) for part in node.body if isinstance(part, ast.AsyncFunctionDef)]
+            found += [
+                (f"{node.name}.{part.name}", part) for part in node.body if isinstance(part, ast.AsyncFunctionDef)
+            ]
     return found
 
 
@@ -252,4 +263,3 @@ def _file_of(module: str, bundle: ScriptBundle) -> str:
     """The file of a module; "" for a folder without one, and for what is not in the bundle."""
     path = module.replace(".", "/")
     return next((file for file in (f"{path}.py", f"{path}/__init__.py") if file in bundle.files), "")
-

@@ -5,7 +5,7 @@ from elys.sim_node.scripts.waiting import ticks
 
 
 async def move_to(world, entity, position, rotation, duration, ease):
-    start, began = entity.position, world.tick
+    start = entity.position
     count = max(1, round(duration / world.dt))
     body = entity.get(RigidBody) if entity.has(RigidBody) else None
     is_carried = body is not None and body.motion == "kinematic"

@@ -21,7 +21,7 @@ from elys.common.errors import ScriptError
 from elys.sim_node.scripts.blocks import RETURNED, Block, BlockMaker, Locals, located, walk_scope
 
 _ALONE: Final = (
-    "await stands alone or on the right of an assignment, and not inside other expressions: give its result a name first"
+    "await stands alone or on the right of an assignment, not inside other expressions: give its result a name first"
 )
 _BLOCKED: Final = "await cannot stand inside `{}`: a place in there could not be kept; await before or after it"
 _LEFT: Final = "`{}` cannot be left from inside `{}` where a function awaits: note it in a variable, and leave below"
@@ -235,7 +235,9 @@ class _Compiler:
         found = next((part for part in walk_scope(statement) if isinstance(part, ast.Await)), None)
         if isinstance(statement, ast.With | ast.Match | ast.TryStar):
             word = {"trystar": "except*"}.get(kind, kind)
-            self._fail(found or statement, (_BLOCKED if found else _LEFT.replace("{}", "a function or loop", 1)).format(word))
+            self._fail(
+                found or statement, (_BLOCKED if found else _LEFT.replace("{}", "a function or loop", 1)).format(word)
+            )
         self._fail(found or statement, _ALONE)
 
     def _await(self, awaited: ast.expr, target: ast.expr | None) -> None:

@@ -1,7 +1,7 @@
 """Runs the behaviours of a world: who has one, what becomes of them each tick, and what they remember.
 
-A tick, for scripts: those whose component came, changed or went; what happened since, told to each in turn; functions that wait go
-on; `fixed_update`. After physics: `update`. Scripts run in the order of their entities' ids.
+A tick, for scripts: those whose component came, changed or went; what happened since, told to each in turn; functions that wait
+go on; `fixed_update`. After physics: `update`. Scripts run in the order of their entities' ids.
 """
 
 from __future__ import annotations
@@ -13,8 +13,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
-import numpy as np
-
 from elys.bus.messages.session import Event
 from elys.common.components import Script
 from elys.common.errors import ScriptError
@@ -22,7 +20,7 @@ from elys.common.ids import Entity
 from elys.sim_node.scripts.behaviour import Behaviour
 from elys.sim_node.scripts.field_values import field_values
 from elys.sim_node.scripts.handles import EntityHandle, GameWorld
-from elys.sim_node.scripts.happenings import Happening, contacts_of, visits_of
+from elys.sim_node.scripts.happenings import contacts_of, visits_of
 from elys.sim_node.scripts.library import LoadedScript, ScriptLibrary
 from elys.sim_node.scripts.memory import Finder, Keeper
 from elys.sim_node.scripts.modules import describe, line_in
@@ -76,7 +74,6 @@ class Scripts:
     def __init__(self, simulation: Simulation) -> None:
         self.simulation = simulation
         self.world = GameWorld(self)
-        self.are_trusted = True  # nothing of any script runs while they are not
         self.library = ScriptLibrary(simulation.assets)
         self._query = simulation.world.query(Script)
         self._running: dict[int, Running] = {}  # by entity, rising
@@ -84,8 +81,9 @@ class Scripts:
         self._queue: list[Event] = []  # told in this tick, heard in the next
         self._doomed: list[Entity] = []
         self._events: list[Event] = []
-        self._watchdog = Watchdog()
+        self.watchdog = Watchdog()
         self._said = -_SAID_EVERY
+        self._cannot: set[tuple[int, str]] = set()  # what was said to be no memory
         self._spent = 0.0  # [s] in this tick, before physics
         self._measures = False  # how long each takes
         self._are_new = False  # some have not started yet
@@ -98,11 +96,11 @@ class Scripts:
 
     def run(self, world: World) -> None:
         """Before physics: all but `update`."""
-        if not self.are_trusted or not (self._running or len(self._query)):
+        if not (self._running or len(self._query)):
             self._queue.clear()
             return
-        began = time.perf_counter()
-        self._watchdog.begin()
+        began = time.thread_time()
+        self.watchdog.begin()
         self._follow()
         heard, self._queue = self._queue, []
         self._events += heard
@@ -116,19 +114,19 @@ class Scripts:
             self._resume(one, happened)
         self._call_all("fixed_update", self.world.dt)
         self._end_doomed()
-        self._watchdog.end()
-        self._spent = time.perf_counter() - began
+        self.watchdog.end()
+        self._spent = time.thread_time() - began
 
     def run_late(self, world: World) -> None:
         """After physics: `update`."""
         if not self._running:
             return
-        began = time.perf_counter()
-        self._watchdog.begin()
+        began = time.thread_time()
+        self.watchdog.begin()
         self._call_all("update", self.world.dt)
         self._end_doomed()
-        self._watchdog.end()
-        self._look_at_budget(self._spent + time.perf_counter() - began)
+        self.watchdog.end()
+        self._look_at_budget(self._spent + time.thread_time() - began)
 
     def _waiting_to_start(self) -> list[Running]:
         if not self._are_new:
@@ -154,30 +152,32 @@ class Scripts:
 
     def _call_all(self, hook: str, *arguments: Any) -> None:
         """Calls a hook of all that have it. One loop, entered anew only behind a script that fails: this is what a tick costs."""
-        listening, place, watchdog = self.listening(hook), 0, self._watchdog
+        listening, place, watchdog = self.listening(hook), 0, self.watchdog
         measures = self._measures
+        watchdog.is_inside = True
         while place < len(listening):
             try:
                 for one in listening[place:]:
                     watchdog.call += 1
                     place += 1
-                    began = time.perf_counter() if measures else 0.0
+                    began = time.thread_time() if measures else 0.0
                     result = getattr(one.itself, hook)(*arguments)
                     if result is not None and type(result) is Call:
                         self._begin(one, result)
                     if measures:
-                        one.spent += time.perf_counter() - began
+                        one.spent += time.thread_time() - began
             except (Exception, ScriptTimeout) as error:
                 self._fail(listening[place - 1], error)
+        watchdog.is_inside = False
 
     def _call(self, one: Running, hook: str, *arguments: Any) -> None:
         if hook not in one.hooks or not self.simulation.world.is_alive(one.entity):
             return
-        self._watchdog.call += 1
         try:
-            result = getattr(one.itself, hook)(*arguments)
-            if type(result) is Call:
-                self._begin(one, result)
+            with self.watchdog.inside():
+                result = getattr(one.itself, hook)(*arguments)
+                if type(result) is Call:
+                    self._begin(one, result)
         except (Exception, ScriptTimeout) as error:
             self._fail(one, error)
 
@@ -189,18 +189,18 @@ class Scripts:
             one.tasks.remove(task)
 
     def _resume(self, one: Running, happened: Mapping[str, Event]) -> None:
-        began = time.perf_counter() if self._measures else 0.0
-        mine = happened and {kind: event for kind, event in happened.items() if event.entity in (0, one.entity)}
-        self._watchdog.call += 1
+        began = time.thread_time() if self._measures else 0.0
+        mine = {kind: event for kind, event in happened.items() if event.entity in (0, one.entity)}
         try:
-            for task in list(one.tasks):
-                task.advance(self.simulation.tick, self._ticks_in, mine)
-                if task.is_done and task in one.tasks:
-                    one.tasks.remove(task)
+            with self.watchdog.inside():
+                for task in list(one.tasks):
+                    task.advance(self.simulation.tick, self._ticks_in, mine)
+                    if task.is_done and task in one.tasks:
+                        one.tasks.remove(task)
         except (Exception, ScriptTimeout) as error:
             self._fail(one, error)
         if self._measures:
-            one.spent += time.perf_counter() - began
+            one.spent += time.thread_time() - began
 
     def _ticks_in(self, seconds: float) -> int:
         return round(min(seconds, 1e9) * self.simulation.settings.tick_rate)
@@ -280,9 +280,9 @@ class Scripts:
         one.tasks.clear()
         self._listening = {}
         if one.has_started and "on_destroy" in one.hooks and one.itself is not None:
-            self._watchdog.call += 1
             try:
-                one.itself.on_destroy()
+                with self.watchdog.inside():
+                    one.itself.on_destroy()
             except (Exception, ScriptTimeout) as error:
                 self._fail(one, error)
         one.has_started = False
@@ -344,8 +344,15 @@ class Scripts:
             raise ScriptError(f"more than {MOST_EVENTS} events were told in one tick")
         for name, value in values.items():
             if not isinstance(value, bool | int | float | str | tuple | None):
-                raise TypeError(f"{name} of the event {kind!r} must be a number, a text or a tuple, not a {type(value).__name__}")
+                raise TypeError(
+                    f"{name} of the event {kind!r} must be a number, a text or a tuple, not a {type(value).__name__}"
+                )
         self._queue.append(Event(kind=kind, entity=entity, values=values))
+
+    def require_trust(self) -> None:
+        """Raises ScriptError if any script may not run here, so that ticks would be other than they were."""
+        for entity in self._query.entities.tolist():
+            self.library.require_trusted(self.simulation.world.get(Entity(entity), Script).source)
 
     def take_events(self) -> list[Event]:
         """What was told and what went wrong, since this was last asked."""
@@ -355,9 +362,9 @@ class Scripts:
     def named(self, name: str) -> list[int]:
         """All entities of a name, in the tree's order."""
         hierarchy = self.simulation.world.hierarchy
-        order = hierarchy.order
-        ids = self.simulation.world.allocator.ids
-        return [int(ids[place]) for place, called in zip(order.tolist(), hierarchy.names(order), strict=True) if called == name]
+        places = hierarchy.order.astype(np.intp)
+        ids = self.simulation.world.allocator.ids[places].tolist()
+        return [entity for entity, called in zip(ids, hierarchy.names(places), strict=True) if called == name]
 
     def destroy_later(self, entity: Entity) -> None:
         """Ends an entity when this pass is over."""
@@ -392,29 +399,32 @@ class Scripts:
     def saved(self) -> dict[str, Any]:
         """All that scripts remember, for a state."""
         keeper = Keeper(_Names(self))
-        kept = []
-        for one in self._running.values():
-            kept.append((one.entity, one.source, one.has_started, one.is_enabled, one.failure, *self._memory(keeper, one)))
+        kept = [
+            (one.entity, one.source, one.has_started, one.is_enabled, one.failure, *self._memory(keeper, one))
+            for one in self._running.values()
+        ]
         return {"running": tuple(kept), "queue": tuple(self._queue)}
 
     def _memory(self, keeper: Keeper, one: Running) -> tuple[Any, ...]:
-        attributes = []
-        if one.itself is not None:
-            for name, value in vars(one.itself).items():
-                if name in ("entity", "world"):
-                    continue
+        """What cannot be kept is said once and left out: to look at a run must not change it."""
+        attributes, tasks = [], []
+        for name, value in vars(one.itself).items() if one.itself is not None else ():
+            if name not in ("entity", "world"):
                 try:
                     attributes.append((name, keeper.kept(value, f"self.{name}")))
                 except ScriptError as error:
-                    self._fail(one, ScriptError(f"{self._named(one)}: {error}"))
-        tasks = []
+                    self._cannot_keep(one, error)
         for task in one.tasks:
             try:
-                tasks.append(keeper.task(task, "in a function that waits"))
+                tasks.append(keeper.task(task, "what a waiting function knows as"))
             except ScriptError as error:
-                self._fail(one, ScriptError(f"{self._named(one)}: {error}"))
-                break
+                self._cannot_keep(one, error)
         return keeper.kept(dict(one.values), "values"), tuple(attributes), tuple(tasks)
+
+    def _cannot_keep(self, one: Running, error: ScriptError) -> None:
+        if (said := (one.entity, str(error))) not in self._cannot:
+            self._cannot.add(said)
+            _log.error("%s will lose a part of its memory when time is wound back: %s", self._named(one), error)
 
     def load(self, saved: Mapping[str, Any]) -> None:
         """Puts back what `saved` gave; a script that is not there any more, or other, stays off and says so."""
@@ -425,10 +435,12 @@ class Scripts:
         before, self._running = self._running, {}
         names = _Names(self)
         for entity, source, has_started, is_enabled, failure, *_ in saved["running"]:
-            one = Running(entity=entity, source=source, values={}, has_started=has_started, is_enabled=is_enabled, failure=failure)
+            one = Running(
+                entity=entity, source=source, values={}, has_started=has_started, is_enabled=is_enabled, failure=failure
+            )
             self._running[entity] = one
             try:
-                if source and self.are_trusted and (not failure or entity in before):
+                if source and (not failure or entity in before):
                     one.script = self.library.load(source)
                     one.itself = one.script.behaviour.__new__(one.script.behaviour)
                     one.itself.entity, one.itself.world = EntityHandle(self, entity), self.world

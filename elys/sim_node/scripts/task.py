@@ -217,7 +217,7 @@ def _run_frame(frame: Frame) -> Awaited | _Returned:
                 awaited = run(variables)
                 require_awaited(awaited, "await")
                 if not (isinstance(awaited, Until) and (answer := awaited.condition())):
-                    return awaited  # type: ignore[no-any-return]
+                    return awaited
                 _store(store, variables, answer)
             case Jump(target=target):
                 frame.place = target

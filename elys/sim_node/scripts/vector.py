@@ -115,5 +115,3 @@ class Rotation(tuple[float, float, float, float]):
 
     def __repr__(self) -> str:
         return f"Rotation({self[0]:g}, {self[1]:g}, {self[2]:g}, {self[3]:g})"
-
-

@@ -14,43 +14,53 @@ Each is a value, not an object of Python's that runs: a state of the simulation 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from typing import Any
 
 from elys.sim_node.scripts.program import Program
 
 
+class Waits:
+    """What can be awaited. Python itself never does: the program of the function around it does."""
+
+    __slots__ = ()
+
+    def __await__(self) -> Generator[Any, None, Any]:
+        raise TypeError("only async functions of scripts can await this")
+        yield
+
+
 @dataclass(frozen=True, slots=True)
-class Seconds:
+class Seconds(Waits):
     """A span of simulation time [s]."""
 
     duration: float
 
 
 @dataclass(frozen=True, slots=True)
-class Ticks:
+class Ticks(Waits):
     """So many ticks."""
 
     count: int
 
 
 @dataclass(frozen=True, slots=True)
-class EventNamed:
+class EventNamed(Waits):
     """The next event of one of these names."""
 
     names: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Until:
+class Until(Waits):
     """That a condition holds: looked at in each tick, and never kept; a state keeps the place where it was written."""
 
     condition: Callable[[], Any]
 
 
 @dataclass(frozen=True, slots=True)
-class Call:
+class Call(Waits):
     """Another async function, not begun yet."""
 
     program: Program
@@ -59,7 +69,7 @@ class Call:
 
 
 @dataclass(frozen=True, slots=True)
-class Several:
+class Several(Waits):
     """Several at once: until all are over, or until the first is."""
 
     parts: tuple[Awaited, ...]
@@ -92,7 +102,9 @@ def event(*names: str) -> EventNamed:
 def until(condition: Callable[[], Any]) -> Until:
     """Waits until a condition holds, which is asked once a tick; gives what it said."""
     if not callable(condition):
-        raise TypeError("until() takes a function, as in until(lambda: self.is_open): what it is given is asked in each tick")
+        raise TypeError(
+            "until() takes a function, as in until(lambda: self.is_open): what it is given is asked in each tick"
+        )
     return Until(condition)
 
 
@@ -102,7 +114,7 @@ def all_of(*parts: Awaited) -> Several:
 
 
 def first_of(*parts: Awaited) -> Several:
-    """Waits until one of them is over and ends the others; gives its number and its result. Of several in a tick the first counts."""
+    """Waits until one of them is over and ends the others; gives its number and its result. Of equals the first counts."""
     return Several(_checked("first_of", parts), True)
 
 
@@ -120,6 +132,6 @@ def require_awaited(value: Any, what: str) -> None:
     """Raises TypeError for what a script cannot await."""
     if not isinstance(value, Seconds | Ticks | EventNamed | Until | Call | Several):
         raise TypeError(
-            f"{what} cannot wait for a {type(value).__name__}: await seconds(...), ticks(...), event(...), until(...), all_of(...), "
-            "first_of(...) or an async function of a script"
+            f"{what} cannot wait for a {type(value).__name__}: await seconds(...), ticks(...), event(...), until(...), "
+            "all_of(...), first_of(...) or an async function of a script"
         )

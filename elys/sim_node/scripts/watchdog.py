@@ -1,7 +1,7 @@
 """Ends a script that does not come back.
 
-A thread looks whether one call into a script has been going on for longer than a limit far above any budget, and raises an error in
-it. What the script did until then stays, so a run in which this happened is not repeated exactly.
+A thread looks whether one call into a script has been going on for longer than a limit far above any budget, and raises an error
+in it. What the script did until then stays, so a run in which this happened is not repeated exactly.
 """
 
 from __future__ import annotations
@@ -42,7 +42,9 @@ class Watchdog:
         self._is_running = True
         if self._thread is None:
             self._watched = threading.get_ident()
-            self._thread = threading.Thread(target=_look, args=(weakref.ref(self),), name="elys-script-watchdog", daemon=True)
+            self._thread = threading.Thread(
+                target=_look, args=(weakref.ref(self),), name="elys-script-watchdog", daemon=True
+            )
             self._thread.start()
 
     def end(self) -> None:
@@ -59,7 +61,12 @@ class Watchdog:
     def look(self, seen: int, since: float) -> None:
         """Ends the call that was seen `since`, if it is still the same and that is too long ago."""
         with self._lock:
-            if self._is_running and self.call == seen and not self._has_fired and time.monotonic() - since > self._limit:
+            if (
+                self._is_running
+                and self.call == seen
+                and not self._has_fired
+                and time.monotonic() - since > self._limit
+            ):
                 self._has_fired = True
                 ctypes.pythonapi.PyThreadState_SetAsyncExc(
                     ctypes.c_ulong(self._watched), ctypes.py_object(ScriptTimeout)
