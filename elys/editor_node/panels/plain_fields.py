@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from typing import Any
 
@@ -73,10 +74,8 @@ def edit_named_values(value: dict[str, Any], context: FieldContext) -> FieldEdit
     """As JSON; what is no object is sent as it is, and refused with a sentence."""
     edit = edit_text(json.dumps(value, ensure_ascii=False) if value else "", context)
     if edit.changed:
-        try:
+        with contextlib.suppress(ValueError):
             edit.value = json.loads(edit.value) if edit.value.strip() else {}
-        except ValueError:
-            pass
     return edit
 
 

@@ -301,9 +301,9 @@ class GameWorld:
         self, origin: Iterable[float], direction: Iterable[float], max_distance: float = 1000.0, **filters: Any
     ) -> Hit | None:
         """The first collider that a ray meets; None if it meets none. Filters as `PhysicsWorld.raycast`'s."""
-        hits = self._scripts.simulation.physics.raycast(
-            [tuple(Vector(origin))], [tuple(Vector(direction))], max_distance, **filters
-        )
+        ray = [tuple(Vector(origin))], [tuple(Vector(direction))], max_distance
+        with self._scripts.watchdog.resting():
+            hits = self._scripts.simulation.physics.raycast(*ray, **filters)
         if not len(hits.entity) or not int(hits.entity[0]):
             return None
         return Hit(
@@ -315,7 +315,8 @@ class GameWorld:
 
     def overlap_sphere(self, center: Iterable[float], radius: float, **filters: Any) -> list[EntityHandle]:
         """All whose colliders share a point with a ball, once each."""
-        found = self._scripts.simulation.physics.overlap_sphere([tuple(Vector(center))], [radius], **filters)
+        with self._scripts.watchdog.resting():
+            found = self._scripts.simulation.physics.overlap_sphere([tuple(Vector(center))], [radius], **filters)
         return [EntityHandle(self._scripts, entity) for entity in dict.fromkeys(found.entity.tolist())]
 
     def input(self, player: int = 1) -> PlayerInput:

@@ -13,6 +13,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
+import numpy as np
+
 from elys.bus.messages.session import Event
 from elys.common.components import Script
 from elys.common.errors import ScriptError
@@ -27,7 +29,7 @@ from elys.sim_node.scripts.modules import describe, line_in
 from elys.sim_node.scripts.program import Program
 from elys.sim_node.scripts.task import Task
 from elys.sim_node.scripts.waiting import Call
-from elys.sim_node.scripts.watchdog import ScriptTimeout, Watchdog
+from elys.sim_node.scripts.watchdog import LIMIT, ScriptTimeout, Watchdog
 
 if TYPE_CHECKING:
     from elys.sim_node.ecs.world import World
@@ -306,7 +308,7 @@ class Scripts:
         else:
             places = [] if one.script is None else one.script.modules.places
             where = next((line for place in places if (line := line_in(place, error)) != place), "")
-            what = "it did not come back within 2 s" if isinstance(error, ScriptTimeout) else describe(error)
+            what = f"it did not come back within {LIMIT:g} s" if isinstance(error, ScriptTimeout) else describe(error)
             text = f"{where}: {what}" if where else what
         one.failure = text
         one.tasks.clear()

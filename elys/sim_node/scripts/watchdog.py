@@ -11,9 +11,10 @@ import ctypes
 import threading
 import time
 import weakref
+from collections.abc import Iterator
 from typing import Final
 
-LIMIT: Final = 2.0  # [s] that one script may run in a tick
+LIMIT: Final = 3.0  # [s] that one script may run in a tick
 _LOOKS: Final = 0.1  # [s] between two looks
 
 
@@ -26,6 +27,7 @@ class Watchdog:
 
     Attributes:
         call: changes with every call into a script. To set it is all that watching costs a call.
+        is_inside: whether one is going on.
     """
 
     def __init__(self, limit: float = LIMIT) -> None:
@@ -33,13 +35,12 @@ class Watchdog:
         self._limit = limit
         self._watched = threading.get_ident()
         self._lock = threading.Lock()
-        self._is_running = False
+        self.is_inside = False
         self._has_fired = False
         self._thread: threading.Thread | None = None
 
     def begin(self) -> None:
         """Scripts run from now on."""
-        self._is_running = True
         if self._thread is None:
             self._watched = threading.get_ident()
             self._thread = threading.Thread(
@@ -47,11 +48,31 @@ class Watchdog:
             )
             self._thread.start()
 
+    @contextlib.contextmanager
+    def inside(self) -> Iterator[None]:
+        """A call into a script."""
+        self.call += 1
+        self.is_inside = True
+        try:
+            yield
+        finally:
+            self.is_inside = False
+
+    @contextlib.contextmanager
+    def resting(self) -> Iterator[None]:
+        """A script has called the engine, which may have to compile what it needs."""
+        was_inside, self.is_inside = self.is_inside, False
+        try:
+            yield
+        finally:
+            self.call += 1
+            self.is_inside = was_inside
+
     def end(self) -> None:
         """They are through: an error that was raised and has not come yet does no harm any more."""
         with self._lock:
             self.call += 1
-            self._is_running = False
+            self.is_inside = False
             has_fired, self._has_fired = self._has_fired, False
         if has_fired:
             with contextlib.suppress(ScriptTimeout):
@@ -61,12 +82,7 @@ class Watchdog:
     def look(self, seen: int, since: float) -> None:
         """Ends the call that was seen `since`, if it is still the same and that is too long ago."""
         with self._lock:
-            if (
-                self._is_running
-                and self.call == seen
-                and not self._has_fired
-                and time.monotonic() - since > self._limit
-            ):
+            if self.is_inside and self.call == seen and not self._has_fired and time.monotonic() - since > self._limit:
                 self._has_fired = True
                 ctypes.pythonapi.PyThreadState_SetAsyncExc(
                     ctypes.c_ulong(self._watched), ctypes.py_object(ScriptTimeout)
