@@ -39,6 +39,7 @@ B = TypeVar("B", bound=Behaviour)
 BUDGET: Final = 0.5  # of a tick's length, for all scripts together
 MOST_EVENTS: Final = 10_000  # told in a tick; a script that tells more fails
 _SAID_EVERY: Final = 5.0  # [s]
+_FAILURES: Final = (Exception, SystemExit, ScriptTimeout)  # of a script, which end it alone
 _log = logging.getLogger(__name__)
 
 
@@ -168,7 +169,7 @@ class Scripts:
                         self._begin(one, result)
                     if measures:
                         one.spent += time.thread_time() - began
-            except (Exception, ScriptTimeout) as error:
+            except _FAILURES as error:
                 self._fail(listening[place - 1], error)
         watchdog.is_inside = False
 
@@ -180,7 +181,7 @@ class Scripts:
                 result = getattr(one.itself, hook)(*arguments)
                 if type(result) is Call:
                     self._begin(one, result)
-        except (Exception, ScriptTimeout) as error:
+        except _FAILURES as error:
             self._fail(one, error)
 
     def _begin(self, one: Running, call: Call) -> None:
@@ -199,7 +200,7 @@ class Scripts:
                     task.advance(self.simulation.tick, self._ticks_in, mine)
                     if task.is_done and task in one.tasks:
                         one.tasks.remove(task)
-        except (Exception, ScriptTimeout) as error:
+        except _FAILURES as error:
             self._fail(one, error)
         if self._measures:
             one.spent += time.thread_time() - began
@@ -285,7 +286,7 @@ class Scripts:
             try:
                 with self.watchdog.inside():
                     one.itself.on_destroy()
-            except (Exception, ScriptTimeout) as error:
+            except _FAILURES as error:
                 self._fail(one, error)
         one.has_started = False
 
