@@ -27,6 +27,7 @@ from elys.cli.options import (
     SessionName,
     Threads,
     Topics,
+    Trust,
     place,
 )
 
@@ -60,6 +61,7 @@ def run(
             max=65535,
         ),
     ] = 0,
+    trust: Trust = False,
     json: Json = False,
 ) -> None:
     """Simulate a scene, with an editor attached; or --headless, for a server or a script."""

@@ -421,6 +421,7 @@ def test_the_start_page_looks_around_when_asked(monkeypatch, screenshot_director
         await person.frames(3)
         editor.screenshot(screenshot_directory / "start-nearby.png")
         await person.click("start/nearby/0")
+        await person.frames(5)
         await person.until(lambda: editor.model.scene.is_known)
         assert editor.seat.name == "meadow"
 
