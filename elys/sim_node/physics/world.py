@@ -85,8 +85,7 @@ class PhysicsWorld(WorldJoints):
     def bodies_at(self, rows: slice | Array) -> BodyStates:
         """The same of some rows, as they are now and stay: the table is copied as a whole, which is faster than its columns."""
         table = self._bodies.rows[rows]
-        poses = self._bodies.poses[rows]
-        poses = poses.view("u1").copy().view(poses.dtype)  # as bytes: numpy copies rows of a table field by field
+        poses = self._bodies.poses[rows].copy()
         return BodyStates(
             table["entity"].copy(),
             table["motion"].copy(),
