@@ -8,7 +8,20 @@ from typing import Annotated, Optional
 import typer
 
 from elys.cli.app import node_app
-from elys.cli.options import At, Connect, Frames, From, Keep, Listen, NoGuard, Recording, Scene, Threads, To
+from elys.cli.options import (
+    At,
+    Connect,
+    Frames,
+    From,
+    Keep,
+    Listen,
+    NoGuard,
+    Recording,
+    Scene,
+    Threads,
+    To,
+    shows_credentials,
+)
 
 
 @node_app.command("simulation")
@@ -47,6 +60,7 @@ def node_simulation(
 
 
 @node_app.command("render")
+@shows_credentials
 def node_render(connect: Connect = None) -> None:
     """A render node that draws views for others."""
     from elys.verbs import nodes
@@ -55,6 +69,7 @@ def node_render(connect: Connect = None) -> None:
 
 
 @node_app.command("editor")
+@shows_credentials
 def node_editor(
     connect: Connect = None,
     frames: Frames = 0,

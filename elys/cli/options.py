@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import functools
+import inspect
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import Annotated, Any, Optional, TypeVar, cast
 
 import typer
 
@@ -23,6 +26,18 @@ To = Annotated[str, typer.Option("--to", help="simulation time at which it ends"
 Connect = Annotated[
     Optional[str],  # noqa: UP045  typer reads the annotation
     typer.Option(help="endpoint of the session, tcp/HOST:PORT; default: the one running on this machine"),
+]
+Secret = Annotated[
+    str,
+    typer.Option(
+        help="who this is to the host: USER:SECRET, or better @FILE or the variable ELYS_SECRET", show_default=False
+    ),
+]
+KeyFile = Annotated[
+    Optional[Path],  # noqa: UP045
+    typer.Option(
+        "--key", help="who this is to the host: an .elyskey file (elys keys export), or the variable ELYS_KEY"
+    ),
 ]
 Listen = Annotated[
     Optional[str],  # noqa: UP045
@@ -54,3 +69,31 @@ Only = Annotated[
 ]
 Jobs = Annotated[int, typer.Option(min=0, max=512, help="runs side by side (0: one for each processor)")]
 Cluster = Annotated[str, typer.Option(help="run on a Dask cluster: endpoint of its scheduler, tcp://HOST:PORT")]
+
+
+V = TypeVar("V", bound=Callable[..., Any])
+
+
+def shows_credentials(verb: V) -> V:
+    """Gives a verb that connects the options --secret and --key.
+
+    They go into the environment, where `discovery.join_session` and the processes that the verb starts find them.
+    """
+    own = inspect.signature(verb, eval_str=True)
+    added = (
+        inspect.Parameter("secret", inspect.Parameter.KEYWORD_ONLY, default="", annotation=Secret),
+        inspect.Parameter("key", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=KeyFile),
+    )
+
+    @functools.wraps(verb)
+    def with_credentials(*arguments: Any, secret: str = "", key: Path | None = None, **options: Any) -> Any:
+        from elys.bus.access.credentials import remember
+
+        remember(secret=secret, key_file=key)
+        return verb(*arguments, **options)
+
+    parameters = [*own.parameters.values(), *added]
+    setattr(with_credentials, "__signature__", own.replace(parameters=parameters))  # noqa: B010
+    with_credentials.__annotations__ = {p.name: p.annotation for p in parameters}
+    del with_credentials.__wrapped__  # typer would look there for annotations
+    return cast(V, with_credentials)

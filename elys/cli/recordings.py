@@ -21,10 +21,12 @@ from elys.cli.options import (
     Threads,
     To,
     Topics,
+    shows_credentials,
 )
 
 
 @app.command()
+@shows_credentials
 def record(
     output: Annotated[Path, typer.Option("--output", "-o", help="the .mcap to write")],
     connect: Connect = None,

@@ -24,6 +24,7 @@ from elys.cli.options import (
     Scene,
     Threads,
     Topics,
+    shows_credentials,
 )
 
 
@@ -81,6 +82,7 @@ def run(
 
 
 @app.command()
+@shows_credentials
 def edit(connect: Connect = None) -> None:
     """Attach an editor to a running session or a replay; where none runs, choose in the editor what to open."""
     from elys.verbs import attach
@@ -89,6 +91,7 @@ def edit(connect: Connect = None) -> None:
 
 
 @app.command()
+@shows_credentials
 def view(
     connect: Connect = None,
     debug: DebugKinds = "",
@@ -143,6 +146,7 @@ def sessions(json: Json = False) -> None:
 
 
 @app.command()
+@shows_credentials
 def top(
     connect: Connect = None,
     once: Annotated[bool, typer.Option("--once", help="print the figures once and end")] = False,
@@ -155,6 +159,7 @@ def top(
 
 
 @app.command()
+@shows_credentials
 def foxglove(
     connect: Connect = None,
     port: Annotated[int, typer.Option(help="port to listen at; 0: any that is free", min=0, max=65535)] = 8765,

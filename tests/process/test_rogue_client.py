@@ -77,9 +77,9 @@ class Rogue:
         config.insert_json5("scouting/multicast/enabled", "false")
         self._zenoh = zenoh.open(config)
         self._noise = random.Random(7)
-        self._key = {
-            topic.name: topics.key_of(name, topic, render_node if topic.keyed else "") for topic in (*TOPICS, *QUERIES)
-        }
+        self._key = {topic.name: topics.key_of(name, topic, render_node if topic.keyed else "") for topic in TOPICS}
+        for query in QUERIES:
+            self._key[query.name] = topics.asked_key(name, query, render_node if query.keyed else "", asker="rogue")
 
     def publish_nonsense(self) -> None:
         for topic in TOPICS:
