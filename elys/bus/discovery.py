@@ -107,7 +107,7 @@ def choose_endpoint(connect: str | None = None) -> str:
         ConnectionLost: nothing was named and no session runs here. BusError: what was named is no endpoint.
     """
     if connect:
-        return complete_endpoint(connect)
+        return _ANY_ADDRESS.sub(r"\1/127.0.0.1:", complete_endpoint(connect))  # every address is this machine's
     sessions = find_sessions()
     if not sessions:
         raise ConnectionLost(_NO_SESSION)
@@ -119,13 +119,15 @@ def choose_endpoint(connect: str | None = None) -> str:
     return sessions[0].endpoint
 
 
-def complete_endpoint(text: str) -> str:
-    """`HOST`, `HOST:PORT` or a whole endpoint as a whole endpoint; BusError for what can be none."""
+def complete_endpoint(text: str | None, *, tls: bool = False) -> str:
+    """`HOST`, `HOST:PORT` or a whole endpoint as a whole endpoint; BusError for what can be none. None is loopback."""
+    text = text or "127.0.0.1"
     found = _ENDPOINT.fullmatch(text)
     port = int(found["port"] or DEFAULT_PORT) if found else 0
     if found is None or not 0 < port < 1 << 16:
         raise BusError(f"'{text}' is no endpoint: give tcp/HOST:PORT, for instance tcp/127.0.0.1:{DEFAULT_PORT}")
-    return f"{found['protocol'] or 'tcp'}/{found['host']}:{port}"
+    protocol = found["protocol"] or "tcp"
+    return f"{'tls' if tls and protocol == 'tcp' else protocol}/{found['host']}:{port}"
 
 
 async def join_session(

@@ -6,9 +6,12 @@ import functools
 import inspect
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, Optional, TypeVar, cast
+from typing import TYPE_CHECKING, Annotated, Any, Optional, TypeVar, cast
 
 import typer
+
+if TYPE_CHECKING:
+    from elys.bus.access.listening import Listening as Listening_
 
 Scene = Annotated[str, typer.Argument(help="a NAME.scene.json, .gltf or .glb; or the name of a sample (elys samples)")]
 Compact = Annotated[
@@ -43,6 +46,14 @@ Listen = Annotated[
     Optional[str],  # noqa: UP045
     typer.Option(help="endpoint to listen at, tcp/HOST:PORT; default: loopback, the first free port from 7447"),
 ]
+Tls = Annotated[
+    bool, typer.Option("--tls", help="encrypt, and ask for certificates (elys keys export) instead of secrets")
+]
+Insecure = Annotated[bool, typer.Option("--insecure", help="ask nobody who he is: all who reach the port may do all")]
+Address = Annotated[
+    list[str],
+    typer.Option("--address", help="name or address under which others reach this machine, if it does not know it"),
+]
 Threads = Annotated[
     int, typer.Option("--threads", min=1, max=64, help="threads for large steps of physics; what comes out is the same")
 ]
@@ -69,6 +80,15 @@ Only = Annotated[
 ]
 Jobs = Annotated[int, typer.Option(min=0, max=512, help="runs side by side (0: one for each processor)")]
 Cluster = Annotated[str, typer.Option(help="run on a Dask cluster: endpoint of its scheduler, tcp://HOST:PORT")]
+
+
+def listening(listen: str | None, *, tls: bool, insecure: bool, addresses: list[str]) -> Listening_:
+    """What the options of a verb that hosts say, together. Raises BusError for what is no endpoint."""
+    from elys.bus.access.listening import Listening as Where
+    from elys.bus.discovery import complete_endpoint
+
+    endpoint = complete_endpoint(listen, tls=tls) if listen or tls else None
+    return Where(endpoint=endpoint, insecure=insecure, addresses=tuple(addresses))
 
 
 V = TypeVar("V", bound=Callable[..., Any])

@@ -9,11 +9,13 @@ import typer
 
 from elys.cli.app import app
 from elys.cli.options import (
+    Address,
     At,
     Compact,
     Connect,
     DebugKinds,
     Frames,
+    Insecure,
     Json,
     Keep,
     KeepFiles,
@@ -23,7 +25,9 @@ from elys.cli.options import (
     Rotate,
     Scene,
     Threads,
+    Tls,
     Topics,
+    listening,
     shows_credentials,
 )
 
@@ -37,6 +41,9 @@ def run(
     realtime: Annotated[bool, typer.Option("--realtime", help="headless: keep to real time even with --steps")] = False,
     paused: Annotated[bool, typer.Option("--paused", help="start paused")] = False,
     listen: Listen = None,
+    tls: Tls = False,
+    insecure: Insecure = False,
+    address: Address = [],  # noqa: B006
     name: Annotated[str, typer.Option(help="name of the session; default: the scene's")] = "",
     threads: Threads = 1,
     no_guard: NoGuard = False,
@@ -69,7 +76,7 @@ def run(
         record=record,
         realtime=realtime,
         paused=paused,
-        listen=listen,
+        listen=listening(listen, tls=tls, insecure=insecure, addresses=address),
         name=name,
         threads=threads,
         guarded=not no_guard,

@@ -86,12 +86,12 @@ def _why_not_by_tls(endpoint: str, host: str, port: int, credentials: Credential
         answer = _say_by_tls(host, port, credentials)
     except ssl.SSLCertVerificationError as error:
         return _why_host_is_not_trusted(endpoint, host, credentials, error)
-    except ssl.SSLError as error:
-        return _why_alerted(endpoint, credentials, error)
-    except TimeoutError:
+    except (ssl.SSLError, TimeoutError, ConnectionResetError) as error:
         with contextlib.suppress(OSError):
             if _kind(_say_plainly(host, port)) in (_INIT, _CLOSE):
                 return f"{endpoint} speaks no TLS: connect with {endpoint.replace('tls/', 'tcp/', 1)} and a secret"
+        if isinstance(error, ssl.SSLError) and "ALERT" in (error.reason or ""):
+            return _why_alerted(endpoint, credentials, error)
         return f"what listens at {endpoint} is no session of ELYS: check host and port"
     if _kind(answer) == _INIT:
         return ""
@@ -122,8 +122,6 @@ def _why_alerted(endpoint: str, credentials: Credentials, error: ssl.SSLError) -
             f"the session at {endpoint} says that the certificate of {credentials.user} has expired: make another with "
             "`elys keys export`, and compare the clocks of the two machines"
         )
-    if "wrong version" in reason or "record layer" in reason:
-        return f"{endpoint} speaks no TLS: connect with {endpoint.replace('tls/', 'tcp/', 1)} and a secret"
     return (
         f"the session at {endpoint} does not take the certificate of {credentials.user} from {credentials.source} ({reason}): "
         "it is of another authority; make one with `elys keys export` on the host's machine"
