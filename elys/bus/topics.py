@@ -307,6 +307,7 @@ PICK: Final = Query(
     text="asks the render node named by the key what is seen at a pixel",
     asker=Role.VIEWER,
     answerer=Role.EDITOR,
+    largest=4 << 20,  # with everything that is hidden
     keyed=True,
 )
 THUMBNAIL: Final = Query(

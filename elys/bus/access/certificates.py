@@ -32,6 +32,10 @@ class Authority(msgspec.Struct, kw_only=True):
     certificate: str = ""  # PEM
     private_key: str = ""  # PEM
 
+    def __repr__(self) -> str:
+        """Without the private key."""
+        return "Authority()"
+
     def ensure(self) -> bool:
         """Makes it unless it is there; whether it was made."""
         if self.certificate:

@@ -21,6 +21,7 @@ from elys.common.errors import AccessError
 
 SECRET_VARIABLE: Final = "ELYS_SECRET"
 KEY_VARIABLE: Final = "ELYS_KEY"
+OWN_KEYS: Final = "this user's own keys"  # where credentials come from that nobody named
 SUFFIX: Final = ".elyskey"
 _SECRET: Final = re.compile(r"(?P<user>[a-z]+-[a-z0-9-]{2,40}):(?P<secret>[A-Za-z0-9_-]{16,200})")
 _log = logging.getLogger(__name__)
@@ -34,6 +35,10 @@ class KeyFile(msgspec.Struct, frozen=True, kw_only=True):
     authority: str = ""  # PEM of the certificate that signs the host's
     certificate: str = ""  # PEM
     private_key: str = ""  # PEM
+
+    def __repr__(self) -> str:
+        """Without what must stay secret."""
+        return f"KeyFile({self.user})"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

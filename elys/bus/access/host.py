@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from elys.bus.access.certificates import CLIENT_DAYS, Authority
-from elys.bus.access.credentials import Credentials
+from elys.bus.access.credentials import OWN_KEYS, Credentials
 from elys.bus.access.keyring import Key, Keyring
 from elys.bus.access.rules import access_control
 
@@ -92,7 +92,7 @@ def own_credentials(keyring: Keyring) -> Credentials:
     """What the user whose keys these are shows hosts of his own: the owner's, with a certificate if there is an authority."""
     owner = keyring.named("owner")
     if not keyring.authority.certificate:
-        return Credentials(user=owner.user, secret=owner.secret, source="this user's keys")
+        return Credentials(user=owner.user, secret=owner.secret, source=OWN_KEYS)
     return with_certificate(owner, keyring.authority)
 
 
@@ -105,7 +105,7 @@ def with_certificate(key: Key, authority: Authority, *, days: float = CLIENT_DAY
         authority=authority.certificate,
         certificate=certificate,
         private_key=private_key,
-        source="this user's keys",
+        source=OWN_KEYS,
     )
 
 

@@ -44,6 +44,10 @@ class Key(msgspec.Struct, frozen=True, kw_only=True):
         """What it lets somebody do."""
         return role_of_user(self.user)
 
+    def __repr__(self) -> str:
+        """Without the secret."""
+        return f"Key({self.user})"
+
 
 class Keyring(msgspec.Struct, kw_only=True):
     """What stands in the file."""
@@ -85,7 +89,9 @@ def load_keyring() -> Keyring | None:
     except FileNotFoundError:
         return None
     except OSError as error:
-        raise AccessError(f"the keys {path} cannot be read: {error.strerror}") from error
+        raise AccessError(
+            f"the keys {path} cannot be read ({error.strerror}): set ELYS_CONFIG_DIR to a directory of yours"
+        ) from error
     if mode & 0o077:
         _log.warning("%s could be read by other users: it is closed now; make others with `elys keys renew all`", path)
         path.chmod(0o600)

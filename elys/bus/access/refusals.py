@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Final
 
 from elys.bus.access.certificates import expiry
-from elys.bus.access.credentials import Credentials
+from elys.bus.access.credentials import OWN_KEYS, Credentials
 
 _PATIENCE: Final = 3.0  # [s] for each answer
 _INIT, _CLOSE, _KIND_MASK = 0x01, 0x03, 0x1F  # of zenoh's transport messages
@@ -61,6 +61,8 @@ def _why_not_plainly(endpoint: str, answer: bytes, credentials: Credentials | No
     if kind == _CLOSE:
         if credentials is None:
             return f"the session at {endpoint} lets in only who shows a secret: {_HOW}"
+        if credentials.source == OWN_KEYS:
+            return f"the session at {endpoint} does not take this user's own keys, so it is of another user or machine: {_HOW}"
         return (
             f"the session at {endpoint} does not take the secret of {credentials.user} (from {credentials.source}): it was "
             f"renewed or revoked, or is of another machine or user; {_HOW}"
