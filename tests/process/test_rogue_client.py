@@ -82,7 +82,9 @@ class Rogue:
         self._noise = random.Random(7)
         self._key = {topic.name: topics.key_of(name, topic, render_node if topic.keyed else "") for topic in TOPICS}
         for query in QUERIES:
-            self._key[query.name] = topics.asked_key(name, query, render_node if query.keyed else "", asker=f"rogue.{user.user}")
+            self._key[query.name] = topics.asked_key(
+                name, query, render_node if query.keyed else "", asker=f"rogue.{user.user}"
+            )
 
     def publish_nonsense(self) -> None:
         for topic in TOPICS:
