@@ -95,9 +95,11 @@ class Session:
         Raises:
             ConnectionLost: nobody answered within `timeout` seconds.
             ProtocolError: the host speaks another version of the protocol.
+            AccessError: this side's role may not be such a node.
         """
         own = node or Node(kind, node_id(kind))
         session = cls(transport, name=name, node=Node(own.kind, signed_id(own.id, transport.user)), epoch=0)
+        session.permissions.require_kind(kind)
         welcome = await session._shake_hands(timeout, name)
         session.name, session.epoch = welcome.session, welcome.epoch
         session._show_and_watch()

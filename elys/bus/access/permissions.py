@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 from elys.bus import topics
 from elys.bus.access.roles import Role, role_of_node
 from elys.bus.topics import Query
-from elys.common.errors import RequestError
+from elys.common.errors import AccessError, RequestError
 
 Q = TypeVar("Q")
 _log = logging.getLogger(__name__)
@@ -29,6 +29,11 @@ class Permissions:
             self._said.add(topic)
             _log.warning("%s", refusal(self.role, least, f"{what} {topic}"))
         return False
+
+    def require_kind(self, kind: str) -> None:
+        """Raises AccessError for a kind of node that this role may not show itself as."""
+        if self.role < (least := topics.NODE_KINDS.get(kind, Role.VIEWER)):
+            raise AccessError(refusal(self.role, least, f"be a {kind} node"))
 
     def require(self, query: Query[Q, Any], request: Q) -> None:
         """Raises RequestError for a question that the host would refuse."""

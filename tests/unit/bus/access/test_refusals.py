@@ -20,7 +20,8 @@ from elys.bus.access.host import HostAccess, own_credentials, with_certificate
 from elys.bus.access.keyring import Keyring, new_key
 from elys.bus.access.roles import GIVEN, Role
 from elys.bus.discovery import join_session
-from elys.bus.messages.commands import CommandRequest, SetPlaying
+from elys.bus.messages.commands import CommandRequest, Input, SetPlaying
+from elys.bus.messages.session import LogLine
 from elys.bus.session import Session
 from elys.bus.transports.zenoh import ZenohTransport
 from elys.common.errors import AccessError, ConnectionLost, RequestError
@@ -99,6 +100,26 @@ async def test_secrets(keyring: Keyring, host: Callable[..., str]) -> None:
     stranger = replace(wrong, user="owner-zzzzzz")
     said = await refusal(endpoint, stranger)
     assert "owner-zzzzzz (from ELYS_SECRET)" in said and "x" * 32 not in said
+
+
+async def test_what_a_role_may_not_be_or_say_it_hears_at_once(
+    keyring: Keyring, host: Callable[..., str], caplog: pytest.LogCaptureFixture
+) -> None:
+    endpoint = host(HostAccess.of(keyring))
+    for name in ("viewer", "player"):
+        with pytest.raises(AccessError, match=f"a {name} may not be a render node: join with the key of an editor"):
+            await join_session(endpoint, kind="render", credentials=of(keyring, name))
+    session = await join_session(endpoint, kind="tool", credentials=of(keyring, "viewer"))
+    with pytest.raises(RequestError, match="a viewer may not ask for command"):
+        await session.request(topics.COMMAND, CommandRequest(origin="x", command=SetPlaying(playing=True)))
+    for _ in range(3):
+        session.publish(topics.INPUT, Input(player=0), key=session.node.id)
+        session.publish(topics.LOG, LogLine(node="x", level="info", text="", time=0.0))
+    session.subscribe(topics.INPUT, lambda message, key: None)()
+    assert [record.message for record in caplog.records if "may not" in record.message] == [
+        "a viewer may not publish input: join with the key of a player"
+    ]
+    await session.close()
 
 
 async def test_certificates(keyring: Keyring, host: Callable[..., str]) -> None:
