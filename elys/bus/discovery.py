@@ -20,7 +20,6 @@ from elys.bus.access.addresses import own_addresses
 from elys.bus.access.credentials import Credentials
 from elys.bus.access.host import own_credentials
 from elys.bus.access.keyring import load_keyring
-from elys.bus.access.refusals import is_open
 from elys.bus.session import Node, Session
 from elys.bus.transports.transport import Closer
 from elys.bus.transports.zenoh import DEFAULT_PORT, ZenohTransport
@@ -167,6 +166,8 @@ async def join_session(
 
 def credentials_for(endpoint: str) -> Credentials | None:
     """What this user shows hosts on this machine, unless they ask nobody; None for other machines."""
+    from elys.bus.access.refusals import is_open  # many who import this never connect
+
     found = _ENDPOINT.fullmatch(endpoint)
     if found is None or not is_of_this_machine(found["host"]) or is_open(endpoint):
         return None

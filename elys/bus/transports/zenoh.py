@@ -32,7 +32,6 @@ from zenoh.handlers import Callback
 from elys.bus.access.credentials import Credentials
 from elys.bus.access.host import HostAccess, client_settings
 from elys.bus.access.limits import MAX_MESSAGE_SIZE, host_limits
-from elys.bus.access.refusals import is_open, why_refused
 from elys.bus.topics import Delivery
 from elys.bus.transports.outgoing import Outgoing
 from elys.bus.transports.transport import Answer, Closer, IncomingQuery
@@ -114,6 +113,8 @@ class ZenohTransport:
             AccessError: somebody does, and does not let this side in; the sentence says why.
             BusError: an endpoint is none.
         """
+        from elys.bus.access.refusals import is_open, why_refused  # who hosts, records or draws files needs none of it
+
         names = [endpoints] if isinstance(endpoints, str) else list(endpoints)
         deadline, patience = time.monotonic() + timeout, _ASKING_WHY
         while True:

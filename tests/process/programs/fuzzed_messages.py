@@ -144,3 +144,28 @@ def fuzzed(topic: Topic[Any] | Query[Any, Any], chance: random.Random) -> bytes:
     if chance.random() < 0.002:
         _enlarged(payload, chance)
     return bytes(payload)
+
+
+class Stock:
+    """Payloads that are used several times, as they are or changed again: making one takes long, and a million are wanted."""
+
+    def __init__(self, chance: random.Random, *, size: int = 100, renewed: float = 0.05) -> None:
+        self._chance = chance
+        self._size = size
+        self._renewed = renewed
+        self._kept: dict[str, list[bytes]] = {}
+
+    def of(self, topic: Topic[Any] | Query[Any, Any]) -> bytes:
+        """One of a topic's."""
+        kept, chance = self._kept.setdefault(topic.name, []), self._chance
+        if len(kept) < self._size:
+            kept.append(fuzzed(topic, chance))
+            return kept[-1]
+        place = chance.randrange(self._size)
+        if chance.random() < self._renewed:
+            kept[place] = fuzzed(topic, chance)
+        if chance.random() < 0.5:
+            return kept[place]
+        payload = bytearray(kept[place])
+        chance.choice(MUTATIONS)(payload, chance)
+        return bytes(payload)

@@ -20,7 +20,7 @@ from zenoh.handlers import Callback
 
 from elys.bus import topics
 from elys.bus.topics import NODE_KINDS, QUERIES, TOPICS
-from tests.process.programs.fuzzed_messages import fuzzed
+from tests.process.programs.fuzzed_messages import Stock
 
 CLIENTS = 4
 MOST_ASKED = 64  # questions under way
@@ -42,6 +42,7 @@ class Fuzzer:
             config.insert_json5(key, json.dumps(value))
         self._zenoh = zenoh.open(config)
         self._chance = random.Random(seed)
+        self._stock = Stock(self._chance)
         self._session = session
         self._nodes = (f"rogue-{seed}.{user}", f"rogue-{seed}.owner-aaaaaa", render_node, "simulation-1", "rogue")
         self._places = threading.Semaphore(MOST_ASKED)
@@ -53,7 +54,7 @@ class Fuzzer:
             if number % 500 == 0:
                 self._pretend()
             topic = self._chance.choice((*TOPICS, *QUERIES))
-            payload = fuzzed(topic, self._chance)
+            payload = self._stock.of(topic)
             if isinstance(topic, topics.Topic):
                 self._say(topic, payload)
             else:
