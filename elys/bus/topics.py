@@ -9,12 +9,9 @@ to that (`access/rules.py`): what is not allowed here reaches nobody.
 
 from __future__ import annotations
 
-import enum
 import functools
 import re
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Final, Generic, TypeVar
+from typing import Any, Final, TypeVar
 
 from elys.bus.access.roles import Role
 from elys.bus.messages import (
@@ -29,67 +26,17 @@ from elys.bus.messages import (
     timeline,
     views,
 )
+from elys.bus.topic_kinds import Delivery as Delivery
+from elys.bus.topic_kinds import Encoding as Encoding
+from elys.bus.topic_kinds import Query as Query
+from elys.bus.topic_kinds import Topic as Topic
 from elys.common.errors import BusError
 
-M = TypeVar("M")
 Q = TypeVar("Q")
-R = TypeVar("R")
 
 PROTOCOL_VERSION: Final = 5
 READABLE_VERSIONS: Final = (2, 3, 4, 5)  # of recordings: what came since has defaults
 ROOT: Final = "elys"
-
-
-class Delivery(enum.Enum):
-    """What may be lost for whom."""
-
-    LATEST = "latest"  # newest wins: a slow reader loses older ones and delays nobody
-    SEQUENCED = "sequenced"  # reliable and in order
-
-
-class Encoding(enum.Enum):
-    """How a message becomes bytes, after the protocol prefix."""
-
-    JSON = "json"  # readable in every tool, exact for floats
-    MSGPACK = "msgpack"  # where pictures or arrays travel along
-    STATE = "state"  # the packed state frame
-    RAW = "raw"  # bytes as they are
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Topic(Generic[M]):
-    """Something published."""
-
-    name: str
-    message: type[M]
-    text: str
-    publisher: Role  # whoever is less may not say it
-    delivery: Delivery
-    reader: Role = Role.VIEWER  # whoever is less may not hear it
-    encoding: Encoding = Encoding.JSON
-    keyed: bool = False
-    largest: int = 1 << 16  # [bytes] that a client may publish at once
-    by_node: bool = False  # the key is the id of the node that publishes, and of no other
-    recorded: bool = True
-    newest_of: str = ""  # field of a message: of those with one key the newest is kept for each of its values
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Query(Generic[Q, R]):
-    """Something asked and answered."""
-
-    name: str
-    request: type[Q]
-    reply: type[R]
-    text: str
-    asker: Role  # whoever is less may not ask
-    answerer: Role  # whoever is less may not answer
-    asker_for: Callable[[Q], Role] | None = None  # where it depends on what is asked; never less than `asker`
-    largest: int = 1 << 16  # [bytes] of a question
-    request_encoding: Encoding = Encoding.JSON
-    reply_encoding: Encoding = Encoding.JSON
-    keyed: bool = False
-
 
 # What kind of node each role may show itself as. The host's alone are those that others take for the host.
 NODE_KINDS: Final[dict[str, Role]] = {
