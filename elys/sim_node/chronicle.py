@@ -16,10 +16,10 @@ from typing import Final, NamedTuple
 import msgspec
 import zstandard
 
+from elys.bus.access.limits import MAX_MESSAGE_SIZE
 from elys.bus.exact_keeping import BUILD_FACTS, LINEAGE, ExactListener
 from elys.bus.messages.commands import Command, CommandRecord, Resume
 from elys.bus.messages.exact_state import ExactHead, ExactReply, ExactRequest
-from elys.bus.transports.zenoh import MAX_MESSAGE_SIZE
 from elys.common.errors import RequestError
 from elys.sim_node.build_facts import build_facts
 from elys.sim_node.flight_recorder import FlightRecorder
