@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Protocol
 
 import msgspec
 import numpy as np
@@ -25,8 +25,6 @@ from elys.editor_node.scene_clipboard import Fragment, copy_text, read_fragment
 from elys.editor_node.scene_mirror import EditorScene
 from elys.editor_node.selection import Selection
 from elys.editor_node.sentences import sentence, tr_sentence
-
-PLACED_AT_MOST: Final = 1000  # roots that a host puts at an index; more come last
 
 
 class Say(Protocol):
@@ -155,8 +153,6 @@ class TreeEdits:
         parent, index = scene.place_of(primary) if primary else (0, -2)
         records = with_free_names(scene, parent, fragment.records)
         tops = sum(record.parent < 0 for record in records)
-        if tops > PLACED_AT_MOST:
-            index = -2
         label = sentence("Paste {what}", what=records[0].name if tops == 1 else f"{tops} entities")
         done = self._history.perform(label, (Spawn(records=records, parent=parent, index=index + 1),))
         outcome = await done
