@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -18,6 +17,7 @@ from elys.bus.messages.session import LogLevel
 from elys.common.errors import AssetError, BusError, SceneError
 from elys.common.math import matrix
 from elys.common.scene import EntityRecord
+from elys.editor_node.free_names import free_names
 from elys.editor_node.history import History, Outcome
 from elys.editor_node.language import tr
 from elys.editor_node.operations import Done, Operations
@@ -192,21 +192,6 @@ class TreeEdits:
 def described(scene: EditorScene, entities: Sequence[int]) -> str:
     """Entities in a word."""
     return f"'{scene.name_of(entities[0])}'" if len(entities) == 1 else tr("{count} entities", count=len(entities))
-
-
-def free_names(scene: EditorScene, parent: int, names: Iterable[str]) -> list[str]:
-    """The names, or with the first numbers behind them that no child of `parent` has, nor another of them."""
-    taken = {scene.name_of(child) for child in scene.children_of(parent)}
-    free = []
-    for name in names:
-        stem, number = re.sub(r" \d+$", "", name), 2
-        found = name
-        while found in taken:
-            found = f"{stem} {number}"
-            number += 1
-        taken.add(found)
-        free.append(found)
-    return free
 
 
 def with_free_names(scene: EditorScene, parent: int, records: Sequence[EntityRecord]) -> tuple[EntityRecord, ...]:

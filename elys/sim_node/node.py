@@ -50,6 +50,7 @@ from elys.bus.session import Session
 from elys.common.clock import FixedStepClock
 from elys.common.errors import EditConflict, ElysError, RequestError
 from elys.sim_node.chronicle import Chronicle
+from elys.sim_node.collection import without_collection
 from elys.sim_node.edit_history import Done, EditHistory
 from elys.sim_node.flight_recorder import SECONDS, FlightRecorder
 from elys.sim_node.guard import Guard
@@ -193,6 +194,10 @@ class SimulationNode:
 
     def tick(self) -> None:
         """One tick: commands, then if time goes on the world's step, then all that others shall know of it."""
+        with without_collection() if self._waiting else contextlib.nullcontext():
+            self._tick()
+
+    def _tick(self) -> None:
         stages = StageTimes()
         late = self._clock.lateness() * 1000.0
         self._intake.begin_tick()

@@ -7,7 +7,7 @@ the tables, which nothing depends on, may be another.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,13 +16,14 @@ from elys.common.components.columns import Column
 from elys.common.ids import Entity
 from elys.sim_node.ecs.changes import EntityDespawned, EntityReparented
 from elys.sim_node.ecs.columns import NO_ROW
-from elys.sim_node.ecs.entities import Entities, Indices
+from elys.sim_node.ecs.entities import Entities, Indices, indices_of
 from elys.sim_node.ecs.world import World
 from elys.sim_node.scene.sibling_rows import SiblingRows
 from elys.sim_node.scene.subtrees import Subtrees
 
 
-class Move(NamedTuple):
+@dataclass(frozen=True, slots=True)  # no tuple, for a tuple's `index` is something else
+class Move:
     """As the arguments of `World.set_parent`."""
 
     entity: Entity
@@ -65,6 +66,19 @@ def place_many(world: World, moves: Sequence[Move]) -> list[int]:
     rows.write()
     world.transforms.mark_dirty(np.array(places, np.intp))
     return stood
+
+
+def place_new(world: World, moves: Sequence[Move]) -> None:
+    """Brings entities that were just made, and are the last children of their parents, to their indices, one after the other."""
+    hierarchy = world.hierarchy
+    places = indices_of(np.array([move.entity for move in moves], np.uint32)).tolist()
+    new, rows = set(places), SiblingRows(hierarchy)
+    for place, move in zip(places, moves, strict=True):
+        row = rows.of(hierarchy.require_parent(move.parent), without=new)
+        index = row.put(place, move.index)
+        if move.index >= 0:
+            world.log.log_structure(EntityReparented(move.entity, move.parent, index))
+    rows.write()
 
 
 def set_parents(world: World, moves: Sequence[Move]) -> list[int]:

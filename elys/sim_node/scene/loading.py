@@ -7,7 +7,8 @@ fraction of a second, and a record that is wrong leaves the world as it was.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from elys.common.scene_document import EntityRecord
 from elys.common.scene_naming import take_references
 from elys.sim_node.ecs.columns import NO_ROW, ComponentTable
 from elys.sim_node.ecs.entities import Entities, Indices, indices_of
-from elys.sim_node.ecs.many import Move, place_many
+from elys.sim_node.ecs.many import Move, place_new
 from elys.sim_node.ecs.world import SpawnBatch, World
 from elys.sim_node.scene.subtrees import Subtrees
 
@@ -28,7 +29,8 @@ Members = list[int]
 _MAX_ID = (1 << 32) - 1
 
 
-class Planting(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Planting:
     """Records that come in together, as the arguments of `load_records`."""
 
     records: Sequence[EntityRecord]
@@ -71,33 +73,28 @@ def plant(world: World, plantings: Sequence[Planting]) -> list[Entity]:
         prefabs={place: record.prefab for place, record in enumerate(records) if record.prefab},
     )
     above = [planting.parent for planting in plantings]
-    counts = {parent: world.hierarchy.child_count_of(parent) for parent in dict.fromkeys(above)}
+    for parent in dict.fromkeys(above):
+        world.hierarchy.require_parent(parent)
     under = np.repeat(np.array(above, np.uint32), [len(planting.records) for planting in plantings])
     spawned = world.spawn_batch(batch, parent=under, revived=revived)
     for (component, field), (places, targets) in references.items():
         table = world.table(component)
         table.column(field)[table.rows(spawned[places])] = spawned[targets]
     entities = [Entity(entity) for entity in spawned.tolist()]
-    moves = _moves_of(plantings, entities, counts)
-    if moves:
-        place_many(world, moves)
+    if any(planting.index >= 0 for planting in plantings):
+        place_new(world, _moves_of(plantings, entities))
     return entities
 
 
-def _moves_of(plantings: Sequence[Planting], entities: Sequence[Entity], counts: dict[Entity, int]) -> list[Move]:
-    """What brings those that have an index to it, each as if those of later plantings were not there yet."""
-    moves, first = [], 0
+def _moves_of(plantings: Sequence[Planting], entities: Sequence[Entity]) -> list[Move]:
+    """Where those go that have no parent among the records."""
+    moves, made = [], iter(entities)
     for planting in plantings:
-        made = entities[first : first + len(planting.records)]
-        roots = [entity for entity, record in zip(made, planting.records, strict=True) if record.parent < 0]
-        counts[planting.parent] += len(roots)
-        if planting.index >= 0:
-            last = counts[planting.parent] - 1
-            moves += [
-                Move(root, planting.parent, min(index, last), False)
-                for index, root in enumerate(roots, start=planting.index)
-            ]
-        first += len(made)
+        index = planting.index
+        for record, entity in zip(planting.records, made, strict=False):
+            if record.parent < 0:
+                moves.append(Move(entity, planting.parent, index, False))
+                index += index >= 0
     return moves
 
 

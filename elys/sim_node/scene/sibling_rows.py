@@ -5,7 +5,7 @@ The tree itself is linked (see `hierarchy.py`): there the place of the 20,000th 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Set
 from typing import Final
 
 from elys.sim_node.scene.hierarchy import Hierarchy
@@ -73,11 +73,12 @@ class SiblingRows:
         self._hierarchy = hierarchy
         self._rows: dict[int, SiblingRow] = {}
 
-    def of(self, parent: int) -> SiblingRow:
-        """The children of the entity at a place."""
+    def of(self, parent: int, *, without: Set[int] = frozenset()) -> SiblingRow:
+        """The children of the entity at a place, when they are first asked for without some."""
         row = self._rows.get(parent)
         if row is None:
-            row = self._rows[parent] = SiblingRow(self._hierarchy.children_in_order(parent))
+            children = self._hierarchy.children_in_order(parent)
+            row = self._rows[parent] = SiblingRow(place for place in children if place not in without)
         return row
 
     def write(self) -> None:

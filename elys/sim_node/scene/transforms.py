@@ -115,7 +115,8 @@ class Transforms:
                 parent_from_world = inverse_affine(self._affine[parent])
             except np.linalg.LinAlgError:
                 continue
-            self._write_local(indices[chosen], multiply_affine(parent_from_world, world_from_local[chosen]))
+            parent_from_local = multiply_affine(parent_from_world, world_from_local[chosen])
+            self._write_local(indices[chosen], np.asarray(parent_from_local, np.float64))
 
     def _write_local(self, indices: Indices, parent_from_local: NDArray[np.float64]) -> None:
         rows = self._table.row_of[indices]
