@@ -9,6 +9,7 @@ from elys.common.components.curve import MAX_KEYS, Curve, CurveKey, value_at
 
 GAP: Final = 1e-3  # [s] that keys keep between one another
 DIGITS: Final = 4  # behind the point, of what is dragged
+SHORTEST: Final = 1.0  # [s] that is seen
 _SAMPLES: Final = 48
 
 
@@ -23,7 +24,7 @@ class CurveView(NamedTuple):
 
 def view_of(curve: Curve) -> CurveView:
     """What shows all of a curve, with some room around it."""
-    end = max(curve[-1][0] * 1.15, GAP) if curve and curve[-1][0] > 0.0 else 1.0
+    end = max(1.3 * curve[-1][0], SHORTEST) if curve else SHORTEST
     values = [0.0, *(key[1] for key in curve), *(value_at(curve, end * n / _SAMPLES) for n in range(_SAMPLES + 1))]
     low, high = min(values), max(values)
     room = 0.12 * (high - low) if high > low else 1.0

@@ -98,7 +98,7 @@ class _Picture:
             return
         points = [self._at(*sample) for sample in curve_editing.samples(self.value, self._view, _STEPS)]
         if self.value:
-            draw_list.add_polyline([imgui.ImVec2(*point) for point in points], color_code(ACCENT), 0, 2.0)
+            draw_list.add_polyline([imgui.ImVec2(*point) for point in points], color_code(ACCENT), 2.0, 0)
 
     def _draw_key(self, place: int) -> None:
         time, value, _, _ = self.value[place]
@@ -132,9 +132,11 @@ class _Picture:
                 return
 
     def _draw_slopes(self, place: int) -> None:
-        """A handle on each side; they go together until the slopes differ."""
+        """A handle on each side where there is another key; they go together until the slopes differ."""
         time, value, before, after = self.value[place]
         for name, slope, side in (("slope_before", before, -1.0), ("slope_after", after, 1.0)):
+            if not 0 <= place + side < len(self.value):
+                continue
             start = self._at(time, value)
             across, down = self._width / (self._view.end - self._view.start), -self._per_value() * slope
             length = (across * across + down * down) ** 0.5

@@ -53,7 +53,7 @@ def test_a_curve_is_made_dragged_and_undone(by_hand, screenshot_directory) -> No
         ((time, value, _, _),) = await curve(1)
         assert time == pytest.approx(0.5, abs=0.02) and value > 0.0
         left, top, right, bottom = hand.landmarks.rectangles[f"{FIELD}/canvas"]
-        await person.do(MouseMoved(left + 0.8 * (right - left), top + 0.3 * (bottom - top)))
+        await person.do(MouseMoved(left + 0.8 * (right - left), top + 0.04 * (bottom - top)))
         await person.double_click_here()
         first, second = await curve(2)
         assert first[0] < second[0] and second[1] > first[1]

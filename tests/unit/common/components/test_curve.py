@@ -35,7 +35,7 @@ def curves(draw: st.DrawFn) -> Curve:
     return tuple((time / 100.0, draw(values), draw(numbers), draw(numbers)) for time in times)
 
 
-@settings(suppress_health_check=[HealthCheck.too_slow])
+@settings(suppress_health_check=[HealthCheck.too_slow], deadline=None)
 @given(curve=curves(), share=st.floats(0.0, 1.0))
 def test_between_two_keys_it_is_scipys_hermite_spline(curve: Curve, share: float) -> None:
     for (start, first, _, leaving), (end, second, arriving, _) in itertools.pairwise(curve):
@@ -54,7 +54,7 @@ def test_it_begins_anew_after_its_last_key() -> None:
     assert repeated_value_at(((0.0, 4.0, 0.0, 0.0),), 3.0) == 4.0
 
 
-@settings(suppress_health_check=[HealthCheck.too_slow])
+@settings(suppress_health_check=[HealthCheck.too_slow], deadline=None)
 @given(st.lists(curves(), max_size=2))
 def test_columns_and_snapshots_give_it_back(several: list[Curve]) -> None:
     lights, strings = [Light(over_time=curve) for curve in several], StringTable()
