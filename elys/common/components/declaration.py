@@ -28,6 +28,7 @@ from elys.common.errors import ComponentError
 
 Vec3 = tuple[float, float, float]
 Quat = tuple[float, float, float, float]  # x y z w, unit length
+Values = dict[str, Any]  # by name: numbers, booleans, texts and lists of numbers
 
 
 class Kind(enum.Enum):
@@ -44,6 +45,7 @@ class Kind(enum.Enum):
     ASSET = "asset"  # the name of a mesh, an image, ...
     ENTITY = "entity"  # another entity's id, 0 for none
     CURVE = "curve"  # a number over time, see curve.py; unit and range are the number's
+    VALUES = "values"  # named values that only a script's file declares: a JSON object
 
 
 class Component(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -132,6 +134,7 @@ _STORAGE: Final[Mapping[Kind, tuple[str, int]]] = {
     Kind.ASSET: ("i4", 1),  # likewise
     Kind.ENTITY: ("u4", 1),
     Kind.CURVE: ("f4", MAX_KEYS * KEY_WIDTH),
+    Kind.VALUES: ("i4", 1),  # a row of the string table, as JSON
 }
 
 _registry: dict[str, ComponentDeclaration] = {}
@@ -176,14 +179,18 @@ def declare(struct: type[Component]) -> ComponentDeclaration:
     hints = get_type_hints(struct, include_extras=True)
     fields = []
     for info in msgspec.structs.fields(struct):
-        if info.default is msgspec.NODEFAULT:
+        default = info.default
+        if default is msgspec.NODEFAULT and info.default_factory is not msgspec.NODEFAULT:
+            default = info.default_factory()
+        if default is msgspec.NODEFAULT:
             raise ComponentError(f"{struct.__name__}.{info.name} needs a default: every component can be added empty")
-        fields.append(_declare_field(struct.__name__, info.name, hints[info.name], info.default))
+        fields.append(declare_field(struct.__name__, info.name, hints[info.name], default))
     text = (struct.__doc__ or "").strip().split("\n")[0]
     return ComponentDeclaration(name=struct.__name__, struct=struct, text=text, fields=tuple(fields))
 
 
-def _declare_field(owner: str, name: str, hint: Any, default: Any) -> FieldDeclaration:
+def declare_field(owner: str, name: str, hint: Any, default: Any) -> FieldDeclaration:
+    """One field of `owner` from its annotation; ComponentError where that does not say what it must."""
     where = f"{owner}.{name}"
     notes = [note for note in getattr(hint, "__metadata__", ()) if isinstance(note, About)]
     if get_origin(hint) is not Annotated or not notes:
@@ -217,6 +224,7 @@ def _kind_of(where: str, value_type: Any) -> Kind:
         Vec3: Kind.VEC3,
         Quat: Kind.QUAT,
         Curve: Kind.CURVE,
+        Values: Kind.VALUES,
     }
     if value_type in kinds:
         return kinds[value_type]
