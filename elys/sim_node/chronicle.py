@@ -1,6 +1,8 @@
 """What a simulation has done, beat by beat, told to who records it so that it can be run again.
 
-    instant 0 ─ beat ─▶ 1 ─ beat ─▶ 2 ...      a beat: commands, and then a step, or while time stands still none
+    instant 0 ─ beat ─▶ 1 ─ beat ─▶ 2 ...      a beat: commands, and then a step or none
+
+None follows while time stands still, and where an edit was made between two steps.
 
 Instants are counted over the whole run of a host. Of beats that are steps and nothing else nothing is said: the numbers of the
 others tell how many there were. What commands and steps do not explain, an exact state does.
