@@ -1,0 +1,130 @@
+"""How much a link carries: learnt from how long frames take to be acknowledged.
+
+What a bottleneck cannot carry waits in front of it, and the round trip grows; so the sender keeps it short, as TCP Vegas
+(Brakmo and Peterson 1995) and LEDBAT (RFC 6817) do. A frame that was lost and sent again by TCP is late as well, without any
+queue: it stops its own connection alone. So the *fastest* frame of a while counts, over all connections; a queue delays them
+all. Down at once, to what was delivered less a part (as BBR drains, Cardwell et al. 2016); up by half a round trip's worth at
+first, slowly after the first queue.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Final
+
+START: Final = 64_000.0  # [B/s]
+LEAST: Final = 4_000.0  # [B/s]
+MOST: Final = 16_000_000.0  # [B/s]
+SHORTEST_LOOK: Final = 0.05  # [s] between two decisions
+BASE_WINDOW: Final = 10.0  # [s] in which the shortest round trip is taken to have met no queue
+QUEUE: Final = 0.012  # [s] of waiting, or an eighth of the round trip if that is more: there is a queue
+LONG_QUEUE: Final = 0.06  # [s], or the whole round trip: it is out of hand
+_DRAINED: Final = 0.85  # of what was delivered, while there is a queue
+_CUT: Final = 0.5  # likewise, where it is out of hand
+_FAST_RISE: Final = 1.5  # a look, before the first queue
+_RISE: Final = 1.05  # after it
+_SILENCE: Final = 0.3  # [s], or three round trips, without an answer: the link stands still
+_GAIN: Final = 0.125  # of a new sample in the smoothed round trip (RFC 6298)
+_SPARE: Final = 0.04  # [s] of sending that may be on its way beyond a round trip
+
+
+class RateControl:
+    """The rate [B/s] for one viewer; a pure function of what it is told and when."""
+
+    def __init__(self, now: float) -> None:
+        self.rate = START
+        self.smoothed_trip = 0.2  # [s]
+        self.fastest = 0.0  # [s] of the last look
+        self.queues = 0  # how often one was seen
+        self._is_rising_fast = True
+        self._base: deque[tuple[float, float]] = deque()  # (second, shortest round trip in it)
+        self._samples: list[float] = []
+        self._delivered = 0.0  # [B] since the last look
+        self._looked_at = now
+        self._quiet_until = now  # a decision must show before the next one
+        self._answered_at = now
+        self._silent_since: float | None = None
+        self._before_silence = START
+        self._trusted_from = -math.inf  # frames sent earlier waited for other reasons than a queue
+
+    @property
+    def base_trip(self) -> float:
+        """The round trip [s] without a queue, as far as one is known."""
+        return min((trip for _, trip in self._base), default=self.smoothed_trip)
+
+    @property
+    def window(self) -> float:
+        """Bytes that may be on their way."""
+        return max(self.rate * (self.base_trip + _SPARE), 1500.0)
+
+    @property
+    def stands_still(self) -> bool:
+        """Whether the link has gone silent."""
+        return self._silent_since is not None
+
+    def answered(self, now: float, trips: list[tuple[float, float]], size: float) -> None:
+        """Takes an ack: when each frame that it tells anew was sent and how long that took [s], and their bytes."""
+        if self._silent_since is not None:
+            self._revive(now)
+        self._answered_at = now
+        self._delivered += size
+        for sent_at, trip in trips:
+            if sent_at < self._trusted_from:
+                continue
+            self.smoothed_trip += _GAIN * (trip - self.smoothed_trip)
+            self._samples.append(trip)
+            second = math.floor(now)
+            if self._base and self._base[-1][0] == second:
+                self._base[-1] = (second, min(self._base[-1][1], trip))
+            else:
+                self._base.append((second, trip))
+        while self._base and self._base[0][0] < now - BASE_WINDOW:
+            self._base.popleft()
+
+    def look(self, now: float, *, is_limited: bool, is_waiting: bool) -> None:
+        """Decides anew where it is time to: `is_limited` if more would be sent, `is_waiting` if answers are due."""
+        if is_waiting and now - self._answered_at > max(_SILENCE, 3.0 * self.smoothed_trip):
+            self._go_silent(now)
+            return
+        if not is_waiting:
+            self._answered_at = max(self._answered_at, now - self.smoothed_trip)
+        elapsed = now - self._looked_at
+        if elapsed < max(SHORTEST_LOOK, min(self.smoothed_trip, 0.5)) or not self._samples:
+            return
+        self.fastest = min(self._samples)
+        delivered = self._delivered / elapsed
+        self._samples.clear()
+        self._delivered, self._looked_at = 0.0, now
+        if now < self._quiet_until:
+            return
+        base = self.base_trip
+        queue = self.fastest - base
+        if not is_limited:  # what was delivered is what there was to send, and says nothing of the link
+            delivered = max(delivered, self.rate)
+        if queue > max(LONG_QUEUE, base):
+            self._fall(now, _CUT * min(delivered, self.rate), base + queue)
+        elif queue > max(QUEUE, base / 8.0):
+            self._fall(now, min(_DRAINED * delivered, 0.95 * self.rate), base + queue)
+        elif is_limited and delivered > 0.5 * self.rate:
+            self.rate = min(self.rate * (_FAST_RISE if self._is_rising_fast else _RISE), MOST)
+
+    def _fall(self, now: float, rate: float, trip: float) -> None:
+        self.queues += 1
+        self._is_rising_fast = False
+        self.rate = max(rate, LEAST)
+        self._quiet_until = now + trip
+
+    def _go_silent(self, now: float) -> None:
+        if self._silent_since is None:
+            self._silent_since, self._before_silence = now, self.rate
+        self.rate = max(self.rate * 0.5, LEAST)
+        self._answered_at = now  # half again after as long
+
+    def _revive(self, now: float) -> None:
+        """The link goes again: most likely as it did, but carefully."""
+        self._silent_since = None
+        self.rate = max(self.rate, 0.5 * self._before_silence)
+        self._trusted_from = now
+        self._samples.clear()
+        self._delivered, self._looked_at = 0.0, now
