@@ -17,6 +17,8 @@ from typing import Final
 import msgspec
 
 from elys.bus.session import Node, Session
+from elys.bus.streaming.choice import wants_stream
+from elys.bus.streaming.client import StreamClient
 from elys.bus.transports.transport import Closer
 from elys.bus.transports.zenoh import DEFAULT_PORT, ZenohTransport
 from elys.common.assets.store import replace_file
@@ -57,7 +59,7 @@ def advertise(*, name: str, endpoint: str, kind: str, scene: str) -> Closer:
     """Lets others on this machine find the session this process hosts, until closed or dead; BusError if it cannot be written."""
     record = SessionRecord(
         name=name,
-        endpoint=_ANY_ADDRESS.sub("tcp/127.0.0.1:", endpoint),
+        endpoint=loopback_endpoint(endpoint),
         pid=os.getpid(),
         kind=kind,
         scene=scene,
@@ -74,6 +76,11 @@ def advertise(*, name: str, endpoint: str, kind: str, scene: str) -> Closer:
             f"the session cannot be written down in {folder} ({error.strerror}): set ELYS_RUNTIME_DIR to a directory of yours"
         ) from error
     return lambda: path.unlink(missing_ok=True)
+
+
+def loopback_endpoint(endpoint: str) -> str:
+    """Where processes of this machine reach a host that listens at an endpoint, perhaps of every address."""
+    return _ANY_ADDRESS.sub("tcp/127.0.0.1:", endpoint)
 
 
 def find_sessions() -> list[SessionRecord]:
@@ -128,6 +135,8 @@ async def join_session(
 ) -> Session:
     """A session with the host that `connect` names, or with the newest one on this machine; `node` as for `Session.join`.
 
+    States come by a stream where the host is behind a network, see `elys.bus.streaming.choice`.
+
     Raises:
         ConnectionLost: there is none, or nobody answers within `timeout` seconds.
         ProtocolError: the host speaks another version of the protocol.
@@ -135,7 +144,10 @@ async def join_session(
     endpoint = choose_endpoint(connect)
     transport = await asyncio.to_thread(ZenohTransport.connect, endpoint, timeout=timeout)
     try:
-        return await Session.join(transport, kind=kind, timeout=timeout, node=node)
+        session = await Session.join(transport, kind=kind, timeout=timeout, node=node)
+        if wants_stream(kind, endpoint, session.machine):
+            session.states = StreamClient(session, lambda patience: transport.another(patience))
+        return session
     except BaseException:
         await asyncio.to_thread(transport.close)
         raise

@@ -21,6 +21,9 @@ import elys
 from elys.bus import codec, topics
 from elys.bus.mailbox import Mailbox
 from elys.bus.messages.session import Hello, Welcome
+from elys.bus.messages.streaming import StreamInterest
+from elys.bus.picture_ring import boot_id
+from elys.bus.state_source import StateSource
 from elys.bus.topics import PROTOCOL_VERSION, Delivery, Encoding, Query, Topic
 from elys.bus.transports.transport import Closer, IncomingQuery, Transport
 from elys.common.errors import BusError, ConnectionLost, ElysError, MessageError, ProtocolError, RequestError
@@ -57,6 +60,8 @@ class Session:
         self.connected = True
         self.nodes: dict[str, Node] = {}  # all that are alive, by id
         self.refused: dict[str, int] = {}  # messages that were not what their topic promises, by topic
+        self.machine = ""  # of the host, see Welcome
+        self.states: StateSource | None = None  # where states come from instead of the topic: a stream
         self.taps: list[Callable[[Topic[Any], str, bytes], None]] = []  # see every publication (topic, key, payload)
         self._loop = asyncio.get_running_loop()
         self._closers: list[Closer] = []
@@ -89,7 +94,7 @@ class Session:
         """
         session = cls(transport, name=name, node=node or Node(kind, node_id(kind)), epoch=0)
         welcome = await session._shake_hands(timeout, name)
-        session.name, session.epoch = welcome.session, welcome.epoch
+        session.name, session.epoch, session.machine = welcome.session, welcome.epoch, welcome.machine
         session._show_and_watch()
         session._closers.append(transport.watch_link(session._from_thread(session._link_changed)))
         return session
@@ -99,6 +104,8 @@ class Session:
         if self._closed:
             return
         self._closed = True
+        if self.states is not None:
+            await self.states.close()
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
@@ -151,12 +158,22 @@ class Session:
     def subscribe_payloads(
         self, topic: Topic[Any], callback: Callable[[str, bytes], None], *, key: str = "*", every: bool = False
     ) -> Closer:
-        """Calls `callback(full key, payload)` on the loop with undecoded payloads; with `every`, LATEST topics skip none."""
+        """Calls `callback(full key, payload)` on the loop with undecoded payloads; with `every`, LATEST topics skip none.
+
+        States come from the stream, where there is one, except with `every`: a recording holds what the simulation said.
+        """
         newest_only = topic.delivery is Delivery.LATEST and not every
         name_in = codec.field_finder(topic.newest_of, topic.encoding) if topic.newest_of else None
         mailbox = Mailbox(self._loop, callback, newest_only=newest_only, name_in=name_in)
+        if topic is topics.STATE and newest_only and self.states is not None:
+            return self._keep(self.states.subscribe(mailbox.put))
         expression = topics.key_of(self.name, topic, key)
         return self._keep(self.transport.subscribe(expression, mailbox.put))
+
+    def look(self, interest: StreamInterest) -> None:
+        """Says what matters to who watches here, for the stream of states, where there is one."""
+        if self.states is not None:
+            self.states.look(interest)
 
     # --- asking and answering --------------------------------------------------------------------------------------
 
@@ -289,6 +306,7 @@ class Session:
             session=self.name,
             epoch=self.epoch,
             refusal=refusal,
+            machine=boot_id(),
         )
         incoming.reply(codec.encode(welcome, Encoding.JSON))
 

@@ -20,6 +20,7 @@ from elys.bus.messages import (
     scene,
     session,
     state_frame,
+    streaming,
     timeline,
     views,
 )
@@ -175,6 +176,41 @@ RENDER_PROFILE: Final = Topic(
     keyed=True,
     recorded=False,
 )
+STREAM_FRAME: Final = Topic(
+    name="stream/frame",
+    message=bytes,
+    text="states for one viewer behind a network, as far as its link carries them; the key is STREAM.LANE",
+    delivery=Delivery.LATEST,
+    encoding=Encoding.RAW,
+    keyed=True,
+    recorded=False,
+)
+STREAM_ACK: Final = Topic(
+    name="stream/ack",
+    message=bytes,
+    text="what the viewer of the stream named by the key has",
+    delivery=Delivery.LATEST,
+    encoding=Encoding.RAW,
+    keyed=True,
+    recorded=False,
+)
+STREAM_INTEREST: Final = Topic(
+    name="stream/interest",
+    message=streaming.StreamInterest,
+    text="what matters to the viewer of the stream named by the key",
+    delivery=Delivery.LATEST,
+    encoding=Encoding.MSGPACK,
+    keyed=True,
+    recorded=False,
+)
+STREAM_REPORT: Final = Topic(
+    name="stream/report",
+    message=streaming.StreamReport,
+    text="how old, how exact and how lossy the stream named by the key is, told by its viewer once a second",
+    delivery=Delivery.LATEST,
+    keyed=True,
+    recorded=False,
+)
 
 HELLO: Final = Query(
     name="hello",
@@ -266,6 +302,13 @@ ASSET_OFFER: Final = Query(
     keyed=True,
 )
 
+STREAM_ASK: Final = Query(
+    name="stream/ask",
+    request=streaming.StreamRequest,
+    reply=streaming.StreamOffer,
+    text="asks for states as a link carries them, instead of the topic state",
+)
+
 TOPICS: Final[tuple[Topic[Any], ...]] = (
     STATE,
     DELTA,
@@ -281,6 +324,10 @@ TOPICS: Final[tuple[Topic[Any], ...]] = (
     VIEW_REQUEST,
     VIEW_FRAME,
     RENDER_PROFILE,
+    STREAM_FRAME,
+    STREAM_ACK,
+    STREAM_INTEREST,
+    STREAM_REPORT,
 )
 QUERIES: Final[tuple[Query[Any, Any], ...]] = (
     HELLO,
@@ -296,6 +343,7 @@ QUERIES: Final[tuple[Query[Any, Any], ...]] = (
     THUMBNAIL,
     ASSET,
     ASSET_OFFER,
+    STREAM_ASK,
 )
 # Made only while somebody listens: to listen to them costs whoever makes them.
 ON_DEMAND: Final[frozenset[Topic[Any]]] = frozenset({DIAGNOSTICS, DEBUG_LINES, RENDER_PROFILE})

@@ -61,8 +61,9 @@ async def hosted(
     Raises:
         BusError: the endpoint cannot be listened at.
     """
-    from elys.bus.discovery import advertise, complete_endpoint
+    from elys.bus.discovery import advertise, complete_endpoint, loopback_endpoint
     from elys.bus.transports.zenoh import ZenohTransport
+    from elys.verbs.streaming_child import StreamingChild
 
     open_transport = (
         partial(ZenohTransport.listen, complete_endpoint(listen)) if listen else ZenohTransport.listen_on_free_port
@@ -75,11 +76,13 @@ async def hosted(
         await asyncio.to_thread(transport.close)
         raise
     handler = log_to_session(session)
+    streaming = StreamingChild(session, loopback_endpoint(transport.endpoint))
     try:
         yield session, transport.endpoint
     finally:
         handler.detach()
         withdraw()
+        await asyncio.shield(streaming.close())
         await session.close()
 
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from elys.bus.state_packing.compact import Codes
 from elys.bus.streaming.flight import Sent
 from elys.bus.streaming.held import Held, Told
 from elys.bus.streaming.motion import angles, distances, elapsed_since, moved_on
@@ -42,32 +43,41 @@ def claims(
     """
     is_told = np.zeros(truth.count, np.bool_)
     is_told[told.rows] = True
-    of_told = _claim(truth, told, None)
+    settled = _claim(truth, told.rows, told.codes, np.full(len(told.rows), told.time))
     rest = shown.is_known & ~is_told
-    settled = of_told.or_worse(Claim(off[0][rest].max(initial=0.0), off[1][rest].max(initial=0.0)))
-    opened = settled
+    settled = settled.or_worse(Claim(off[0][rest].max(initial=0.0), off[1][rest].max(initial=0.0)))
+    return _rounded(settled), _rounded(settled.or_worse(_of_others(truth, is_told, base, flight)))
+
+
+def _of_others(truth: Truth, is_told: NDArray[np.bool_], base: Held | None, flight: Iterable[Sent]) -> Claim:
+    """The worst that the base or any frame on its way says of those who are not told anew; all looked at together."""
+    rows, codes, times = [], [], []
     if base is not None:
-        position, rotation = moved_on(base.codes, elapsed_since(base.time, truth.time), truth.fall)
-        known = base.is_known & ~is_told
-        distance, angle = distances(position, truth.position)[known], angles(rotation, truth.rotation)[known]
-        opened = opened.or_worse(Claim(distance.max(initial=0.0), angle.max(initial=0.0)))
+        kept = np.flatnonzero(base.is_known & ~is_told)
+        rows, codes, times = [kept], [base.codes.rows(kept)], [base.time[kept]]
     for sent in flight:
         other = sent.told
         if other.table != truth.table:
             other = other.moved_to(truth.table, truth.entities)
-        opened = opened.or_worse(_claim(truth, other, is_told))
-    return _rounded(settled), _rounded(opened)
+        kept = np.flatnonzero(~is_told[other.rows])
+        if len(kept):
+            rows.append(other.rows[kept])
+            codes.append(other.codes.rows(kept))
+            times.append(np.full(len(kept), other.time))
+    if not rows:
+        return Claim(0.0, 0.0)
+    joined = Codes._make(np.concatenate(column, axis=-1) for column in zip(*codes, strict=True))
+    return _claim(truth, np.concatenate(rows), joined, np.concatenate(times))
 
 
-def _claim(truth: Truth, told: Told, left_out: NDArray[np.bool_] | None) -> Claim:
-    rows, codes = told.rows, told.codes
-    if left_out is not None:
-        kept = np.flatnonzero(~left_out[rows])
-        rows, codes = rows[kept], codes.rows(kept)
-    position, rotation = moved_on(codes, elapsed_since(np.full(len(rows), told.time), truth.time), truth.fall)
+def _claim(truth: Truth, rows: NDArray[np.intp], codes: Codes, times: NDArray[np.float64]) -> Claim:
+    """How far these are off, who were there at these times."""
+    if not len(rows):
+        return Claim(0.0, 0.0)
+    position, rotation = moved_on(codes, elapsed_since(times, truth.time), truth.fall)
     return Claim(
-        distances(position, truth.position[:, rows]).max(initial=0.0),
-        angles(rotation, truth.rotation[:, rows]).max(initial=0.0),
+        float(distances(position, truth.position[:, rows]).max()),
+        float(angles(rotation, truth.rotation[:, rows]).max()),
     )
 
 

@@ -52,6 +52,10 @@ class Flight:
         """What went by connections other than these (bits) is lost; how many that is."""
         return self._lose(lambda sent: not lanes >> sent.lane & 1)
 
+    def give_up_before(self, time: float) -> int:
+        """What was sent before is lost; how many that is."""
+        return self._lose(lambda sent: sent.at < time)
+
     def others(self, number: int) -> int:
         """Bit i: frame `number` - 1 - i is expected."""
         bits = 0

@@ -25,6 +25,8 @@ _CUT: Final = 0.5  # likewise, where it is out of hand
 _FAST_RISE: Final = 1.5  # a look, before the first queue
 _RISE: Final = 1.05  # after it
 _SILENCE: Final = 0.3  # [s], or three round trips, without an answer: the link stands still
+_FEWEST: Final = 3  # frames, of which one met no delay of its own
+_QUIET: Final = 0.25  # of the rate: who sends less than that makes no queue
 _GAIN: Final = 0.125  # of a new sample in the smoothed round trip (RFC 6298)
 _SPARE: Final = 0.04  # [s] of sending that may be on its way beyond a round trip
 
@@ -90,7 +92,8 @@ class RateControl:
         if not is_waiting:
             self._answered_at = max(self._answered_at, now - self.smoothed_trip)
         elapsed = now - self._looked_at
-        if elapsed < max(SHORTEST_LOOK, min(self.smoothed_trip, 0.5)) or not self._samples:
+        is_enough = len(self._samples) >= _FEWEST or (self._samples and elapsed > 1.0)
+        if elapsed < max(SHORTEST_LOOK, min(self.smoothed_trip, 0.5)) or not is_enough:
             return
         self.fastest = min(self._samples)
         delivered = self._delivered / elapsed
@@ -101,7 +104,9 @@ class RateControl:
         base = self.base_trip
         queue = self.fastest - base
         if not is_limited:  # what was delivered is what there was to send, and says nothing of the link
-            delivered = max(delivered, self.rate)
+            if delivered < _QUIET * self.rate:
+                return  # a queue that is not this stream's, or somebody who was busy
+            delivered = self.rate
         if queue > max(LONG_QUEUE, base):
             self._fall(now, _CUT * min(delivered, self.rate), base + queue)
         elif queue > max(QUEUE, base / 8.0):

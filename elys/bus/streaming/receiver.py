@@ -37,6 +37,7 @@ class Receiver:
         self.head: FrameHead | None = None  # of the newest frame
         self.missed = 0  # frames that others came before and that have not come
         self.late = 0  # of those, how many came then
+        self.came = 0
         self._begin(0)
 
     def _begin(self, generation: int) -> None:
@@ -122,6 +123,7 @@ class Receiver:
         held.merge(told)
         self._held = held
         self._merged += 1
+        self.came += 1
         if head.number > self._newest:
             self.missed += head.number - self._newest - 1
             self._newest, self.head = head.number, head

@@ -32,6 +32,7 @@ TOLERANCE: Final = 1.5 / POSITION_STEPS  # [m] times 2^level: what rounding at t
 LONGEST_PAUSE: Final = 0.2  # [s] between two frames, where nothing is to be told
 KEY_PAUSE: Final = 0.25  # [s] between two beginnings from nothing
 LEVEL_PAUSE: Final = 0.2  # [s] between two changes of precision
+OVERDUE: Final = 0.5  # [s], or three round trips, that a frame may come after one sent later by another connection
 _FRAME_SHARE: Final = 600.0  # [B] a frame should be, that its head is no great part: slow links get fewer frames
 _OVERHEAD: Final = 120  # [B] of zenoh, TCP and IP around a frame
 _MOST_WAIT: Final = 1000.0  # tolerances off, beyond which more do not count
@@ -109,7 +110,7 @@ class Sender:
 
     def acked(self, ack: Ack, now: float) -> None:
         """Learns what the viewer has. What cannot be is refused, and costs the viewer a beginning from nothing at most."""
-        self.lost += self._flight.give_up(ack.lanes)
+        self._count_lost(self._flight.give_up(ack.lanes))
         self._lanes.open = ack.lanes
         if ack.generation != self.generation:
             if self.generation < ack.generation < _MOST_GENERATION:  # of a sender before, whose clock was ahead
@@ -125,10 +126,19 @@ class Sender:
             self.refused += 1
             return
         found, lost = self._flight.arrived(ack)
-        self.lost += lost
-        if lost or any(sent.is_lost for sent in found):
-            self._shown = None  # made anew: what was lost is not in it, or came after all
+        self._count_lost(lost)
+        if any(sent.is_lost for sent in found):  # and came after all
+            self._shown = None
+        if found:
+            # Others have come that were sent much later: a lane that was closed meanwhile, or a message given up on the way.
+            last = max(sent.at for sent in found)
+            self._count_lost(self._flight.give_up_before(last - max(OVERDUE, 3.0 * self.rate.smoothed_trip)))
         self._take(found, ack, now)
+
+    def _count_lost(self, count: int) -> None:
+        self.lost += count
+        if count:
+            self._shown = None  # made anew, without what was lost
 
     def _take(self, found: list[Sent], ack: Ack, now: float) -> None:
         self._merged += len(found)

@@ -61,6 +61,7 @@ class ZenohTransport:
         self._matched: dict[str, zenoh.Publisher] = {}  # declared to hear who listens
         self._closers: set[Closer] = set()
         self._closed = False
+        self._names: list[str] = []  # of the endpoints that were given to `connect`
 
     @classmethod
     def listen(cls, endpoint: str = DEFAULT_ENDPOINT) -> ZenohTransport:
@@ -116,7 +117,13 @@ class ZenohTransport:
             raise BusError(
                 f"cannot connect to '{' or '.join(names)}' ({_cause(error)}): give tcp/ADDRESS:PORT"
             ) from error
-        return cls(session, endpoint=names[0], hosts=False)
+        transport = cls(session, endpoint=names[0], hosts=False)
+        transport._names = names
+        return transport
+
+    def another(self, timeout: float) -> ZenohTransport:
+        """One more connection to the same host; raises as `connect` does."""
+        return self.connect(self._names, timeout=timeout)
 
     # --- publishing and subscribing --------------------------------------------------------------------------------
 
