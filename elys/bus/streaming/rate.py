@@ -18,12 +18,15 @@ LEAST: Final = 4_000.0  # [B/s]
 MOST: Final = 16_000_000.0  # [B/s]
 SHORTEST_LOOK: Final = 0.05  # [s] between two decisions
 BASE_WINDOW: Final = 10.0  # [s] in which the shortest round trip is taken to have met no queue
-QUEUE: Final = 0.012  # [s] of waiting, or an eighth of the round trip if that is more: there is a queue
+QUEUE: Final = 0.015  # [s] of waiting, or a fifth of the round trip if that is more: there is a queue
 LONG_QUEUE: Final = 0.06  # [s], or the whole round trip: it is out of hand
 _DRAINED: Final = 0.85  # of what was delivered, while there is a queue
 _CUT: Final = 0.5  # likewise, where it is out of hand
 _FAST_RISE: Final = 1.5  # a look, before the first queue
-_RISE: Final = 1.05  # after it
+_RETURN: Final = 1.2  # after it, until near what the link carried then: it was most likely not for good (as CUBIC, RFC 9438)
+_RISE: Final = 1.05  # from there on
+_NEAR: Final = 0.85  # of the rate at which the last queue was seen
+_DELIVERED_FOR: Final = 1.5  # [s] in which the most that was delivered is what the link can
 _SILENCE: Final = 0.3  # [s], or three round trips, without an answer: the link stands still
 _FEWEST: Final = 3  # frames, of which one met no delay of its own
 _QUIET: Final = 0.25  # of the rate: who sends less than that makes no queue
@@ -40,6 +43,8 @@ class RateControl:
         self.fastest = 0.0  # [s] of the last look
         self.queues = 0  # how often one was seen
         self._is_rising_fast = True
+        self._met_queue_at = 0.0  # [B/s]
+        self._deliveries: deque[tuple[float, float]] = deque()  # (when, [B/s])
         self._base: deque[tuple[float, float]] = deque()  # (second, shortest round trip in it)
         self._samples: list[float] = []
         self._delivered = 0.0  # [B] since the last look
@@ -96,7 +101,7 @@ class RateControl:
         if elapsed < max(SHORTEST_LOOK, min(self.smoothed_trip, 0.5)) or not is_enough:
             return
         self.fastest = min(self._samples)
-        delivered = self._delivered / elapsed
+        delivered = self._most_delivered(now, self._delivered / elapsed)
         self._samples.clear()
         self._delivered, self._looked_at = 0.0, now
         if now < self._quiet_until:
@@ -109,14 +114,27 @@ class RateControl:
             delivered = self.rate
         if queue > max(LONG_QUEUE, base):
             self._fall(now, _CUT * min(delivered, self.rate), base + queue)
-        elif queue > max(QUEUE, base / 8.0):
+        elif queue > max(QUEUE, base / 5.0):
             self._fall(now, min(_DRAINED * delivered, 0.95 * self.rate), base + queue)
         elif is_limited and delivered > 0.5 * self.rate:
-            self.rate = min(self.rate * (_FAST_RISE if self._is_rising_fast else _RISE), MOST)
+            self.rate = min(self.rate * self._rise(), MOST)
+
+    def _rise(self) -> float:
+        if self._is_rising_fast:
+            return _FAST_RISE
+        return _RETURN if self.rate < _NEAR * self._met_queue_at else _RISE
+
+    def _most_delivered(self, now: float, delivered: float) -> float:
+        self._deliveries.append((now, delivered))
+        while self._deliveries[0][0] < now - _DELIVERED_FOR:
+            self._deliveries.popleft()
+        return max(rate for _, rate in self._deliveries)
 
     def _fall(self, now: float, rate: float, trip: float) -> None:
         self.queues += 1
         self._is_rising_fast = False
+        # What was met on the way down is the same queue; one that is met lower for long is another link.
+        self._met_queue_at = max(self.rate, 0.8 * self._met_queue_at)
         self.rate = max(rate, LEAST)
         self._quiet_until = now + trip
 
