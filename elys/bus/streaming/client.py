@@ -132,8 +132,9 @@ class StreamClient:
         self._connections = Connections(
             self._connect,
             lambda lane: topics.key_of(session.name, topics.STREAM_FRAME, f"{self.name}.{lane}"),
-            self._heard,
-            self._clock,
+            heard=self._heard,
+            opened=lambda: self._say(self._clock()),
+            clock=self._clock,
         )
         try:
             while True:
@@ -191,7 +192,7 @@ class StreamClient:
         if self.is_full:
             return
         trip = self.receiver.head.round_trip if self.receiver.head is not None else 0.0
-        connections.tend(max(SILENCE, 3.0 * trip))
+        connections.tend(max(SILENCE, 3.0 * trip), trip)
         if now - self._said_at > SAY_EVERY:
             self._say(now)
         is_news = self._interest != self._told

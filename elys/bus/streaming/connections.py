@@ -21,8 +21,11 @@ from elys.common.errors import BusError
 
 COUNT: Final = 4
 TRY_EVERY: Final = 0.25  # [s] between two tries while nothing comes
-PATIENCE: Final = 3.0  # [s] that a try may take
+TRY_SELDOM: Final = 2.0  # [s] the same after long
+LONG: Final = 6.0  # [s] of silence
+PATIENCE: Final = 1.0  # [s], or six round trips, that a try may take: greetings are three
 MOST_TRIES: Final = 6  # at a time
+_MOMENT: Final = 0.5  # [s]
 _log = logging.getLogger(__name__)
 
 Connect = Callable[[float], Transport]  # blocks, that many seconds at most
@@ -40,11 +43,18 @@ class Connections:
     """Opens lanes, hears what comes by them (`heard(payload)`, on the loop) and sends by one after the other."""
 
     def __init__(
-        self, connect: Connect, key_of_lane: Callable[[int], str], heard: Callable[[bytes], None], clock: Callable[[], float]
+        self,
+        connect: Connect,
+        key_of_lane: Callable[[int], str],
+        *,
+        heard: Callable[[bytes], None],
+        opened: Callable[[], None],
+        clock: Callable[[], float],
     ) -> None:
         self._connect = connect
         self._key_of_lane = key_of_lane
         self._heard = heard
+        self._opened = opened
         self._clock = clock
         self._loop = asyncio.get_running_loop()
         self._lanes: dict[int, _Lane] = {}
@@ -53,9 +63,13 @@ class Connections:
         self._tried_at = -TRY_EVERY
         self._closing: set[asyncio.Future[None]] = set()
         self._turn = 0
+        self._silence = LONG
         self.heard_at = clock()
+        self._has_heard = False  # before the first frame nobody may be there to send
         self._is_closed = False
-        self._threads = ThreadPoolExecutor(MOST_TRIES + 2, thread_name_prefix="elys-stream")  # zenoh blocks
+        # zenoh blocks while it opens, and while it closes what stands still: one must not wait for the other.
+        self._threads = ThreadPoolExecutor(MOST_TRIES, thread_name_prefix="elys-stream")
+        self._closers = ThreadPoolExecutor(LANES, thread_name_prefix="elys-stream-end")
 
     @property
     def bits(self) -> int:
@@ -67,22 +81,25 @@ class Connections:
         """How many are open."""
         return len(self._lanes)
 
-    def tend(self, silence: float) -> None:
+    def tend(self, silence: float, trip: float) -> None:
         """Opens what is missing, and, if nothing has come for `silence` seconds, new ones in the place of the old."""
         now = self._clock()
-        is_silent = now - self.heard_at > silence
+        self._silence = silence
+        is_silent = self._has_heard and now - self.heard_at > silence
         is_missing = len(self._lanes) + len(self._tries) < COUNT
-        if (is_missing or is_silent) and len(self._tries) < MOST_TRIES and now - self._tried_at >= TRY_EVERY:
+        pause = TRY_SELDOM if now - self.heard_at > LONG else TRY_EVERY if is_silent else 0.0
+        if (is_missing or is_silent) and len(self._tries) < MOST_TRIES and now - self._tried_at >= pause:
             self._tried_at = now
-            task = self._loop.create_task(self._open())
+            task = self._loop.create_task(self._open(max(PATIENCE, 6.0 * trip)))
             self._tries.add(task)
             task.add_done_callback(self._tries.discard)
 
     def send(self, key: str, payload: bytes) -> None:
-        """By the lane whose turn it is; of those by which something came since the last silence."""
+        """By the lane whose turn it is; of those by which something came a moment ago, or that are new."""
         if not self._lanes:
             return
-        fresh = [lane for lane in self._lanes.values() if lane.heard_at >= self.heard_at - 1.0] or list(self._lanes.values())
+        newest = max(lane.heard_at for lane in self._lanes.values())
+        fresh = [lane for lane in self._lanes.values() if lane.heard_at >= newest - _MOMENT]
         self._turn += 1
         lane = fresh[self._turn % len(fresh)]
         try:
@@ -96,11 +113,12 @@ class Connections:
         for number in list(self._lanes):
             self._drop(number)
         await asyncio.gather(*self._tries, *self._closing, return_exceptions=True)
-        self._threads.shutdown(wait=False)
+        for threads in (self._threads, self._closers):
+            threads.shutdown(wait=False)
 
-    async def _open(self) -> None:
+    async def _open(self, patience: float) -> None:
         try:
-            transport = await self._loop.run_in_executor(self._threads, self._connect, PATIENCE)
+            transport = await self._loop.run_in_executor(self._threads, self._connect, patience)
         except BusError as error:
             _log.debug("no further connection now: %s", error)
             return
@@ -112,17 +130,21 @@ class Connections:
         mailbox = Mailbox(self._loop, lambda _, payload: self._arrived(number, payload), newest_only=False)
         stop = transport.subscribe(self._key_of_lane(number), mailbox.put)
         self._lanes[number] = _Lane(transport, stop, now, now)
+        if self._has_heard and now - self.heard_at > self._silence:  # those that were there wait, and what they carry is of long ago
+            for old in [old for old, lane in self._lanes.items() if now - lane.heard_at > 2.0 * self._silence]:
+                self._drop(old)
         while len(self._lanes) > COUNT:
             self._drop(min(self._lanes, key=lambda lane: self._lanes[lane].heard_at))
+        self._opened()
 
     def _arrived(self, number: int, payload: bytes) -> None:
-        self.heard_at = self._clock()
+        self.heard_at, self._has_heard = self._clock(), True
         if (lane := self._lanes.get(number)) is not None:
             lane.heard_at = self.heard_at
         self._heard(payload)
 
     def _drop(self, number: int) -> None:
         lane = self._lanes.pop(number)
-        closing = self._loop.run_in_executor(self._threads, lane.transport.close)
+        closing = self._loop.run_in_executor(self._closers, lane.transport.close)
         self._closing.add(closing)
         closing.add_done_callback(self._closing.discard)
