@@ -63,6 +63,7 @@ async def hosted(
     """
     from elys.bus.discovery import advertise, complete_endpoint, loopback_endpoint
     from elys.bus.transports.zenoh import ZenohTransport
+    from elys.bus.streaming.choice import is_near
     from elys.verbs.streaming_child import StreamingChild
 
     open_transport = (
@@ -78,6 +79,8 @@ async def hosted(
     handler = log_to_session(session)
     streaming = StreamingChild(session, loopback_endpoint(transport.endpoint))
     try:
+        if not is_near(transport.endpoint):
+            await streaming.start()
         yield session, transport.endpoint
     finally:
         handler.detach()

@@ -27,6 +27,14 @@ class StreamingChild:
         self._starting = asyncio.Lock()
         session.serve(topics.STREAM_ASK, self._asked)
 
+    async def start(self) -> None:
+        """Starts it before somebody asks: who listens beyond this machine is waiting for somebody."""
+        try:
+            async with self._starting:
+                await self._start("whoever comes")
+        except RequestError as error:
+            _log.warning("%s", error)
+
     async def close(self) -> None:
         """Ends the process, which ends by itself when this one does."""
         process = self._process

@@ -16,6 +16,11 @@ _NEAR: Final = ("tcp/127.", "tcp/localhost:", "tcp/[::1]:", "unixsock-stream/")
 _EXACT_KINDS: Final = ("recorder", "streamer", "simulation", "replay")  # nothing but every bit will do
 
 
+def is_near(endpoint: str) -> bool:
+    """Whether an endpoint is of this machine alone."""
+    return endpoint.startswith(_NEAR)
+
+
 def wants_stream(kind: str, endpoint: str, machine: str) -> bool:
     """Whether a node of that kind gets a stream, of a host at that endpoint, on that machine ("": not told).
 
@@ -29,4 +34,4 @@ def wants_stream(kind: str, endpoint: str, machine: str) -> bool:
         raise BusError(f"{STATES}={choice} says nothing: set it to {AUTO}, {FULL} or {STREAM}")
     if kind in _EXACT_KINDS or choice == FULL:
         return False
-    return choice == STREAM or not endpoint.startswith(_NEAR) or (machine != "" and machine != boot_id())
+    return choice == STREAM or not is_near(endpoint) or (machine != "" and machine != boot_id())

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 BEAT: Final = 0.05  # [s] between two looks
 SAY_EVERY: Final = 0.25  # [s] that it is silent at most, so that the sender knows that it is there
+SAY_SILENT: Final = 0.1  # [s] the same while nothing comes: the way there may be open again
 TELL_EVERY: Final = 0.1  # [s] between two tellings of what matters
 TELL_AGAIN: Final = 2.0  # [s] likewise, where nothing has changed: the sender may be a new one
 REPORT_EVERY: Final = 1.0  # [s]
@@ -193,7 +194,7 @@ class StreamClient:
             return
         trip = self.receiver.head.round_trip if self.receiver.head is not None else 0.0
         connections.tend(max(SILENCE, 3.0 * trip), trip)
-        if now - self._said_at > SAY_EVERY:
+        if now - self._said_at > (SAY_EVERY if now - connections.heard_at < SILENCE else SAY_SILENT):
             self._say(now)
         is_news = self._interest != self._told
         if now - self._told_at > (TELL_EVERY if is_news else TELL_AGAIN):

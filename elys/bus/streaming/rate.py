@@ -3,7 +3,8 @@
 What a bottleneck cannot carry waits in front of it, and the round trip grows; so the sender keeps it short, as TCP Vegas
 (Brakmo and Peterson 1995) and LEDBAT (RFC 6817) do. A frame that was lost and sent again by TCP is late as well, without any
 queue: it stops its own connection alone. So the *fastest* frame of a while counts, over all connections; a queue delays them
-all. Down at once, to what was delivered less a part (as BBR drains, Cardwell et al. 2016); up by half a round trip's worth at
+all. Where sending less does not make it shorter, it is not this stream's, and the longer round trip is taken for the link's (as
+Copa competes, Arun and Balakrishnan 2018). Down at once, to what was delivered less a part (as BBR drains, Cardwell et al. 2016); up by half a round trip's worth at
 first, slowly after the first queue.
 """
 
@@ -14,7 +15,7 @@ from collections import deque
 from typing import Final
 
 START: Final = 64_000.0  # [B/s]
-LEAST: Final = 4_000.0  # [B/s]
+LEAST: Final = 8_000.0  # [B/s]
 MOST: Final = 16_000_000.0  # [B/s]
 SHORTEST_LOOK: Final = 0.05  # [s] between two decisions
 BASE_WINDOW: Final = 10.0  # [s] in which the shortest round trip is taken to have met no queue
@@ -27,6 +28,8 @@ _RETURN: Final = 1.2  # after it, until near what the link carried then: it was 
 _RISE: Final = 1.05  # from there on
 _NEAR: Final = 0.85  # of the rate at which the last queue was seen
 _DELIVERED_FOR: Final = 1.5  # [s] in which the most that was delivered is what the link can
+_IN_VAIN: Final = 4  # times in a row that less was sent, without the waiting growing shorter by a fifth: it is not this stream's
+_SHORTER: Final = 0.8
 _SILENCE: Final = 0.3  # [s], or three round trips, without an answer: the link stands still
 _FEWEST: Final = 3  # frames, of which one met no delay of its own
 _QUIET: Final = 0.25  # of the rate: who sends less than that makes no queue
@@ -53,6 +56,7 @@ class RateControl:
         self._answered_at = now
         self._silent_since: float | None = None
         self._before_silence = START
+        self._falls: list[tuple[float, float]] = []  # in a row: rate before, the waiting [s]
         self._trusted_from = -math.inf  # frames sent earlier waited for other reasons than a queue
 
     @property
@@ -70,11 +74,15 @@ class RateControl:
         """Whether the link has gone silent."""
         return self._silent_since is not None
 
-    def answered(self, now: float, trips: list[tuple[float, float]], size: float) -> None:
-        """Takes an ack: when each frame that it tells anew was sent and how long that took [s], and their bytes."""
+    def heard(self, now: float) -> None:
+        """Something came from the viewer: the link goes."""
         if self._silent_since is not None:
             self._revive(now)
         self._answered_at = now
+
+    def answered(self, now: float, trips: list[tuple[float, float]], size: float) -> None:
+        """Takes an ack: when each frame that it tells anew was sent and how long that took [s], and their bytes."""
+        self.heard(now)
         self._delivered += size
         for sent_at, trip in trips:
             if sent_at < self._trusted_from:
@@ -112,12 +120,28 @@ class RateControl:
             if delivered < _QUIET * self.rate:
                 return  # a queue that is not this stream's, or somebody who was busy
             delivered = self.rate
+        limit = max(QUEUE, base / 5.0)
+        if queue <= limit:
+            self._falls.clear()
+        elif self._is_in_vain(now, queue):
+            return
         if queue > max(LONG_QUEUE, base):
             self._fall(now, _CUT * min(delivered, self.rate), base + queue)
-        elif queue > max(QUEUE, base / 5.0):
+        elif queue > limit:
             self._fall(now, min(_DRAINED * delivered, 0.95 * self.rate), base + queue)
         elif is_limited and delivered > 0.5 * self.rate:
             self.rate = min(self.rate * self._rise(), MOST)
+
+    def _is_in_vain(self, now: float, queue: float) -> bool:
+        """Whether sending less does not help, so that others make the queue, or busy machines: then it belongs to the way."""
+        self._falls.append((self.rate, queue))
+        if len(self._falls) <= _IN_VAIN or queue < _SHORTER * self._falls[1][1]:
+            return False
+        self.rate = max(self.rate, self._falls[0][0] * _DRAINED)
+        self._base.clear()
+        self._base.append((math.floor(now), self.fastest))
+        self._falls.clear()
+        return True
 
     def _rise(self) -> float:
         if self._is_rising_fast:
@@ -148,6 +172,6 @@ class RateControl:
         """The link goes again: most likely as it did, but carefully."""
         self._silent_since = None
         self.rate = max(self.rate, 0.5 * self._before_silence)
-        self._trusted_from = now
+        self._trusted_from = now  # what was sent before waited for the link
         self._samples.clear()
         self._delivered, self._looked_at = 0.0, now

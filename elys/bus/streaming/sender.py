@@ -111,6 +111,8 @@ class Sender:
     def acked(self, ack: Ack, now: float) -> None:
         """Learns what the viewer has. What cannot be is refused, and costs the viewer a beginning from nothing at most."""
         self._count_lost(self._flight.give_up(ack.lanes))
+        if ack.lanes != self._lanes.open or self.rate.stands_still:
+            self.rate.heard(now)
         self._lanes.open = ack.lanes
         if ack.generation != self.generation:
             if self.generation < ack.generation < _MOST_GENERATION:  # of a sender before, whose clock was ahead

@@ -18,6 +18,7 @@ from __future__ import annotations
 import contextlib
 import json
 import logging
+import os
 import threading
 import weakref
 from collections.abc import Callable, Sequence
@@ -43,6 +44,10 @@ _REFUSAL: Final = "elys/refusal"  # encoding that tells our refusals from zenoh'
 _PRIORITIES: Final = {Delivery.LATEST: zenoh.Priority.DATA, Delivery.SEQUENCED: zenoh.Priority.DATA_HIGH}
 _CLOSED: Final = "this transport is closed: open another one"
 _log = logging.getLogger(__name__)
+
+# Closing a connection to who has gone silent blocks one of zenoh's receiving threads for as long as its system waits for an answer
+# (SO_LINGER, 10 s), and there are but two of them: four dead viewers made a host deaf for seconds. Read when zenoh first starts.
+os.environ.setdefault("ZENOH_RUNTIME", "(rx: (worker_threads: 16))")
 
 
 class ZenohTransport:
