@@ -146,7 +146,7 @@ async def join_session(
     try:
         session = await Session.join(transport, kind=kind, timeout=timeout, node=node)
         if wants_stream(kind, endpoint, session.machine):
-            session.states = StreamClient(session, lambda patience: transport.another(patience))
+            session.states = StreamClient(session, transport.another)
         return session
     except BaseException:
         await asyncio.to_thread(transport.close)

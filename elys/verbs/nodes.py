@@ -62,8 +62,8 @@ async def hosted(
         BusError: the endpoint cannot be listened at.
     """
     from elys.bus.discovery import advertise, complete_endpoint, loopback_endpoint
-    from elys.bus.transports.zenoh import ZenohTransport
     from elys.bus.streaming.choice import is_near
+    from elys.bus.transports.zenoh import ZenohTransport
     from elys.verbs.streaming_child import StreamingChild
 
     open_transport = (

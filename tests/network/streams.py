@@ -81,12 +81,23 @@ def watch(
     variables: dict[str, str] | None = None,
     **conditions: float,
 ) -> Watched:
-    """A simulation at one end of a link, a viewer at the other, for so long after its first state; `during` may spoil the link."""
+    """A simulation at one end of a link, a viewer at the other, for `seconds` after its first state; `during` may spoil
+    the link."""
     server, laptop = lab.machines("server", "laptop")
     link = lab.link(server, laptop, **conditions)
     scene, recording, output = (directory / name for name in ("balls.scene.json", "exact.mcap", "seen.npz"))
     write_scene(bouncing(bodies), scene)
-    words = ("--headless", "--realtime", "--listen", f"tcp/0.0.0.0:{PORT}", "--record", recording, "--keep", "0", "--no-guard")
+    words = (
+        "--headless",
+        "--realtime",
+        "--listen",
+        f"tcp/0.0.0.0:{PORT}",
+        "--record",
+        recording,
+        "--keep",
+        "0",
+        "--no-guard",
+    )
     simulation = server.start("run", scene, *words)
     simulation.wait_for("first tick", seconds=120.0)
     endpoint = f"tcp/{link.address_of(server)}:{PORT}"

@@ -88,7 +88,9 @@ class Network:
 
         self.at(self.now, again)
 
-    def send(self, way: int, lane: int, message: bytes, receive: Callable[[bytes], None], *, overhead: int = 100) -> None:
+    def send(
+        self, way: int, lane: int, message: bytes, receive: Callable[[bytes], None], *, overhead: int = 100
+    ) -> None:
         """Carries a message forth (0) or back (1)."""
         self.carried[way] += len(message) + overhead
         if self.random.random() < self.conditions.drop:

@@ -169,4 +169,3 @@ def errors(stream: Stream, frame: StateFrame) -> tuple[np.ndarray, np.ndarray]:
     shown = Rotation.from_quat(frame.rotation.astype(float))
     turned = (shown.inv() * Rotation.from_quat(truth.rotation[rows].astype(float))).magnitude()
     return off, turned
-

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Final
 
 import msgspec
 
 from elys.bus.messages.views import ViewCamera
 
+MOST_CAMERAS: Final = 8  # that a sender takes into account
+MOST_NAMED: Final = 1024  # entities, likewise
 StreamName = Annotated[str, msgspec.Meta(pattern="^[a-z0-9-]{1,64}$")]
 
 

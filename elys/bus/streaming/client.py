@@ -14,7 +14,7 @@ import logging
 import secrets
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from elys.bus import codec, topics
 from elys.bus.messages.state_frame import HEADER
@@ -25,7 +25,7 @@ from elys.bus.streaming.receiver import Arrival, Receiver
 from elys.bus.streaming.wire import pack_ack
 from elys.bus.topics import Encoding
 from elys.bus.transports.transport import Closer
-from elys.common.errors import BusError, ConnectionLost, MessageError, ProtocolError, RequestError
+from elys.common.errors import ConnectionLost, MessageError, ProtocolError, RequestError
 
 if TYPE_CHECKING:
     from elys.bus.session import Session
@@ -36,7 +36,9 @@ SAY_SILENT: Final = 0.1  # [s] the same while nothing comes: the way there may b
 TELL_EVERY: Final = 0.1  # [s] between two tellings of what matters
 TELL_AGAIN: Final = 2.0  # [s] likewise, where nothing has changed: the sender may be a new one
 REPORT_EVERY: Final = 1.0  # [s]
-SILENCE: Final = 0.5  # [s], or three round trips, without a frame: a moving scene sends sixty a second, a still one five
+SILENCE: Final = (
+    0.5  # [s], or three round trips, without a frame: a moving scene sends sixty a second, a still one five
+)
 ASK_EVERY: Final = 2.0  # [s] of silence after which the host is asked again
 _log = logging.getLogger(__name__)
 Put = Callable[[str, bytes], None]
@@ -236,6 +238,6 @@ class StreamClient:
         ack = self.receiver.ack(self._connections.bits)
         self._send(topics.STREAM_ACK, codec.with_prefix(pack_ack(ack), Encoding.RAW))
 
-    def _send(self, topic: topics.Topic[object], payload: bytes) -> None:
+    def _send(self, topic: topics.Topic[Any], payload: bytes) -> None:
         if self._connections is not None:
             self._connections.send(topics.key_of(self._session.name, topic, self.name), payload)

@@ -7,7 +7,7 @@ can be merged in any order: of each body the one of the latest frame stays.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,7 +123,8 @@ class Held:
         time: float | NDArray[np.float64],
     ) -> None:
         """Writes rows."""
-        for column, new in zip(self.codes[:5], codes[:5], strict=True):
+        columns: Any = zip(self.codes[:5], codes[:5], strict=True)
+        for column, new in columns:
             column[..., rows] = new
         self.number[rows] = number
         self.time[rows] = time

@@ -12,14 +12,12 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from elys.bus.messages.streaming import StreamInterest
+from elys.bus.messages.streaming import MOST_CAMERAS, MOST_NAMED, StreamInterest
 from elys.bus.messages.views import ViewCamera
 from elys.bus.state_packing.compact import POSITION_STEPS
 from elys.bus.streaming.telling import COARSEST
 from elys.common.math import quaternion
 
-MOST_CAMERAS: Final = 8
-MOST_NAMED: Final = 1024  # entities
 UNSEEN: Final = 0.1  # weight of what is in no picture
 CHOSEN: Final = 8.0
 OPEN: Final = 4.0

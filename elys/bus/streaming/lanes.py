@@ -1,7 +1,7 @@
 """By which of a viewer's connections a frame goes.
 
-TCP delivers in order: what comes after a lost packet waits until that one was sent again, one or two round trips long. Frames need
-no order, so a stream has several connections, and one that waits is left alone until it moves.
+TCP delivers in order: what comes after a lost packet waits until that one was sent again, a round trip or two. Frames need no
+order, so a stream has several connections, and one that waits is left alone until it moves.
 """
 
 from __future__ import annotations

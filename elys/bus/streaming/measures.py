@@ -5,11 +5,21 @@ from __future__ import annotations
 from collections import deque
 from typing import Final
 
+from elys.bus.messages.streaming import StreamReport
 from elys.bus.streaming.claims import Claim
 from elys.bus.streaming.wire import FrameHead
 
 SPAN: Final = 5.0  # [s] over which rates and ages are told
+_MILLI: Final = 1e3
 _BASE_SPAN: Final = 30.0  # [s] in which the fastest frame is taken to have met no queue
+
+
+def stream_text(report: StreamReport) -> str:
+    """A report in a line, as people read it."""
+    return (
+        f"stream {report.rate / _MILLI:.0f} kB/s   {report.age_p95 * _MILLI:.0f} ms old at most   "
+        f"off by {report.position_error * _MILLI:.3g} mm   {100.0 * report.loss:.1f} % late or lost"
+    )
 
 
 class Measures:
@@ -19,7 +29,9 @@ class Measures:
         self.claim: Claim | None = None  # of the state that is shown
         self.head: FrameHead | None = None  # likewise
         self.tick = -1
-        self._base: deque[tuple[float, float]] = deque()  # (second, least time between publishing and arrival, clocks and all)
+        self._base: deque[tuple[float, float]] = (
+            deque()
+        )  # (second, least time between publishing and arrival, clocks and all)
         self._came: deque[tuple[float, int]] = deque()  # when, bytes
         self._ages: deque[tuple[float, float]] = deque()
         self._newest_at = 0.0  # by this side's clock: when the newest state was published
@@ -57,8 +69,8 @@ class Measures:
         if self.head is not None:
             self._ages.append((now, self.age(now)))
         for line in (self._came, self._ages, self._losses):
-            while line and line[0][0] < now - SPAN:  # type: ignore[index]
-                line.popleft()  # type: ignore[attr-defined]
+            while line and line[0][0] < now - SPAN:
+                line.popleft()
 
     @property
     def age_p95(self) -> float:

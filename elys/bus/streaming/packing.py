@@ -88,9 +88,7 @@ class FramePacker:
         head = head._replace(flags=flags, groups=len(groups))
         return b"".join((pack_head(head, _counted(truth)), table, bodies, animated))
 
-    def _learn(
-        self, groups: Sequence[Group], before: Held, size: int, animated: bytes, tail: bytes | None
-    ) -> None:
+    def _learn(self, groups: Sequence[Group], before: Held, size: int, animated: bytes, tail: bytes | None) -> None:
         if tail:
             self.tail_cost += _LEARNING * (len(animated) / len(tail) - self.tail_cost)
         told = sum(len(rows) for _, rows, _ in groups)

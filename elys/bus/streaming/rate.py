@@ -3,9 +3,9 @@
 What a bottleneck cannot carry waits in front of it, and the round trip grows; so the sender keeps it short, as TCP Vegas
 (Brakmo and Peterson 1995) and LEDBAT (RFC 6817) do. A frame that was lost and sent again by TCP is late as well, without any
 queue: it stops its own connection alone. So the *fastest* frame of a while counts, over all connections; a queue delays them
-all. Where sending less does not make it shorter, it is not this stream's, and the longer round trip is taken for the link's (as
-Copa competes, Arun and Balakrishnan 2018). Down at once, to what was delivered less a part (as BBR drains, Cardwell et al. 2016); up by half a round trip's worth at
-first, slowly after the first queue.
+all. Where sending less does not make it shorter, it is not this stream's, and the longer round trip is taken for the link's
+(as Copa competes, Arun and Balakrishnan 2018). Down at once, to what was delivered less a part (as BBR drains, Cardwell et al.
+2016); up by half a look at first, after a queue quickly to where it was met, and slowly from there on.
 """
 
 from __future__ import annotations
@@ -24,11 +24,15 @@ LONG_QUEUE: Final = 0.06  # [s], or the whole round trip: it is out of hand
 _DRAINED: Final = 0.85  # of what was delivered, while there is a queue
 _CUT: Final = 0.5  # likewise, where it is out of hand
 _FAST_RISE: Final = 1.5  # a look, before the first queue
-_RETURN: Final = 1.2  # after it, until near what the link carried then: it was most likely not for good (as CUBIC, RFC 9438)
+_RETURN: Final = (
+    1.2  # after it, until near what the link carried then: it was most likely not for good (as CUBIC, RFC 9438)
+)
 _RISE: Final = 1.05  # from there on
 _NEAR: Final = 0.85  # of the rate at which the last queue was seen
 _DELIVERED_FOR: Final = 1.5  # [s] in which the most that was delivered is what the link can
-_IN_VAIN: Final = 4  # times in a row that less was sent, without the waiting growing shorter by a fifth: it is not this stream's
+_IN_VAIN: Final = (
+    4  # times in a row that less was sent, without the waiting growing shorter by a fifth: it is not this stream's
+)
 _SHORTER: Final = 0.8
 _SILENCE: Final = 0.3  # [s], or three round trips, without an answer: the link stands still
 _FEWEST: Final = 3  # frames, of which one met no delay of its own

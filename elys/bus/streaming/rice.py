@@ -76,7 +76,7 @@ def _best_widths(values: Words) -> tuple[int, int]:
     lengths = np.bincount(np.frexp(values.astype(np.float64))[1], minlength=_WIDTH + 1)
     most = int(np.flatnonzero(lengths)[-1])
     low = _LENGTHS[: most + 1, None]
-    times = np.minimum(_MIDDLES / 2.0**low, ESCAPE) + 1.0 + np.where(_LENGTHS > low + 3, most, 0)
+    times = np.minimum(_MIDDLES / 2.0**low, ESCAPE) + 1.0 + np.where(low + 3 < _LENGTHS, most, 0)
     return int(np.argmin((times * lengths).sum(axis=1) + low[:, 0] * len(values))), most
 
 

@@ -253,7 +253,9 @@ class Sender:
         if truth is self._last:
             return False
         codes = shown.codes
-        return bool(codes.linear.any() or codes.angular.any())  # it moves on as it was told, and has to be shown doing so
+        return bool(
+            codes.linear.any() or codes.angular.any()
+        )  # it moves on as it was told, and has to be shown doing so
 
     def _follow_link(self, now: float, wanted: int, told: int) -> None:
         """Coarser while the turns take longer than two frames, finer while all are told and the half would be enough."""

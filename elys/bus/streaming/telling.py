@@ -62,10 +62,10 @@ def pack_group(
     rice.write(out, folded(angular - angular_before))
     rice.write(out, now.largest ^ before.largest)
     guess = _guessed_rotation(before, now.angular, now.largest, elapsed)
-    rotation, guess = _steps(now.rotation.astype(np.int32), guess.astype(np.int32), level)
-    rice.write(out, folded(rotation - guess))
-    position, guess = _steps(now.position, _guessed_position(before, now.linear, elapsed), level)
-    rice.write(out, folded(position - guess))
+    rotation, turned = _steps(now.rotation.astype(np.int32), guess.astype(np.int32), level)
+    rice.write(out, folded(rotation - turned))
+    position, moved = _steps(now.position, _guessed_position(before, now.linear, elapsed), level)
+    rice.write(out, folded(position - moved))
 
 
 def unpack_group(

@@ -1,7 +1,7 @@
 """Frames and acknowledgements of a stream as bytes. docs/streaming.md has the same in words, enough to write a client.
 
-    frame   head, the header of a state frame (56 bytes), the table if bit 0, groups (see `telling`), the tail if bit 1
-    ack     a head alone
+frame   head, the header of a state frame (56 bytes), the table if bit 0, groups (see `telling`), the tail if bit 1
+ack     a head alone
 """
 
 from __future__ import annotations

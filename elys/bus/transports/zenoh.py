@@ -45,8 +45,8 @@ _PRIORITIES: Final = {Delivery.LATEST: zenoh.Priority.DATA, Delivery.SEQUENCED: 
 _CLOSED: Final = "this transport is closed: open another one"
 _log = logging.getLogger(__name__)
 
-# Closing a connection to who has gone silent blocks one of zenoh's receiving threads for as long as its system waits for an answer
-# (SO_LINGER, 10 s), and there are but two of them: four dead viewers made a host deaf for seconds. Read when zenoh first starts.
+# Closing a connection to who has gone silent blocks one of zenoh's receiving threads for as long as its system waits for an
+# answer (SO_LINGER, 10 s), and there are few of them: one viewer's five made a host deaf for seconds. Read when zenoh starts.
 os.environ.setdefault("ZENOH_RUNTIME", "(rx: (worker_threads: 16))")
 
 
