@@ -53,7 +53,8 @@ class Bodies:
 
     def _replace(self) -> None:
         kept = np.flatnonzero(self.random.random(len(self.entity)) > 0.02)
-        new = np.uint32([10_000 + self.tick, self.entity[0] ^ np.uint32(1 << 20)])
+        back = np.uint32(1 + self.tick % 20)  # one who was there before, unless he still is
+        new = np.uint32([10_000 + self.tick, back if back not in self.entity[kept] else 20_000 + self.tick])
         self.entity = np.concatenate([self.entity[kept], new])
         self.position = np.concatenate([self.position[kept], self.random.uniform(-5, 5, (2, 3))])
         self.linear = np.concatenate([self.linear[kept], np.zeros((2, 3))])

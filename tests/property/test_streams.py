@@ -29,7 +29,7 @@ def check_claims(stream: Stream, *, every: int = 1) -> None:
         assert turned.max(initial=0.0) <= arrival.claim.rotation + SLACK
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(
     seed=st.integers(0, 2**16),
     delay=st.sampled_from([0.0, 0.01, 0.05, 0.15]),
@@ -46,7 +46,7 @@ def test_nothing_shown_is_farther_off_than_claimed(
     seed, delay, loss, jitter, drop, repeat, rate, lanes, restless, tail
 ):
     """Under loss, jitter, reordering between connections, messages given up and doubled; while bodies come and go."""
-    bodies = Bodies(40, seed=seed, resting=0.3, restless=restless)
+    bodies = Bodies(20, seed=seed, resting=0.3, restless=restless)
     bodies.tail_count = tail
     link = Conditions(delay=delay, loss=loss, jitter=jitter, drop=drop, repeat=repeat, rate=rate)
     stream = Stream(bodies, link, seed=seed, lanes=lanes)
@@ -55,7 +55,7 @@ def test_nothing_shown_is_farther_off_than_claimed(
     assert stream.sender.refused == 0 and stream.sender.restarts == 0
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(seed=st.integers(0, 2**16), rate=st.sampled_from([2e4, 1e6]), drop=st.sampled_from([0.0, 0.15]))
 def test_what_has_come_to_rest_is_shown_as_it_is_and_costs_nothing_more(seed, rate, drop):
     bodies = Bodies(50, seed=seed)
@@ -75,29 +75,29 @@ def test_what_has_come_to_rest_is_shown_as_it_is_and_costs_nothing_more(seed, ra
 
 def test_fifty_milliseconds_and_two_per_cent_keep_a_thousand_bodies_fresh():
     stream = Stream(Bodies(1000, seed=1), Conditions(delay=0.05, loss=0.02, rate=1e6), seed=2)
-    stream.run(6.0)
-    assert np.percentile(ages(stream, 2.0, 6.0), 95) < 0.15
+    stream.run(4.0)
+    assert np.percentile(ages(stream, 2.0, 4.0), 95) < 0.15
     check_claims(stream, every=20)
     assert np.median([errors(stream, frame)[0].max() for when, frame, _ in stream.shown[::20] if when > 2.0]) < 0.01
 
 
 def test_a_bottleneck_holds_no_stale_data():
     """A tenth of what would be sent: what comes is fresh all the same, and the link is used."""
-    link = Conditions(delay=0.02, loss=0.0, rate=6e4)
-    stream = Stream(Bodies(600, seed=3), link, seed=3)
+    link = Conditions(delay=0.02, loss=0.0, rate=4e4)
+    stream = Stream(Bodies(300, seed=3), link, seed=3)
     stream.run(8.0)
     assert np.percentile(ages(stream, 3.0, 8.0), 95) < 0.15
-    assert stream.network.carried[0] > 0.6 * 6e4 * 8.0
+    assert stream.network.carried[0] > 0.6 * 4e4 * 8.0
     link.rate = 2e4  # and then it becomes narrower still
     stream.run(6.0)
     assert np.percentile(ages(stream, 11.0, 14.0), 95) < 0.3
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_after_an_outage_the_view_is_right_within_a_second(seed):
     """A new connection stands two round trips after the link heals; the old ones wait, as TCP does."""
     link = Conditions(delay=0.05, loss=0.02, rate=1e6, outages=((4.0, 7.0),))
-    stream = Stream(Bodies(1000, seed=seed), link, seed=seed)
+    stream = Stream(Bodies(400, seed=seed), link, seed=seed)
     stream.run(7.0)
     stream.network.at(7.0 + 4 * link.delay, lambda: setattr(stream, "lanes", 0b11110000))
     stream.network.at(7.0 + 4 * link.delay, stream._say)
@@ -132,34 +132,34 @@ def test_a_viewer_that_was_started_anew_is_told_all_again():
 
 
 def test_everything_gets_its_turn_and_what_is_chosen_first():
-    bodies = Bodies(400, seed=6)
-    stream = Stream(bodies, Conditions(rate=2.5e4, loss=0.0), seed=6)
+    bodies = Bodies(200, seed=6)
+    stream = Stream(bodies, Conditions(rate=1.5e4, loss=0.0), seed=6)
     chosen = (7, 8, 9)
     far = ViewCamera(position=(0.0, 0.0, 400.0), rotation=(0.0, 1.0, 0.0, 0.0))  # looks away
     stream.look(StreamInterest(cameras=(far,), chosen=chosen))
     stream.run(8.0)
+    assert stream.receiver.known_count == 200
     held = stream.receiver._held
-    assert held is not None and stream.receiver.known_count == 400
-    waits = bodies.tick * TICK - held.time
-    assert waits.max() < 5.0
+    assert held is not None and (bodies.tick * TICK - held.time).max() < 5.0
+    off = np.array([errors(stream, frame)[0] for when, frame, _ in stream.shown if when > 4.0])
     rows = np.isin(held.entities, chosen)
-    assert waits[rows].max() < 0.5 * np.median(waits[~rows])
+    assert off[:, rows].mean() < 0.3 * off[:, ~rows].mean()
 
 
 def test_memory_stays_bounded_whatever_the_viewer_does_not_answer():
-    bodies, stream = Bodies(200, seed=7), None
+    bodies, stream = Bodies(60, seed=7), None
     stream = Stream(bodies, Conditions(rate=1e7), seed=7)
     stream.run(2.0)
     sizes = []
     stream.network.send = lambda *_, **__: None  # nothing comes through any more
-    for _ in range(20):
+    for _ in range(8):
         stream.run(1.0)
         sizes.append(stream.sender.size)
-    assert max(sizes[10:]) <= max(sizes[:3])
+    assert max(sizes[4:]) <= max(sizes[:3])
     assert stream.receiver.size < 64 << 20
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(
     acks=st.lists(
         st.builds(
@@ -197,7 +197,7 @@ def test_damaged_frames_are_refused_and_change_nothing():
     stream.run(1.0)
     random = np.random.default_rng(1)
     refused = 0
-    for _ in range(3000):
+    for _ in range(1500):
         body = bytearray(bodies[random.integers(len(bodies))])
         for _ in range(random.integers(1, 4)):
             body[random.integers(len(body))] = random.integers(256)
@@ -214,7 +214,7 @@ def test_damaged_frames_are_refused_and_change_nothing():
         else:
             if arrival.state is not None:
                 assert unpack_frame(arrival.state).body_count <= 1 << 20
-    assert refused > 500
+    assert refused > 200
 
 
 def test_a_sender_sends_nothing_to_nobody():
