@@ -23,6 +23,7 @@ from tests.benchmarks import (
     rigid_bodies,
     scene_tree,
     starts,
+    streams,
     ticks,
     view_streams,
 )
@@ -40,8 +41,9 @@ SUITES: dict[str, Callable[[], list[tuple[str, str]]]] = {
     "models": models.measure,
     "pictures": pictures.measure,
     "editor": editor.measure,
+    "streams": streams.measure,
 }
-PAGES = {"editor": "docs/editor.md"}  # whose rows stand there and not in the README
+PAGES = {"editor": "docs/editor.md", "streams": "docs/streaming.md"}  # whose rows stand there and not in the README
 
 
 def main() -> None:
