@@ -1,4 +1,4 @@
-"""States on their way: on one machine in full, and by streams over links of a laboratory; ages, bytes, and errors against the recording."""
+"""States on their way: on one machine in full, and by streams over links of a laboratory."""
 
 from __future__ import annotations
 
@@ -37,7 +37,8 @@ def measure() -> list[Row]:
         print(f"no links are measured: {reason}", file=sys.stderr)
         return rows
     for name, conditions in LINKS.items():
-        rows.append((f"1000 bouncing balls, one way {name}: age p50 / p95; link; body off, median, 95th; worst", _over(conditions)))
+        what = f"1000 bouncing balls, one way {name}: age p50 / p95; link; body off, median, 95th; worst"
+        rows.append((what, _over(conditions)))
     rows.append(("50 ms, 2 % loss, after an outage of 3 s: first state; all within 5 cm of the truth", _outage()))
     return rows
 
@@ -54,7 +55,19 @@ def _near() -> str:
     with tempfile.TemporaryDirectory() as folder, environment() as env:
         scene = Path(folder, "cubes.scene.json")
         write_scene(SceneDocument(name="Cubes", settings=SceneSettings(), entities=nodes), scene)
-        words = (sys.executable, "-m", "elys", "run", str(scene), "--headless", "--realtime", "--steps", "1200", "--keep", "0")
+        words = (
+            sys.executable,
+            "-m",
+            "elys",
+            "run",
+            str(scene),
+            "--headless",
+            "--realtime",
+            "--steps",
+            "1200",
+            "--keep",
+            "0",
+        )
         watcher = (sys.executable, "-m", "tests.benchmarks.watcher")
         with running(words, env=env, wait_for="first tick"), running(watcher, env=env, wait_for="watching") as viewer:
             assert viewer.stdout is not None

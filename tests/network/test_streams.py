@@ -42,5 +42,3 @@ def test_full_frames_come_where_they_are_asked_for(lab, tmp_path):
     seen = watch(lab, tmp_path, bodies=50, seconds=3.0, variables={"ELYS_STATES": "full"}, delay=0.001)
     off, turned, *_ = seen.errors.T
     assert len(off) and (off == 0.0).all() and (turned < 1e-6).all()
-
-

@@ -130,9 +130,7 @@ class Connections:
         mailbox = Mailbox(self._loop, lambda _, payload: self._arrived(number, payload), newest_only=False)
         stop = transport.subscribe(self._key_of_lane(number), mailbox.put)
         self._lanes[number] = _Lane(transport, stop, now, now)
-        if (
-            self._has_heard and now - self.heard_at > self._silence
-        ):
+        if self._has_heard and now - self.heard_at > self._silence:
             # Those that were there wait, and what they carry is of long ago.
             for old in [old for old, lane in self._lanes.items() if now - lane.heard_at > 2.0 * self._silence]:
                 self._drop(old)

@@ -11,12 +11,12 @@ from elys.bus import codec, topics
 from elys.bus.messages.streaming import StreamInterest, StreamOffer, StreamRequest
 from elys.bus.picture_ring import boot_id
 from elys.bus.session import Session
+from elys.bus.state_packing.planes import PlaneReader, PlaneWriter
 from elys.bus.streaming import rice
 from elys.bus.streaming.choice import STATES, wants_stream
 from elys.bus.streaming.client import StreamClient
 from elys.bus.streaming.rate import LEAST, RateControl
 from elys.bus.streaming.server import MOST_STREAMS, StreamServer
-from elys.bus.state_packing.planes import PlaneReader, PlaneWriter
 from elys.bus.streaming.wire import ACK_SIZE, Ack, pack_ack, unpack_ack
 from elys.bus.topics import Delivery, Encoding
 from elys.bus.transports.loopback import LoopbackBroker
