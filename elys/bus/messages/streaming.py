@@ -10,7 +10,7 @@ from elys.bus.messages.views import ViewCamera
 
 MOST_CAMERAS: Final = 8  # that a sender takes into account
 MOST_NAMED: Final = 1024  # entities, likewise
-StreamName = Annotated[str, msgspec.Meta(pattern="^[a-z0-9-]{1,64}$")]
+StreamName = Annotated[str, msgspec.Meta(pattern="^[A-Za-z0-9_.-]{1,200}$")]
 
 
 class StreamRequest(msgspec.Struct, frozen=True, kw_only=True):

@@ -12,7 +12,15 @@ STATES: Final = "ELYS_STATES"  # environment: how states come to this process an
 FULL: Final = "full"
 STREAM: Final = "stream"
 AUTO: Final = "auto"
-_NEAR: Final = ("tcp/127.", "tcp/localhost:", "tcp/[::1]:", "unixsock-stream/")
+_NEAR: Final = (
+    "tcp/127.",
+    "tcp/localhost:",
+    "tcp/[::1]:",
+    "tls/127.",
+    "tls/localhost:",
+    "tls/[::1]:",
+    "unixsock-stream/",
+)
 _EXACT_KINDS: Final = ("recorder", "streamer", "simulation", "replay")  # nothing but every bit will do
 
 

@@ -48,7 +48,8 @@ class StreamClient:
     """States of a session by a stream. `connect` opens one more connection to the host."""
 
     def __init__(self, session: Session, connect: Connect, *, clock: Callable[[], float] = time.monotonic) -> None:
-        self.name = secrets.token_hex(8)
+        # The router lets nobody acknowledge in another user's name, which stands at the end of the node's id.
+        self.name = f"{secrets.token_hex(4)}-{session.node.id}"
         self.is_full = False  # the host has no streams: full frames come
         self.receiver = Receiver()
         self.measures = Measures()
