@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -98,10 +99,14 @@ def watch(
         "0",
         "--no-guard",
     )
-    simulation = server.start("run", scene, *words)
+    keys = {"ELYS_CONFIG_DIR": str(directory / "config")}
+    simulation = server.start("run", scene, *words, **keys)
     simulation.wait_for("first tick", seconds=120.0)
     endpoint = f"tcp/{link.address_of(server)}:{PORT}"
-    viewer = laptop.start_program(WATCHER, endpoint, str(seconds), output, **(variables or {}))
+    shown = ("env", f"ELYS_CONFIG_DIR={directory / 'config'}", sys.executable, "-m", "elys", "keys", "show", "viewer")
+    secret = server.run(shown).strip().splitlines()[-1]
+    environment = {"ELYS_SECRET": secret, "ELYS_CONFIG_DIR": str(directory / "nobody"), **(variables or {})}
+    viewer = laptop.start_program(WATCHER, endpoint, str(seconds), output, **environment)
     viewer.wait_for("shown", seconds=60.0)
     before = link.passed(laptop)
     during(link)
