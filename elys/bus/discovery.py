@@ -21,6 +21,8 @@ from elys.bus.access.credentials import Credentials
 from elys.bus.access.host import own_credentials
 from elys.bus.access.keyring import load_keyring
 from elys.bus.session import Node, Session
+from elys.bus.streaming.choice import wants_stream
+from elys.bus.streaming.client import StreamClient
 from elys.bus.transports.transport import Closer
 from elys.bus.transports.zenoh import DEFAULT_PORT, ZenohTransport
 from elys.common.assets.store import replace_file
@@ -61,7 +63,7 @@ def advertise(*, name: str, endpoint: str, kind: str, scene: str) -> Closer:
     """Lets others on this machine find the session this process hosts, until closed or dead; BusError if it cannot be written."""
     record = SessionRecord(
         name=name,
-        endpoint=_ANY_ADDRESS.sub(r"\1/127.0.0.1:", endpoint),
+        endpoint=loopback_endpoint(endpoint),
         pid=os.getpid(),
         kind=kind,
         scene=scene,
@@ -78,6 +80,11 @@ def advertise(*, name: str, endpoint: str, kind: str, scene: str) -> Closer:
             f"the session cannot be written down in {folder} ({error.strerror}): set ELYS_RUNTIME_DIR to a directory of yours"
         ) from error
     return lambda: path.unlink(missing_ok=True)
+
+
+def loopback_endpoint(endpoint: str) -> str:
+    """Where processes of this machine reach a host that listens at an endpoint, perhaps of every address."""
+    return _ANY_ADDRESS.sub(r"\1/127.0.0.1:", endpoint)
 
 
 def find_sessions() -> list[SessionRecord]:
@@ -139,6 +146,7 @@ async def join_session(
 ) -> Session:
     """A session with the host that `connect` names, or with the newest one on this machine; `node` as for `Session.join`.
 
+    States come by a stream where the host is behind a network, see `elys.bus.streaming.choice`.
     Without `credentials` those of the environment are shown (ELYS_KEY, ELYS_SECRET), and to hosts of this machine the user's own.
 
     Raises:
@@ -150,7 +158,10 @@ async def join_session(
     shown = credentials or Credentials.from_environment() or await asyncio.to_thread(credentials_for, endpoint)
     transport = await asyncio.to_thread(ZenohTransport.connect, endpoint, timeout=timeout, credentials=shown)
     try:
-        return await Session.join(transport, kind=kind, timeout=timeout, node=node)
+        session = await Session.join(transport, kind=kind, timeout=timeout, node=node)
+        if wants_stream(kind, endpoint, session.machine):
+            session.states = StreamClient(session, transport.another)
+        return session
     except ConnectionLost as error:
         await asyncio.to_thread(transport.close)
         if shown is not None and endpoint.startswith("tls/"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import elys
 from elys.bus import codec
 from elys.bus.messages.session import Hello, Welcome
+from elys.bus.picture_ring import boot_id
 from elys.bus.topics import PROTOCOL_VERSION, Encoding
 from elys.bus.transports.transport import IncomingQuery
 from elys.common.errors import MessageError, ProtocolError
@@ -28,7 +29,12 @@ def answer_hello(incoming: IncomingQuery, *, session: str, epoch: int) -> None:
         incoming.refuse(str(error))
         return
     welcome = Welcome(
-        protocol=PROTOCOL_VERSION, version=elys.__version__, session=session, epoch=epoch, refusal=refusal
+        protocol=PROTOCOL_VERSION,
+        version=elys.__version__,
+        session=session,
+        epoch=epoch,
+        refusal=refusal,
+        machine=boot_id(),
     )
     incoming.reply(codec.encode(welcome, Encoding.JSON))
 

@@ -24,6 +24,8 @@ from elys.bus.access.roles import Role, role_of_user, signed_id
 from elys.bus.handshake import answer_hello, hello_of, read_welcome
 from elys.bus.mailbox import Mailbox
 from elys.bus.messages.session import Welcome
+from elys.bus.messages.streaming import StreamInterest
+from elys.bus.state_source import StateSource
 from elys.bus.topics import Delivery, Query, Topic
 from elys.bus.transports.transport import Closer, IncomingQuery, Transport
 from elys.common.errors import BusError, ConnectionLost, ElysError, MessageError, ProtocolError, RequestError
@@ -60,6 +62,8 @@ class Session:
         self.connected = True
         self.nodes: dict[str, Node] = {}  # all that are alive, by id
         self.refused: dict[str, int] = {}  # messages that were not what their topic promises, by topic
+        self.machine = ""  # of the host, see Welcome
+        self.states: StateSource | None = None  # where states come from instead of the topic: a stream
         self.permissions = Permissions(Role.HOST if node.kind in HOST_KINDS else role_of_user(transport.user))
         self.taps: list[Callable[[Topic[Any], str, bytes], None]] = []  # see every publication (topic, key, payload)
         self._loop = asyncio.get_running_loop()
@@ -101,7 +105,7 @@ class Session:
         session = cls(transport, name=name, node=Node(own.kind, signed_id(own.id, transport.user)), epoch=0)
         session.permissions.require_kind(kind)
         welcome = await session._shake_hands(timeout, name)
-        session.name, session.epoch = welcome.session, welcome.epoch
+        session.name, session.epoch, session.machine = welcome.session, welcome.epoch, welcome.machine
         session._show_and_watch()
         session._closers.append(transport.watch_link(session._from_thread(session._link_changed)))
         return session
@@ -111,6 +115,8 @@ class Session:
         if self._closed:
             return
         self._closed = True
+        if self.states is not None:
+            await self.states.close()
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
@@ -163,14 +169,24 @@ class Session:
     def subscribe_payloads(
         self, topic: Topic[Any], callback: Callable[[str, bytes], None], *, key: str = "*", every: bool = False
     ) -> Closer:
-        """Calls `callback(full key, payload)` on the loop with undecoded payloads; with `every`, LATEST topics skip none."""
+        """Calls `callback(full key, payload)` on the loop with undecoded payloads; with `every`, LATEST topics skip none.
+
+        States come from the stream, where there is one, except with `every`: a recording holds what the simulation said.
+        """
         if not self.permissions.may(topic.name, topic.reader, "hear"):
             return _nothing
         newest_only = topic.delivery is Delivery.LATEST and not every
         name_in = codec.field_finder(topic.newest_of, topic.encoding) if topic.newest_of else None
         mailbox = Mailbox(self._loop, callback, newest_only=newest_only, name_in=name_in)
+        if topic is topics.STATE and newest_only and self.states is not None:
+            return self._keep(self.states.subscribe(mailbox.put))
         expression = topics.key_of(self.name, topic, key)
         return self._keep(self.transport.subscribe(expression, mailbox.put))
+
+    def look(self, interest: StreamInterest) -> None:
+        """Says what matters to who watches here, for the stream of states, where there is one."""
+        if self.states is not None:
+            self.states.look(interest)
 
     # --- asking and answering --------------------------------------------------------------------------------------
 

@@ -23,6 +23,7 @@ from elys.bus.messages import (
     scene,
     session,
     state_frame,
+    streaming,
     timeline,
     views,
 )
@@ -46,6 +47,7 @@ NODE_KINDS: Final[dict[str, Role]] = {
     "editor": Role.VIEWER,
     "recorder": Role.VIEWER,
     "tool": Role.VIEWER,
+    "streamer": Role.OWNER,  # beside the host, started by it
 }
 
 
@@ -167,6 +169,52 @@ RENDER_PROFILE: Final = Topic(
     text="what a picture of the view named by the key cost, by stage, and its passes; only while somebody listens",
     publisher=Role.EDITOR,
     largest=1 << 20,
+    delivery=Delivery.LATEST,
+    keyed=True,
+    recorded=False,
+)
+STREAM_FRAME: Final = Topic(
+    name="stream/frame",
+    message=bytes,
+    text="states for one viewer behind a network, as far as its link carries them; the key is STREAM.LANE",
+    publisher=Role.OWNER,  # the process that the host starts
+    largest=16 << 20,
+    delivery=Delivery.LATEST,
+    encoding=Encoding.RAW,
+    keyed=True,
+    recorded=False,
+)
+STREAM_ACK: Final = Topic(
+    name="stream/ack",
+    message=bytes,
+    text="what the viewer of the stream named by the key has",
+    publisher=Role.VIEWER,
+    reader=Role.OWNER,
+    largest=1 << 10,
+    by_node=True,
+    delivery=Delivery.LATEST,
+    encoding=Encoding.RAW,
+    keyed=True,
+    recorded=False,
+)
+STREAM_INTEREST: Final = Topic(
+    name="stream/interest",
+    message=streaming.StreamInterest,
+    text="what matters to the viewer of the stream named by the key",
+    publisher=Role.VIEWER,
+    reader=Role.OWNER,
+    by_node=True,
+    delivery=Delivery.LATEST,
+    encoding=Encoding.MSGPACK,
+    keyed=True,
+    recorded=False,
+)
+STREAM_REPORT: Final = Topic(
+    name="stream/report",
+    message=streaming.StreamReport,
+    text="how old, how exact and how lossy the stream named by the key is, told by its viewer once a second",
+    publisher=Role.VIEWER,
+    by_node=True,
     delivery=Delivery.LATEST,
     keyed=True,
     recorded=False,
@@ -293,6 +341,15 @@ ASSET_OFFER: Final = Query(
     keyed=True,
 )
 
+STREAM_ASK: Final = Query(
+    name="stream/ask",
+    request=streaming.StreamRequest,
+    reply=streaming.StreamOffer,
+    text="asks for states as a link carries them, instead of the topic state",
+    asker=Role.VIEWER,
+    answerer=Role.HOST,
+)
+
 TOPICS: Final[tuple[Topic[Any], ...]] = (
     STATE,
     DELTA,
@@ -308,6 +365,10 @@ TOPICS: Final[tuple[Topic[Any], ...]] = (
     VIEW_REQUEST,
     VIEW_FRAME,
     RENDER_PROFILE,
+    STREAM_FRAME,
+    STREAM_ACK,
+    STREAM_INTEREST,
+    STREAM_REPORT,
 )
 QUERIES: Final[tuple[Query[Any, Any], ...]] = (
     HELLO,
@@ -323,6 +384,7 @@ QUERIES: Final[tuple[Query[Any, Any], ...]] = (
     THUMBNAIL,
     ASSET,
     ASSET_OFFER,
+    STREAM_ASK,
 )
 # Made only while somebody listens: to listen to them costs whoever makes them.
 ON_DEMAND: Final[frozenset[Topic[Any]]] = frozenset({DIAGNOSTICS, DEBUG_LINES, RENDER_PROFILE})

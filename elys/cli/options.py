@@ -82,6 +82,9 @@ DebugKinds = Annotated[
         "several with commas",
     ),
 ]
+FullFrames = Annotated[
+    bool, typer.Option("--full-frames", help="every bit of every state, also over a network that may not carry them")
+]
 Frames = Annotated[int, typer.Option(help="end after so many frames (0: never)", min=0, hidden=True)]
 
 Seconds = Annotated[float, typer.Option(min=0.1, max=36000.0, help="simulated seconds of each run")]

@@ -15,6 +15,7 @@ from elys.cli.options import (
     Connect,
     DebugKinds,
     Frames,
+    FullFrames,
     Insecure,
     Json,
     Keep,
@@ -92,11 +93,11 @@ def run(
 
 @app.command()
 @shows_credentials
-def edit(connect: Connect = None) -> None:
+def edit(connect: Connect = None, full_frames: FullFrames = False) -> None:
     """Attach an editor to a running session or a replay; where none runs, choose in the editor what to open."""
     from elys.verbs import attach
 
-    attach.edit(connect)
+    attach.edit(connect, full_frames=full_frames)
 
 
 @app.command()
@@ -116,12 +117,22 @@ def view(
     bit_rate: Annotated[
         float, typer.Option(help="[Mbit/s] that h264 may take; 0: as much as it needs", min=0.0, max=1000.0)
     ] = 0.0,
+    full_frames: FullFrames = False,
     frames: Frames = 0,
 ) -> None:
     """Watch a running session or a replay in a window."""
     from elys.verbs import attach
 
-    attach.view(connect, frame_limit=frames, debug=debug, age=age, thin=thin, encoding=encoding, bit_rate=bit_rate)
+    attach.view(
+        connect,
+        frame_limit=frames,
+        debug=debug,
+        age=age,
+        thin=thin,
+        encoding=encoding,
+        bit_rate=bit_rate,
+        full_frames=full_frames,
+    )
 
 
 @app.command()

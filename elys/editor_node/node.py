@@ -9,6 +9,7 @@ from types import TracebackType
 from typing import Final, Self
 
 from elys.bus.access.keyring import configuration_directory
+from elys.bus.messages.streaming import MOST_NAMED, StreamInterest
 from elys.bus.session import Session
 from elys.editor_node.action_list import add_actions
 from elys.editor_node.actions import Actions
@@ -236,6 +237,7 @@ class Editor:
         self.workspace.frame_time = self.application.frame_time
         self.workspace.assets.begin_frame()
         self.workspace.draw(elapsed)
+        self._tell_interest()
         scene = f"{self.model.status.scene} - " if self.model.status is not None else ""
         title = f"{'* ' if self.model.file.is_dirty else ''}{scene}ELYS"
         if title != self._title:
@@ -244,6 +246,12 @@ class Editor:
         self.application.request_redraw(max(0.0, self.viewports.next_deadline - time.monotonic()))
         if self.widgets.is_typing:
             self.application.request_redraw(TEXT_CURSOR_BLINK)
+
+    def _tell_interest(self) -> None:
+        """What the stream of states shall see to first: what is selected, then what stands in the tree, then what is near."""
+        lines = tuple(self.model.scene.tree.entities[:MOST_NAMED])
+        camera = self.viewports.used.camera.view
+        self.seat.look(StreamInterest(cameras=(camera,), chosen=self.model.selection.entities, open=lines))
 
     def _link_changed(self, connected: bool) -> None:
         if connected:

@@ -13,6 +13,7 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from elys.bus.messages.streaming import StreamInterest, StreamReport
 from elys.bus.session import Node, Session, node_id
 from elys.bus.topics import Delivery, Query, Topic
 from elys.bus.transports.transport import Answer, Closer, IncomingQuery
@@ -98,6 +99,16 @@ class Seat(Session):
         """Sends; to nobody while there is no session."""
         if self._session is not None:
             self._session.publish_payload(topic, payload, key=key)
+
+    def look(self, interest: StreamInterest) -> None:
+        """Says what matters, for the stream of states of the session that is attached to."""
+        if self._session is not None:
+            self._session.look(interest)
+
+    def stream_report(self) -> StreamReport | None:
+        """How that stream does; None where there is none."""
+        states = self._session.states if self._session is not None else None
+        return None if states is None else states.report()
 
     def has_listener(self, topic: Topic[Any], *, key: str = "") -> bool:
         """Whether anybody subscribes to a topic now."""

@@ -267,6 +267,7 @@ class _ViewServer:
                 self._draw(view, renderer)
                 await asyncio.sleep(0)  # messages and questions between two pictures
             desk.forget_silent(now)
+            self._session.look(desk.interest())
             follower.changed.clear()
             gliding = self._is_gliding(now)
             pause = desk.pause(time.monotonic(), follower.revision, gliding=gliding, edits=follower.edits)
@@ -282,6 +283,7 @@ class _ViewServer:
         try:
             self._follower.refresh(self._moment())
             camera = sane_camera(request.camera or self._follower.camera(request.through, view.width / view.height))
+            view.camera = camera
             put = self._draw_into(view, renderer, camera)
         except ElysError as error:
             _log.error("view %s cannot be drawn: %s", request.view, error)

@@ -12,6 +12,7 @@ import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
 
+from elys.bus.messages.streaming import StreamInterest
 from elys.bus.messages.views import Debug, SharedRing, ViewCamera, ViewRequest
 from elys.bus.picture_ring import RingWriter
 from elys.common.errors import BusError
@@ -42,6 +43,7 @@ class View:
     """One view: its newest request and what became of it."""
 
     def __init__(self, request: ViewRequest) -> None:
+        self.camera: ViewCamera | None = None  # of the picture drawn last
         self.request = request
         self.width, self.height = 1, 1
         self._ring: RingWriter | None = None
@@ -172,6 +174,15 @@ class ViewDesk:
     def debug_kinds(self) -> frozenset[Debug]:
         """What debug drawing any view shows."""
         return frozenset(kind for view in self._views.values() for kind in view.request.debug)
+
+    def interest(self) -> StreamInterest:
+        """What is looked at, for the stream of states."""
+        views = [view for view in self._views.values() if view.camera is not None]
+        return StreamInterest(
+            cameras=tuple(view.camera for view in views if view.camera is not None),
+            aspect=max((view.width / view.height for view in views), default=1.0),
+            chosen=tuple({entity: None for view in views for entity in view.request.selection}),
+        )
 
     def pause(self, now: float, revision: int, *, gliding: bool, edits: int = 0) -> float:
         """Seconds until a view may be drawn that is only held back by its rate; else until silent ones are to be looked for."""

@@ -14,8 +14,10 @@ from collections import deque
 from collections.abc import Collection, Mapping
 from typing import Final
 
+from elys.bus.messages.streaming import StreamInterest
 from elys.bus.messages.views import Debug, ViewCamera
 from elys.bus.session import Session
+from elys.bus.streaming.measures import stream_text
 from elys.render_node.game_input import GameInput
 from elys.render_node.gpu import Framebuffer, window_context
 from elys.render_node.marks import stamp_text
@@ -49,6 +51,12 @@ DEBUG_KEYS: Final[Mapping[Key, Debug]] = {
     "0": "sleeping",
     "g": "grid",
 }
+
+
+def stream_notes(session: Session) -> tuple[str, ...]:
+    """How the stream of states does, in a line; nothing where full states come."""
+    report = session.states.report() if session.states is not None else None
+    return () if report is None else (stream_text(report),)
 
 
 async def run_view(
@@ -127,7 +135,7 @@ class _Viewer:
         age = f"{world.timeline.seen_age(now) * 1e3:.0f} ms old" if bodies.tick >= 0 else "no state yet"
         shown = self._shown_at
         rate = (len(shown) - 1) / (shown[-1] - shown[0]) if len(shown) > 1 and shown[-1] > shown[0] else 0.0
-        return what, f"{age}   {rate:.0f} pictures/s", *self._game.note
+        return what, f"{age}   {rate:.0f} pictures/s", *stream_notes(self._session), *self._game.note
 
     def title(self) -> str:
         """Scene, tick, and how old what is shown is."""
@@ -155,7 +163,9 @@ class _Viewer:
             return False
         target = Framebuffer.of_window(self._renderer.context, width, height)
         marks = self._follower.drawing.marks(world, self._debug, notes=self.notes(now))
-        self._renderer.draw(world, self._camera(width / height), width, height, marks=marks, target=target)
+        camera = self._camera(width / height)
+        self._session.look(StreamInterest(cameras=(camera,), aspect=width / height))
+        self._renderer.draw(world, camera, width, height, marks=marks, target=target)
         self._window.swap()
         self._shown_at.append(time.monotonic())
         self._drawn, self._is_dirty = what, False

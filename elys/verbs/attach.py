@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import sys
 from typing import Any, Final, cast
 
@@ -22,6 +23,7 @@ def view(
     thin: bool = False,
     encoding: str = "auto",
     bit_rate: float = 0.0,
+    full_frames: bool = False,
 ) -> None:
     """A window that draws the session by itself, or with `thin` shows what a render node of the session draws; with debug drawing
     of these kinds and the age of what is seen if asked. `bit_rate` [Mbit/s] is for H.264.
@@ -31,6 +33,7 @@ def view(
     from elys.render_node.debug_drawing import parsed_kinds
     from elys.render_node.window import probe_display
 
+    _choose_states(full_frames)
     kinds = parsed_kinds(debug)
     if encoding not in ENCODINGS:
         raise ElysError(f"there is no encoding '{encoding}': pictures come as {', '.join(ENCODINGS)}")
@@ -58,13 +61,22 @@ def view(
     run_until_asked(work())
 
 
-def edit(connect: str | None) -> None:
+def _choose_states(full_frames: bool) -> None:
+    """For this process and those that it starts."""
+    from elys.bus.streaming.choice import FULL, STATES
+
+    if full_frames:
+        os.environ[STATES] = FULL
+
+
+def edit(connect: str | None, *, full_frames: bool = False) -> None:
     """An editor and a render node of its own; with nothing to attach to, the editor's start page."""
     from elys.bus.discovery import choose_endpoint, find_sessions
     from elys.render_node.window import probe_display
     from elys.verbs.nodes import editor
     from elys.verbs.run import start
 
+    _choose_states(full_frames)
     if not connect and not find_sessions():
         probe_display()
         editor(None, starts_alone=True, frame_limit=0)

@@ -63,9 +63,11 @@ async def hosted(
         BusError: the endpoint cannot be listened at. AccessError: there is nowhere to keep the keys of who may come in.
     """
     from elys.bus.access.listening import access_of
-    from elys.bus.discovery import advertise
+    from elys.bus.discovery import advertise, loopback_endpoint
+    from elys.bus.streaming.choice import is_near
     from elys.bus.transports.zenoh import ZenohTransport
     from elys.verbs.invitation import invite
+    from elys.verbs.streaming_child import StreamingChild
 
     access = await asyncio.to_thread(access_of, listen)
     if listen.endpoint is None:
@@ -79,12 +81,16 @@ async def hosted(
         await asyncio.to_thread(transport.close)
         raise
     handler = log_to_session(session)
+    streaming = StreamingChild(session, loopback_endpoint(transport.endpoint))
     invite(listen, transport.endpoint)
     try:
+        if not is_near(transport.endpoint):
+            await streaming.start()
         yield session, transport.endpoint
     finally:
         handler.detach()
         withdraw()
+        await asyncio.shield(streaming.close())
         await session.close()
 
 

@@ -24,6 +24,7 @@ from tests.benchmarks import (
     rigid_bodies,
     scene_tree,
     starts,
+    streams,
     ticks,
     view_streams,
 )
@@ -42,8 +43,9 @@ SUITES: dict[str, Callable[[], list[tuple[str, str]]]] = {
     "models": models.measure,
     "pictures": pictures.measure,
     "editor": editor.measure,
+    "streams": streams.measure,
 }
-PAGES = {"editor": "docs/editor.md"}  # whose rows stand there and not in the README
+PAGES = {"editor": "docs/editor.md", "streams": "docs/streaming.md"}  # whose rows stand there and not in the README
 
 
 def main() -> None:

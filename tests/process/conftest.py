@@ -16,17 +16,30 @@ from pathlib import Path
 
 import pytest
 
+ELYS = (sys.executable, "-m", "elys")
+
 
 class Command:
-    """A running `elys` command; its lines (stdout and stderr together) are collected as they come."""
+    """A running `elys` command; its lines (stdout and stderr together) are collected as they come.
 
-    def __init__(self, words: tuple[str, ...], environment: dict[str, str], directory: Path) -> None:
+    With a `prefix` it is another program; one that `hears` can be told lines.
+    """
+
+    def __init__(
+        self,
+        words: tuple[str, ...],
+        environment: dict[str, str],
+        directory: Path,
+        *,
+        prefix: tuple[str, ...] = ELYS,
+        hears: bool = False,
+    ) -> None:
         self.words = words
         self.lines: list[str] = []
         self._news = threading.Condition()
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "elys", *words],
-            stdin=subprocess.DEVNULL,
+            [*prefix, *words],
+            stdin=subprocess.PIPE if hears else subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -55,6 +68,12 @@ class Command:
                 if left <= 0 or (not self._reader.is_alive() and seen == len(self.lines)):
                     pytest.fail(f"elys {' '.join(self.words)} never said {pattern!r}; it said:\n{self.output}")
                 self._news.wait(min(left, 0.5))
+
+    def tell(self, line: str) -> None:
+        """A line for its input."""
+        assert self.process.stdin is not None
+        self.process.stdin.write(line + "\n")
+        self.process.stdin.flush()
 
     def wait(self, *, seconds: float = 60.0) -> int:
         """Its exit status, after its output was read to the end."""

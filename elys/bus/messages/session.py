@@ -26,6 +26,7 @@ class Welcome(msgspec.Struct, frozen=True, kw_only=True):
     session: str
     epoch: int
     refusal: str = ""
+    machine: str = ""  # names the machine of the host, as long as it runs; "" where its system does not tell
 
 
 class SessionStatus(msgspec.Struct, frozen=True, kw_only=True):

@@ -18,6 +18,7 @@ from __future__ import annotations
 import contextlib
 import json
 import logging
+import os
 import threading
 import time
 import weakref
@@ -48,6 +49,10 @@ _PRIORITIES: Final = {Delivery.LATEST: zenoh.Priority.DATA, Delivery.SEQUENCED: 
 _CLOSED: Final = "this transport is closed: open another one"
 _log = logging.getLogger(__name__)
 
+# Closing a connection to who has gone silent blocks one of zenoh's receiving threads for as long as its system waits for an
+# answer (SO_LINGER, 10 s), and there are few of them: one viewer's five made a host deaf for seconds. Read when zenoh starts.
+os.environ.setdefault("ZENOH_RUNTIME", "(rx: (worker_threads: 16))")
+
 
 class ZenohTransport:
     """One node's zenoh session; implements `Transport`. Make it with `listen`, `listen_on_free_port` or `connect`."""
@@ -66,6 +71,7 @@ class ZenohTransport:
         self._matched: dict[str, zenoh.Publisher] = {}  # declared to hear who listens
         self._closers: set[Closer] = set()
         self._closed = False
+        self._way: tuple[list[str], Credentials | None] = ([], None)  # endpoints, and what was shown there
 
     @classmethod
     def listen(cls, endpoint: str = DEFAULT_ENDPOINT, *, access: HostAccess | None = None) -> ZenohTransport:
@@ -121,7 +127,9 @@ class ZenohTransport:
             left = deadline - time.monotonic()
             session = _opened(names, min(max(left, 0.001), patience), credentials)
             if session is not None:
-                return cls(session, endpoint=names[0], hosts=False, user=credentials.user if credentials else "")
+                transport = cls(session, endpoint=names[0], hosts=False, user=credentials.user if credentials else "")
+                transport._way = names, credentials
+                return transport
             if credentials is not None and any(is_open(name) for name in names):
                 credentials = None  # a host that asks nobody does not let in who tells it
                 deadline = max(deadline, time.monotonic() + patience)
@@ -133,6 +141,11 @@ class ZenohTransport:
                     "Start one with `elys run SCENE`"
                 )
             patience = 2.0 * _ASKING_WHY
+
+    def another(self, timeout: float) -> ZenohTransport:
+        """One more connection to the same host; raises as `connect` does."""
+        endpoints, credentials = self._way
+        return self.connect(endpoints, timeout=timeout, credentials=credentials)
 
     # --- publishing and subscribing --------------------------------------------------------------------------------
 

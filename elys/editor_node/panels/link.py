@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from imgui_bundle import imgui
@@ -121,6 +122,24 @@ def link_figures(ui: Ui) -> list[tuple[str, str, Rgba]]:
             f"{meter.dropped_per_second:.0f}",
             WARNING if meter.dropped_per_second else TEXT,
         ),
+        *_stream_figures(ui),
+    ]
+
+
+def _stream_figures(ui: Ui) -> list[tuple[str, str, Rgba]]:
+    """What is known of the stream of states, where there is one."""
+    report = ui.attachments.seat.stream_report()
+    if report is None:
+        return []
+    error = f"{report.position_error * 1e3:.3g} mm, {math.degrees(report.rotation_error):.2g}°"
+    rate = f"{report.rate / 1e3:.0f} / {report.allowed / 1e3:.0f} kB/s"
+    loss = f"{100.0 * report.loss:.1f} %"
+    return [
+        (tr("States by a stream"), rate, TEXT),
+        (tr("Age in the last seconds, at most"), f"{report.age_p95 * 1e3:.0f} ms", TEXT),
+        (tr("Bodies are off by at most"), error, TEXT),
+        (tr("Frames late or lost"), loss, WARNING if report.loss > 0.1 else TEXT),
+        (tr("Bodies known"), f"{report.known} / {report.bodies}", TEXT if report.known == report.bodies else WARNING),
     ]
 
 
