@@ -14,6 +14,7 @@ from typing import Any, Final, Generic, TypeVar
 from elys.bus.messages import (
     commands,
     exact_state,
+    ghosts,
     history,
     physics,
     plan,
@@ -167,6 +168,14 @@ VIEW_FRAME: Final = Topic(
     keyed=True,
     recorded=False,
 )
+GHOST: Final = Topic(
+    name="ghost",
+    message=ghosts.Ghost,
+    text="a recorded run that can be seen beside the session, by its id; at changes and twice a second",
+    delivery=Delivery.LATEST,
+    keyed=True,
+    recorded=False,
+)
 RENDER_PROFILE: Final = Topic(
     name="render_profile",
     message=plan.RenderProfile,
@@ -247,6 +256,37 @@ THUMBNAIL: Final = Query(
     reply_encoding=Encoding.MSGPACK,
     keyed=True,
 )
+GHOST_PART: Final = Query(
+    name="ghost_part",
+    request=ghosts.GhostPartRequest,
+    reply=ghosts.GhostPart,
+    text="asks the ghost named by the key where its bodies are for a while",
+    reply_encoding=Encoding.MSGPACK,
+    keyed=True,
+)
+GHOST_SCENE: Final = Query(
+    name="ghost_scene",
+    request=ghosts.GhostSceneRequest,
+    reply=scene.Snapshot,
+    text="asks the ghost named by the key what its scene is at a time",
+    keyed=True,
+)
+GHOST_ASSET: Final = Query(
+    name="ghost_asset",
+    request=bytes,
+    reply=bytes,
+    text="asks the ghost named by the key for the bytes of a reference",
+    request_encoding=Encoding.RAW,
+    reply_encoding=Encoding.RAW,
+    keyed=True,
+)
+GHOST_CHANGE: Final = Query(
+    name="ghost_change",
+    request=ghosts.GhostChange,
+    reply=ghosts.Ghost,
+    text="asks the ghost named by the key to be another colour, to run at another time, or to go away",
+    keyed=True,
+)
 ASSET: Final = Query(
     name="asset",
     request=bytes,
@@ -280,6 +320,7 @@ TOPICS: Final[tuple[Topic[Any], ...]] = (
     DEBUG_LINES,
     VIEW_REQUEST,
     VIEW_FRAME,
+    GHOST,
     RENDER_PROFILE,
 )
 QUERIES: Final[tuple[Query[Any, Any], ...]] = (
@@ -294,6 +335,10 @@ QUERIES: Final[tuple[Query[Any, Any], ...]] = (
     TOUCHING,
     PICK,
     THUMBNAIL,
+    GHOST_PART,
+    GHOST_SCENE,
+    GHOST_ASSET,
+    GHOST_CHANGE,
     ASSET,
     ASSET_OFFER,
 )

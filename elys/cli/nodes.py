@@ -8,7 +8,21 @@ from typing import Annotated, Optional
 import typer
 
 from elys.cli.app import node_app
-from elys.cli.options import At, Connect, Frames, From, Keep, Listen, NoGuard, Recording, Scene, Threads, To
+from elys.cli.options import (
+    At,
+    Connect,
+    DebugKinds,
+    Frames,
+    From,
+    Ghost,
+    Keep,
+    Listen,
+    NoGuard,
+    Recording,
+    Scene,
+    Threads,
+    To,
+)
 
 
 @node_app.command("simulation")
@@ -75,9 +89,31 @@ def node_player(
     loop: Annotated[bool, typer.Option("--loop")] = False,
     start: From = "",
     end: To = "",
+    ghost: Ghost = [],  # noqa: B006
 ) -> None:
     """A player that serves a recording."""
     from elys.verbs import nodes
     from elys.verbs.playback import Playback
 
-    nodes.player(recording, Playback(paused, rate, loop, start, end), listen=listen)
+    nodes.player(recording, Playback(paused, rate, loop, start, end, tuple(map(str, ghost))), listen=listen)
+
+
+@node_app.command("ghost")
+def node_ghost(
+    recording: Recording,
+    connect: Connect = None,
+    color: Annotated[str, typer.Option(help="RRGGBB")] = "",
+    now: Annotated[bool, typer.Option("--now", help="let it begin now, and not at the same simulation time")] = False,
+) -> None:
+    """A recording shown beside a session as a ghost."""
+    from elys.verbs import ghosts
+
+    ghosts.ghost(recording, connect=connect, color=color, starts_now=now)
+
+
+@node_app.command("view")
+def node_view(connect: Connect = None, debug: DebugKinds = "", frames: Frames = 0) -> None:
+    """A viewer's window."""
+    from elys.verbs import nodes
+
+    nodes.view(connect, debug=debug, frame_limit=frames)

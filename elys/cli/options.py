@@ -39,8 +39,15 @@ DebugKinds = Annotated[
     str,
     typer.Option(
         "--debug",
-        help="draw over it: aabb, obb, contacts, joints, trajectories, velocity, axes, grid, labels, islands, sleeping; "
-        "several with commas",
+        help="draw over it: aabb, obb, contacts, joints, trajectories, velocity, axes, grid, labels, islands, sleeping, "
+        "divergence; several with commas",
+    ),
+]
+Ghost = Annotated[
+    list[Path],
+    typer.Option(
+        "--ghost",
+        help="recording (.mcap) of another run, shown see-through at the same instants; may be given several times",
     ),
 ]
 Frames = Annotated[int, typer.Option(help="end after so many frames (0: never)", min=0, hidden=True)]

@@ -12,6 +12,7 @@ from elys.cli.options import (
     Compact,
     Connect,
     From,
+    Ghost,
     Json,
     KeepFiles,
     Limit,
@@ -61,13 +62,16 @@ def play(
     loop: Annotated[bool, typer.Option("--loop", help="start again at the end")] = False,
     start: From = "",
     end: To = "",
+    ghost: Ghost = [],  # noqa: B006
     editor: Annotated[bool, typer.Option("--edit", help="open the editor on it as well")] = False,
 ) -> None:
     """Serve a recording as if it were running: attach with `elys view` or `elys edit`."""
     from elys.verbs import replay
     from elys.verbs.playback import Playback
 
-    replay.play(recording, Playback(paused, rate, loop, start, end), listen=listen, editor=editor)
+    replay.play(
+        recording, Playback(paused, rate, loop, start, end, tuple(map(str, ghost))), listen=listen, editor=editor
+    )
 
 
 @app.command()
@@ -142,6 +146,9 @@ def diff(
         Optional[Path],  # noqa: UP045
         typer.Option(help="out.png or out.html: how far bodies are from one another over time (extra 'lab')"),
     ] = None,
+    view: Annotated[
+        bool, typer.Option("--view", help="watch both afterwards, the second as ghost of the first")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Tell when, where and by how much two recorded runs part.
@@ -150,7 +157,7 @@ def diff(
     """
     from elys.verbs import diff as verb
 
-    raise typer.Exit(verb.diff(a, b, plot=plot, json=json))
+    raise typer.Exit(verb.diff(a, b, plot=plot, view=view, json=json))
 
 
 @app.command()

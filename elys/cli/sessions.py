@@ -14,6 +14,7 @@ from elys.cli.options import (
     Connect,
     DebugKinds,
     Frames,
+    Ghost,
     Json,
     Keep,
     KeepFiles,
@@ -104,12 +105,26 @@ def view(
     bit_rate: Annotated[
         float, typer.Option(help="[Mbit/s] that h264 may take; 0: as much as it needs", min=0.0, max=1000.0)
     ] = 0.0,
+    ghost: Ghost = [],  # noqa: B006
+    ghost_now: Annotated[
+        bool, typer.Option("--ghost-now", help="let ghosts begin now, and not at the same simulation time")
+    ] = False,
     frames: Frames = 0,
 ) -> None:
     """Watch a running session or a replay in a window."""
     from elys.verbs import attach
 
-    attach.view(connect, frame_limit=frames, debug=debug, age=age, thin=thin, encoding=encoding, bit_rate=bit_rate)
+    attach.view(
+        connect,
+        frame_limit=frames,
+        debug=debug,
+        age=age,
+        thin=thin,
+        encoding=encoding,
+        bit_rate=bit_rate,
+        ghosts=ghost,
+        ghosts_start_now=ghost_now,
+    )
 
 
 @app.command()
