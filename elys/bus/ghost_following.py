@@ -18,6 +18,7 @@ from elys.bus import topics
 from elys.bus.ghost_service import MOST_FRAMES, MOST_GHOSTS, TOLD_EVERY
 from elys.bus.ghost_track import FrameRun, Pair
 from elys.bus.messages.ghosts import Color, Ghost, GhostPartRequest, GhostSceneRequest
+from elys.bus.messages.session import SessionStatus
 from elys.bus.messages.state_frame import unpack_frame
 from elys.bus.mirror import SceneMirror
 from elys.bus.session import Session
@@ -27,6 +28,7 @@ SILENCE: Final = 8.0 * TOLD_EVERY  # [s] after which a ghost that says nothing i
 LEAST_AHEAD: Final = 0.5  # [s] of the ghost's time that is asked for at once
 AHEAD: Final = 0.75  # [s] of wall clock, at the speed at which time goes by
 DENSEST: Final = 120.0  # frames for a second of wall clock
+FAST: Final = 2.0  # [s/s] above which some are left out
 KEPT_RUNS: Final = 6  # so that loops and steps back find theirs
 SCENE_PAUSE: Final = 0.5  # [s] between two questions for the scene
 RETRY: Final = 0.5  # [s]
@@ -41,11 +43,12 @@ class GhostFollower:
         self._on_change = on_change
         self.tracks: dict[str, FollowedGhost] = {}
         self._watching: asyncio.TimerHandle | None = None
-        self._close = session.subscribe(topics.GHOST, self._heard)
+        self._closers = [session.subscribe(topics.GHOST, self._heard)]
 
     def close(self) -> None:
         """Stops following."""
-        self._close()
+        for close in self._closers:
+            close()
         if self._watching is not None:
             self._watching.cancel()
         for track in self.tracks.values():
@@ -61,10 +64,16 @@ class GhostFollower:
         elif track is not None:
             track.hear(told)
         elif len(self.tracks) < MOST_GHOSTS:
+            if len(self._closers) == 1:  # how fast time goes by matters to nobody else
+                self._closers.append(self._session.subscribe(topics.STATUS, self._heard_status))
             self.tracks[key] = FollowedGhost(self._session, told, self._on_change)
             self._on_change()
             if self._watching is None:
                 self._look()
+
+    def _heard_status(self, status: SessionStatus, _: str) -> None:
+        for track in self.tracks.values():
+            track.speed = max(status.rate, status.realtime_factor) if status.playing else 0.0
 
     def _look(self) -> None:
         """Lets go of who says nothing any more."""
@@ -88,13 +97,12 @@ class FollowedGhost:
         self.told = told
         self.mirror = SceneMirror()
         self.heard_at = time.monotonic()
+        self.speed = 1.0  # [s/s] at which time goes by in the session; 0: it stands
         self._session = session
         self._loop = asyncio.get_running_loop()
         self._on_change = on_change
         self._runs: list[FrameRun] = []  # the newest first
         self._wanted: float | None = None  # [s] of its own time, that is not here
-        self._speed = 1.0  # [s/s] at which time goes by
-        self._asked_last = (0.0, 0.0)  # [s] time that was asked for, and when by the clock
         self._scene_of: int | None = None  # delta of the frame for which the scene was asked
         self._scene_asked = -SCENE_PAUSE
         self._work: asyncio.Task[None] | None = None
@@ -125,10 +133,9 @@ class FollowedGhost:
     def around(self, at: float) -> Pair | None:
         """See `GhostTrack`. Asks for what is needed and is not here, or will be needed soon."""
         own = at + self.told.offset
-        self._measure(own)
         if own < self.told.start_time - 1e-9:
             return None
-        run = next((run for run in self._runs if run.holds(own)), None)
+        run = next((run for run in self._runs if run.step <= 2.0 * self._step and run.holds(own)), None)
         if run is None:
             self._want(own)
             return None
@@ -151,16 +158,12 @@ class FollowedGhost:
 
     @property
     def _ahead(self) -> float:
-        return max(LEAST_AHEAD, AHEAD * self._speed)
+        return max(LEAST_AHEAD, AHEAD * self.speed)
 
-    def _measure(self, own: float) -> None:
-        """How fast time goes by, from one picture to the next; jumps do not count."""
-        before, clock = self._asked_last
-        now = time.monotonic()
-        passed, wall = own - before, now - clock
-        self._asked_last = (own, now)
-        if 0.0 < wall < 1.0 and 0.0 < passed < 200.0 * wall:
-            self._speed += 0.1 * (passed / wall - self._speed)
+    @property
+    def _step(self) -> float:
+        """[s] between frames that are asked for: of what rushes by some are enough."""
+        return self.speed / DENSEST if self.speed > FAST else 0.0
 
     def _want(self, own: float) -> None:
         self._wanted = own
@@ -170,12 +173,12 @@ class FollowedGhost:
     async def _ask(self) -> None:
         while self._wanted is not None:
             first, self._wanted = self._wanted, None
-            step = self._speed / DENSEST if self._speed > 2.0 else 0.0
+            step = self._step
             request = GhostPartRequest(first=first, last=first + self._ahead, step=step)
             try:
                 part = await self._session.request(topics.GHOST_PART, request, key=self.told.ghost)
                 frames = [unpack_frame(body) for body in part.frames[:MOST_FRAMES]]
-                self._runs = [FrameRun(frames, is_end=part.is_end), *self._runs[: KEPT_RUNS - 1]]
+                self._runs = [FrameRun(frames, is_end=part.is_end, step=step), *self._runs[: KEPT_RUNS - 1]]
             except BusError as error:
                 level = logging.WARNING if isinstance(error, MessageError) else logging.DEBUG
                 _log.log(level, "the ghost %s does not say where it is: %s", self.told.title, error)

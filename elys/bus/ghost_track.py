@@ -87,11 +87,12 @@ class RecordedTrack:
 
 
 class FrameRun:
-    """Frames of a ghost one behind the other, without any left out between that would have been asked for."""
+    """Frames of a ghost one behind the other."""
 
-    def __init__(self, frames: list[StateFrame], *, is_end: bool) -> None:
-        """Raises MessageError for none, or for frames that are in no order."""
+    def __init__(self, frames: list[StateFrame], *, is_end: bool, step: float = 0.0) -> None:
+        """`step` [s] by which they are apart at least. Raises MessageError for none, or for frames that are in no order."""
         self.frames = frames
+        self.step = step
         self.is_end = is_end
         self.times = [frame.simulation_time for frame in frames]
         if not frames or any(later <= earlier for earlier, later in zip(self.times, self.times[1:], strict=False)):
