@@ -6,11 +6,13 @@ import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from elys.bus.log import start_logging
 from elys.common.errors import ElysError
 from elys.verbs.nodes import joined, run_until_asked
+
+PATIENCE: Final = 5.0  # [s] for a host that is gone
 
 if TYPE_CHECKING:
     from elys.bus.ghost_track import RecordedTrack
@@ -88,10 +90,25 @@ def ghost(recording: Path, *, connect: str | None, color: str, starts_now: bool)
             served(session, [recording], starts_now=starts_now, color=tint) as running,
         ):
             assert running is not None
-            await running
+            gone = asyncio.ensure_future(_until_gone(session))
+            await asyncio.wait((running, gone), return_when=asyncio.FIRST_COMPLETED)
+            gone.cancel()
 
     start_logging()
     run_until_asked(work())
+
+
+async def _until_gone(session: Session) -> None:
+    """Returns when the host has been away for so long that it will not come back."""
+    changed = asyncio.Event()
+    session.on_link(lambda _: changed.set())
+    while True:
+        changed.clear()
+        try:
+            async with asyncio.timeout(None if session.connected else PATIENCE):
+                await changed.wait()
+        except TimeoutError:
+            return
 
 
 def parsed_color(text: str) -> Color:

@@ -307,7 +307,7 @@ def test_a_render_node_draws_what_is_served_beside_its_session(context: Any, tmp
 
         made.move(frame({BOX: (-9.0, 0.0, 0.0)}, 0.0))
         while (first := await made.picture()).state_published_at == 0:
-            pass  # the box is not where it was moved to yet
+            made.move(frame({BOX: (-9.0, 0.0, 0.0)}, 0.0))  # nobody may have heard the first one
         plain = simplejpeg.decode_jpeg(first.jpeg, colorspace="RGB")
         server = GhostServer(recording, made.host, color=TINT)
         serving = asyncio.create_task(server.run())
