@@ -141,8 +141,7 @@ class Attachments:
         replay = self.endpoint
 
         async def work() -> None:
-            await self._connect(await openers.fork(recording, time, record))
-            self.forked_from = replay
+            await self._connect(await openers.fork(recording, time, record), forked_from=replay)
 
         self._begin(tr("Going on from {time} s", time=f"{time:.3f}"), work())
 
@@ -246,12 +245,12 @@ class Attachments:
         self.error = reason
         self._on_change()
 
-    async def _connect(self, endpoint: str) -> None:
+    async def _connect(self, endpoint: str, *, forked_from: str = "") -> None:
         session = await self._join(endpoint)
         if self.is_attached:
             self._on_leave()
             self._let_go()
-        self._own, self.endpoint, self.forked_from = session, endpoint, ""
+        self._own, self.endpoint, self.forked_from = session, endpoint, forked_from
         self._log_handler = log_to_session(session)
         self.seat.attach(session)
         remember(self._preferences.recent_endpoints, endpoint)
