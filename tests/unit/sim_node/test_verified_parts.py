@@ -139,10 +139,11 @@ def test_each_file_of_many_is_verified_alone(tmp_path: Path, story: Any) -> None
             verdict = verify(file)
             assert (verdict.cause, verdict.difference, verdict.notes) == ("equal", None, []), (file, verdict)
             assert verdict.ticks > 0
-        whole = tmp_path / f"whole-{path.name}"
-        merge(files, whole)
-        verdict = verify(whole)
-        assert (verdict.cause, verdict.difference) == ("equal", None), verdict
+        if story is edits_of_two:  # of others, what was left for another future is not put together
+            whole = tmp_path / f"whole-{path.name}"
+            merge(files, whole)
+            verdict = verify(whole)
+            assert (verdict.cause, verdict.difference) == ("equal", None), verdict
 
 
 def test_what_happened_in_a_later_file_is_checked_there(tmp_path: Path) -> None:
