@@ -1,5 +1,5 @@
-"""The pictures of docs/recordings.md: how two runs part of which one was forked with a body moved by a micrometre, and one run as the
-ghost of another, in which a body was thrown.
+"""The pictures of docs/recordings.md: how two runs part of which one was forked with a body moved by a micrometre, and one run
+as the ghost of another, in which a body was thrown.
 """
 
 from __future__ import annotations
@@ -23,25 +23,24 @@ from tests.recorded_sessions import recorded
 
 AT = 1.0  # [s]
 PUSH = 1e-6  # [m]
-THROWN = (2.5, 4.0, 0.5)  # [m/s]
-CHOSEN = 40  # row of the body
-CAMERA = {"keyframes": [{"time": 0.0, "eye": [1.0, 5.0, 9.0], "target": [0.0, 1.0, 0.0], "field_of_view": 0.8}]}
+THROWN = (9.0, 0.0, 5.0)  # [m/s]
+CHOSEN = 40  # row of the body that is pushed
 Change = Callable[[StateFrame], tuple[str, dict[str, Any]]]  # of a body at AT: a component and its values
 
 
 @contextlib.asynccontextmanager
-async def yard_and_fork(ticks: int, change: Change) -> AsyncIterator[tuple[Path, Path]]:
-    """Recordings of the yard, and of a fork of it in which a body was changed."""
+async def run_and_fork(scene: str, ticks: int, row: int, change: Change) -> AsyncIterator[tuple[Path, Path]]:
+    """Recordings of a sample, and of a fork of it in which the body of a row was changed."""
     with tempfile.TemporaryDirectory() as folder:
         source, target, edits = (Path(folder) / name for name in ("run.mcap", "other.mcap", "edits.json"))
-        async with recorded(Path(folder), "yard", outside=False) as stage:
+        async with recorded(Path(folder), scene, outside=False) as stage:
             person = await stage.person("Anna")
             await person.step(ticks)
         stage.beside.rename(source)
         with Recording(source) as recording:
             frame = recording.frame(recording.position_at(AT))
             component, values = change(frame)
-            entity = int(frame.entity[CHOSEN])
+            entity = int(frame.entity[row])
         edits.write_text(
             json.dumps([{"type": "set_component", "entity": entity, "component": component, "values": values}])
         )
@@ -66,16 +65,14 @@ async def draw_run_comparison(path: Path) -> None:
     def push(frame: StateFrame) -> tuple[str, dict[str, Any]]:
         return "Transform", {"position": (frame.position[CHOSEN] + (PUSH, 0.0, 0.0)).tolist()}
 
-    async with yard_and_fork(480, push) as (source, target):
+    async with run_and_fork("yard", 480, CHOSEN, push) as (source, target):
         write_plot(compare(source, target, curves=5), path)
 
 
 async def draw_ghost(path: Path) -> None:
     """Draws both runs, a short while after they part."""
-    async with yard_and_fork(120, lambda _: ("RigidBody", {"linear_velocity": THROWN})) as (source, target):
-        camera = target.with_suffix(".json")
-        camera.write_text(json.dumps(CAMERA))
-        options: dict[str, Any] = {"size": "1280x720", "time": 0.6, "duration": 0.0, "fps": 30.0, "path": camera}
+    async with run_and_fork("stack", 170, 4, lambda _: ("RigidBody", {"linear_velocity": THROWN})) as (source, target):
+        options: dict[str, Any] = {"size": "1280x720", "time": 1.3, "duration": 0.0, "fps": 30.0}
         await asyncio.to_thread(render, str(target), path, debug="divergence", ghosts=[source], **options)
 
 

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import sys
 import tempfile
 import time
@@ -38,21 +39,24 @@ def picture_rows(path: Path) -> list[Row]:
     render = (sys.executable, "-m", "elys", "node", "render", "--connect", ENDPOINT)
     with (
         environment() as env,
-        running(player, env=env, wait_for="playing"),
-        running(render, env=env, wait_for="drawing views"),
+        running(player, env=env, wait_for="playing") as playing,
+        running(render, env=env, wait_for="drawing views") as drawer,
         Recording(path) as recording,
     ):
-        whole, drawing = asyncio.run(_sought(recording))
+        whole, drawing, used = asyncio.run(_sought(recording, (playing.pid, drawer.pid)))
     others = [age - drawn for age, drawn in zip(whole, drawing, strict=True)]
     return [
         ("a seek there, until its picture of 1280x720 is here, p50 / p99", percentiles(whole)),
         ("of which drawing (software OpenGL), p50 / p99", percentiles(drawing)),
         ("of which all else, p50 / p99", percentiles(others)),
+        ("processor time of a seek: player, render node", f"{used[0]:.1f}, {used[1]:.1f} ms"),
     ]
 
 
-async def _sought(recording: Recording) -> tuple[list[float], list[float]]:
-    """Milliseconds from the command to the picture, and those of drawing it, of each seek."""
+async def _sought(recording: Recording, nodes: tuple[int, ...]) -> tuple[list[float], list[float], list[float]]:
+    """Milliseconds from the command to the picture, and those of drawing it, of each seek; and of these processes those that a
+    processor spent on a seek, of which the machine's other work takes nothing away.
+    """
     chance = np.random.default_rng(1)
     whole, drawing = [], []
     async with joined(ENDPOINT, kind="tool", timeout=30.0) as session:
@@ -60,12 +64,22 @@ async def _sought(recording: Recording) -> tuple[list[float], list[float]]:
             while not session.nodes_of("render"):
                 await asyncio.sleep(0.01)
         eye = _Eye(session)
-        for position in chance.integers(0, len(recording), WARM_UP + SEEKS).tolist():
+        before = [0.0] * len(nodes)
+        for number, position in enumerate(chance.integers(0, len(recording), WARM_UP + SEEKS).tolist()):
+            if number == WARM_UP:
+                before = [_processor_time(node) for node in nodes]
             began = time.perf_counter()
             frame = await eye.seek(float(recording.time[position]), int(recording.tick[position]))
             whole.append(1e3 * (time.perf_counter() - began))
             drawing.append(frame.render_time)
-    return whole[WARM_UP:], drawing[WARM_UP:]
+        used = [1e3 * (_processor_time(node) - since) / SEEKS for node, since in zip(nodes, before, strict=True)]
+    return whole[WARM_UP:], drawing[WARM_UP:], used
+
+
+def _processor_time(process: int) -> float:
+    """[s] that all its threads have had."""
+    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 class _Eye:
