@@ -12,6 +12,7 @@ from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Any
 
+from elys.bus.access.listening import LOOPBACK
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.recording import Recording
 from elys.bus.run_comparison import compare
@@ -47,7 +48,7 @@ async def run_and_fork(scene: str, ticks: int, row: int, change: Change) -> Asyn
         simulation, origin = opened_at(source, AT, edits=edits)
         await simulate(
             simulation,
-            listen=None,
+            listen=LOOPBACK,
             step_limit=0,
             record=target,
             realtime=False,
