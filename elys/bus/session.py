@@ -19,8 +19,8 @@ from typing import Any, Final, TypeVar
 
 import elys
 from elys.bus import codec, topics
-from elys.bus.mailbox import Mailbox
-from elys.bus.messages.session import Hello, Welcome
+from elys.bus.mailbox import Arrival, Mailbox
+from elys.bus.messages.session import ClockReply, ClockRequest, Hello, Welcome
 from elys.bus.topics import PROTOCOL_VERSION, Delivery, Encoding, Query, Topic
 from elys.bus.transports.transport import Closer, IncomingQuery, Transport
 from elys.common.errors import BusError, ConnectionLost, ElysError, MessageError, ProtocolError, RequestError
@@ -57,6 +57,7 @@ class Session:
         self.connected = True
         self.nodes: dict[str, Node] = {}  # all that are alive, by id
         self.refused: dict[str, int] = {}  # messages that were not what their topic promises, by topic
+        self.arrival = Arrival(0.0, 0.0)  # of the message that a subscriber is called with
         self.taps: list[Callable[[Topic[Any], str, bytes], None]] = []  # see every publication (topic, key, payload)
         self._loop = asyncio.get_running_loop()
         self._closers: list[Closer] = []
@@ -74,6 +75,7 @@ class Session:
         """Opens a session as its host: answers handshakes and shows itself alive."""
         session = cls(transport, name=name, node=Node(kind, node_id(kind)), epoch=epoch)
         session._closers.append(transport.serve(topics.key_of(name, topics.HELLO), session._welcome))
+        session._closers.append(transport.serve(topics.key_of(name, topics.CLOCK), session._tell_time))
         session._show_and_watch()
         return session
 
@@ -154,7 +156,12 @@ class Session:
         """Calls `callback(full key, payload)` on the loop with undecoded payloads; with `every`, LATEST topics skip none."""
         newest_only = topic.delivery is Delivery.LATEST and not every
         name_in = codec.field_finder(topic.newest_of, topic.encoding) if topic.newest_of else None
-        mailbox = Mailbox(self._loop, callback, newest_only=newest_only, name_in=name_in)
+
+        def deliver(full_key: str, payload: bytes) -> None:
+            self.arrival = mailbox.arrival
+            callback(full_key, payload)
+
+        mailbox = Mailbox(self._loop, deliver, newest_only=newest_only, name_in=name_in)
         expression = topics.key_of(self.name, topic, key)
         return self._keep(self.transport.subscribe(expression, mailbox.put))
 
@@ -291,6 +298,16 @@ class Session:
             refusal=refusal,
         )
         incoming.reply(codec.encode(welcome, Encoding.JSON))
+
+    def _tell_time(self, incoming: IncomingQuery) -> None:
+        """On the transport's thread, so that it does not wait for a tick."""
+        now = time.time_ns()
+        try:
+            codec.decode(incoming.payload, ClockRequest, Encoding.JSON)
+        except (MessageError, ProtocolError) as error:
+            incoming.refuse(str(error))
+            return
+        incoming.reply(codec.encode(ClockReply(epoch=self.epoch, wall_clock=now), Encoding.JSON))
 
     async def _shake_hands(self, timeout: float, name: str) -> Welcome:
         hello = Hello(protocol=PROTOCOL_VERSION, kind=self.node.kind, node=self.node.id, version=elys.__version__)

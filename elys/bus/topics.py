@@ -182,6 +182,12 @@ HELLO: Final = Query(
     reply=session.Welcome,
     text="the handshake of versions",
 )
+CLOCK: Final = Query(
+    name="clock",
+    request=session.ClockRequest,
+    reply=session.ClockReply,
+    text="what the host's clock says, for ages and round trips; see docs/clock.md",
+)
 SNAPSHOT: Final = Query(
     name="snapshot",
     request=scene.SnapshotRequest,
@@ -284,6 +290,7 @@ TOPICS: Final[tuple[Topic[Any], ...]] = (
 )
 QUERIES: Final[tuple[Query[Any, Any], ...]] = (
     HELLO,
+    CLOCK,
     SNAPSHOT,
     EXACT,
     PREFAB,

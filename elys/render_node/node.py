@@ -168,9 +168,9 @@ class SceneFollower:
             self.touch()
 
     def _state_arrived(self, frame: StateFrame) -> None:
-        self.state_arrived_at = time.monotonic()
+        first, self.state_arrived_at = self._session.arrival
         # Of another run than the scene that is here: its ids mean other things.
-        if frame.epoch == self.mirror.epoch and self.world.take_state(frame, self.state_arrived_at):
+        if frame.epoch == self.mirror.epoch and self.world.take_state(frame, self.state_arrived_at, first=first):
             if "trajectories" in self._wanted:
                 self.drawing.take_state(frame)
             self.touch()
