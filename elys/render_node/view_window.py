@@ -14,11 +14,12 @@ from collections import deque
 from collections.abc import Collection, Mapping
 from typing import Final
 
+from elys.bus.host_clock import HostClock
 from elys.bus.messages.views import Debug, ViewCamera
 from elys.bus.session import Session
 from elys.render_node.game_input import GameInput
 from elys.render_node.gpu import Framebuffer, window_context
-from elys.render_node.marks import stamp_text
+from elys.render_node.marks import age_text, stamp_text
 from elys.render_node.node import SceneFollower
 from elys.render_node.orbit import Orbit
 from elys.render_node.play_control import SILENCE, PlayControl
@@ -88,6 +89,8 @@ class _Viewer:
         self._debug: frozenset[Debug] = frozenset()
         self.tells_age = False
         self._shown_at: deque[float] = deque(maxlen=RATE_PICTURES)  # [s] of the last pictures
+        self._host_clock = HostClock(session)
+        session.start(self._host_clock.run())
         self._is_dirty = True
         self._drawn: tuple[object, ...] | None = None
         window.on_event = self._on_event
@@ -124,7 +127,7 @@ class _Viewer:
             if bodies.tick >= 0
             else stamp_text(mirror.tick, mirror.simulation_time)
         )
-        age = f"{world.timeline.seen_age(now) * 1e3:.0f} ms old" if bodies.tick >= 0 else "no state yet"
+        age = age_text(self._age(now), self._host_clock.round_trip) if bodies.tick >= 0 else "no state yet"
         shown = self._shown_at
         rate = (len(shown) - 1) / (shown[-1] - shown[0]) if len(shown) > 1 and shown[-1] > shown[0] else 0.0
         return what, f"{age}   {rate:.0f} pictures/s", *self._game.note
@@ -138,10 +141,15 @@ class _Viewer:
             return f"ELYS  {name}  ·  {LOST}"
         state, status = "playing" if self._play.is_playing else "paused", self._play.status
         tick = status.tick if status is not None else follower.mirror.tick
-        timeline = follower.world.timeline
-        is_aging = state == "playing" and timeline.newest is not None
-        age = f"  ·  {timeline.seen_age(now) * 1e3:.0f} ms old" if is_aging else ""
+        is_aging = state == "playing" and follower.world.timeline.newest is not None
+        age = f"  ·  {self._age(now) * 1e3:.0f} ms old" if is_aging else ""
         return f"ELYS  {name}  ·  tick {tick}  ·  {state}{age}"
+
+    def _age(self, now: float) -> float:
+        """How long ago [s] it was as is seen, by the host's clock; before that is known, since it could have been here."""
+        timeline = self._follower.world.timeline
+        age = self._host_clock.age_of(timeline.seen_stamp(now), now)
+        return age if age is not None else timeline.seen_age(now)
 
     def _draw_if_changed(self, now: float, *, always: bool) -> bool:
         width, height = self._window.framebuffer_size
