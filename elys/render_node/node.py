@@ -150,6 +150,12 @@ class SceneFollower:
         """Of what is shown: of the newest state, or of the snapshot of a scene that has not moved since."""
         return self.world.tick if self.world.tick >= 0 else self.mirror.tick
 
+    @property
+    def simulation_time(self) -> float:
+        """Of the same [s]."""
+        newest = self.world.timeline.newest
+        return newest.simulation_time if newest is not None else self.mirror.simulation_time
+
     def touch(self) -> None:
         """Says that a new picture would differ."""
         self.revision += 1
@@ -244,7 +250,9 @@ class _ViewServer:
         entity, position = self._renderer.pick(
             world, sane_camera(request.camera), width, height, request.x, request.y, passed_over=request.passed_over
         )
-        return PickReply(entity=entity, position=position, tick=self._follower.tick)
+        found = self._follower.mirror.entities.get(entity)
+        name = found.name if found is not None else ""
+        return PickReply(entity=entity, position=position, tick=self._follower.tick, name=name)
 
     async def thumbnail(self, request: ThumbnailRequest, _: str) -> Thumbnail:
         """A small picture of entities that are in no scene."""
@@ -289,6 +297,7 @@ class _ViewServer:
             sequence=request.sequence,
             tick=self._follower.tick,
             state_published_at=self._follower.world.state_published_at,
+            simulation_time=self._follower.simulation_time,
             camera=camera,
             width=view.width,
             height=view.height,

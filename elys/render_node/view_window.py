@@ -17,7 +17,7 @@ from typing import Final
 from elys.bus.host_clock import HostClock
 from elys.bus.messages.views import Debug, ViewCamera
 from elys.bus.session import Session
-from elys.render_node.game_input import GameInput
+from elys.render_node.game_input import GameInput, Seen
 from elys.render_node.gpu import Framebuffer, window_context
 from elys.render_node.marks import age_text, stamp_text
 from elys.render_node.node import SceneFollower
@@ -85,7 +85,7 @@ class _Viewer:
         self._renderer = renderer
         self._orbit: Orbit | None = None  # None: looks through the scene's camera
         self._play = PlayControl(session)
-        self._game = GameInput(session, window, self._play)
+        self._game = GameInput(session, window, self._play, seen=self._seen)
         self._debug: frozenset[Debug] = frozenset()
         self.tells_age = False
         self._shown_at: deque[float] = deque(maxlen=RATE_PICTURES)  # [s] of the last pictures
@@ -130,7 +130,14 @@ class _Viewer:
         age = age_text(self._age(now), self._host_clock.round_trip) if bodies.tick >= 0 else "no state yet"
         shown = self._shown_at
         rate = (len(shown) - 1) / (shown[-1] - shown[0]) if len(shown) > 1 and shown[-1] > shown[0] else 0.0
-        return what, f"{age}   {rate:.0f} pictures/s", *self._game.note
+        return what, f"{age}   {rate:.0f} pictures/s", *self._game.latency, *self._game.note
+
+    def _seen(self) -> Seen:
+        world = self._follower.world
+        if world.tick < 0:
+            return Seen()
+        fraction = world.standing.fraction
+        return Seen(world.timeline.tick_at(fraction), world.timeline.time_at(fraction))
 
     def title(self) -> str:
         """Scene, tick, and how old what is shown is."""

@@ -128,7 +128,12 @@ class SimulationNode:
         self._paused_physics = PausedPhysics(simulation)
         self._wake = asyncio.Event()
         self._intake = InputIntake(
-            simulation, session, put=self._put, wake=self._wake.set, is_rewound=lambda: self._is_rewound
+            simulation,
+            session,
+            put=self._put,
+            wake=self._wake.set,
+            is_rewound=lambda: self._is_rewound,
+            rate=lambda: self._clock.rate,
         )
         self.flight = FlightRecorder(simulation, seconds=keep) if keep > 0.0 else None
         self.chronicle = Chronicle(simulation, self.flight, epoch=session.epoch, tell=self._publish_command)

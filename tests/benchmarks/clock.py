@@ -106,8 +106,9 @@ def _panel(name: str, number: int, old: Watched, new: Watched) -> str:
         f'<text x="{LEFT - 6}" y="{top + 10}" text-anchor="end">{highest * 1e3:.0f} ms</text>'
         f'<text x="{LEFT - 6}" y="{bottom}" text-anchor="end">0</text>'
         f'<text x="{WIDTH - 10}" y="{bottom + 15}" text-anchor="end">{SPAN[1] - SPAN[0]:.0f} s</text>'
-        f'<text x="{WIDTH - 10}" y="{top - 8}" text-anchor="end">age of what is seen: '
-        '<tspan fill="#777">before</tspan>, <tspan fill="#1565c0">now</tspan></text>'
+        f'<text x="{WIDTH - 95}" y="{top - 8}" text-anchor="end">age of what is seen:</text>'
+        f'<text x="{WIDTH - 90}" y="{top - 8}" fill="#777">before</text>'
+        f'<text x="{WIDTH - 40}" y="{top - 8}" fill="#1565c0">now</text>'
     )
     return axis + "".join(lines) + texts
 
