@@ -67,9 +67,10 @@ class InputSender:
         self._changes.clear()
         self._moved, self._axes, self._text = {}, {}, ""
 
-    def send(self, *, seen_time: float = -1.0) -> bool:
-        """Call it once a frame: sends what has happened since, while the player saw a simulation time [s]. Whether there was
-        anything.
+    def send(self, *, seen_time: float = -1.0, host_time: float | None = None) -> bool:
+        """Call it once a frame: sends what has happened since. Whether there was anything.
+
+        The player saw a simulation time [s] when the host's clock said `host_time` [s since 1970], see `host_clock`.
         """
         changes = tuple(self._changes.popleft() for _ in range(min(len(self._changes), MOST_CHANGES)))
         moved = {name: distance for name, distance in self._moved.items() if distance}
@@ -79,6 +80,7 @@ class InputSender:
         message = Input(
             sequence=self.sequence,
             seen_time=seen_time,
+            done_at=host_time or 0.0,
             player=self._player,
             lets_go=self._lets_go,
             changes=changes,

@@ -24,8 +24,16 @@ class Seen(NamedTuple):
 class GameInput:
     """Lends a window's keys and mouse to the game. `seen` tells what is on the screen when something is done."""
 
-    def __init__(self, session: Session, window: Window, play: PlayControl, *, seen: Callable[[], Seen] = Seen) -> None:
-        self._seen = seen
+    def __init__(
+        self,
+        session: Session,
+        window: Window,
+        play: PlayControl,
+        *,
+        seen: Callable[[], Seen] = Seen,
+        host_time: Callable[[], float | None] = lambda: None,
+    ) -> None:
+        self._seen, self._host_time = seen, host_time
         self._echo = InputEcho(session)
         self._window = window
         self._play = play
@@ -69,11 +77,14 @@ class GameInput:
             self._sender.let_go_of_all()
             self._echo.stop()
         seen = self._seen()
-        if (self.is_on or has_ended) and self._sender.send(seen_time=seen.time) and self.is_on:
+        if (self.is_on or has_ended) and self._send(seen) and self.is_on:
             self._echo.sent(self._sender.sequence)
         if self.is_on:
             self._echo.shown(seen.tick)
         return has_ended
+
+    def _send(self, seen: Seen) -> bool:
+        return self._sender.send(seen_time=seen.time, host_time=self._host_time())
 
     def _is_possible(self) -> bool:
         status = self._play.status

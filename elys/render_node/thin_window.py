@@ -78,9 +78,9 @@ class _ThinViewer:
         self._window = window
         self._screen = _Screen(context)
         self._play = PlayControl(session)
-        self._game = GameInput(session, window, self._play, seen=self._seen)
         self._host_clock = HostClock(session)
         session.start(self._host_clock.run())
+        self._game = GameInput(session, window, self._play, seen=self._seen, host_time=self._host_clock.host_time)
         self._remote = RemoteView(
             session,
             choice=choice,

@@ -85,12 +85,12 @@ class _Viewer:
         self._renderer = renderer
         self._orbit: Orbit | None = None  # None: looks through the scene's camera
         self._play = PlayControl(session)
-        self._game = GameInput(session, window, self._play, seen=self._seen)
         self._debug: frozenset[Debug] = frozenset()
         self.tells_age = False
         self._shown_at: deque[float] = deque(maxlen=RATE_PICTURES)  # [s] of the last pictures
         self._host_clock = HostClock(session)
         session.start(self._host_clock.run())
+        self._game = GameInput(session, window, self._play, seen=self._seen, host_time=self._host_clock.host_time)
         self._is_dirty = True
         self._drawn: tuple[object, ...] | None = None
         window.on_event = self._on_event

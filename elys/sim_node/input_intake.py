@@ -42,15 +42,12 @@ class InputIntake:
         put: Callable[[CommandRequest], object],
         wake: Callable[[], None],
         is_rewound: Callable[[], bool],
-        rate: Callable[[], float] = lambda: 1.0,
     ) -> None:
-        """`rate` is of simulated seconds in one; 0: as fast as it can."""
         self._simulation = simulation
         self._session = session
         self._put = put
         self._wake = wake
         self._is_rewound = is_rewound
-        self._rate = rate
         self._last: dict[tuple[str, int], int] = {}  # sequence of the last message, by who sent it for which player
         self._waiting: Counter[str] = Counter()  # messages by who sent them
         self._gone: set[str] = set()  # nodes that were here
@@ -93,7 +90,7 @@ class InputIntake:
         except RequestError as error:
             self._refuse(node, command, str(error))
             return
-        late = self._lateness(command)
+        late = time.time() - command.done_at if command.done_at > 0.0 else 0.0
         if late > LONGEST_LATE:
             self._refuse(node, command, f"what was done {late:.1f} s ago is too late: of it only letting go counts")
             command = _let_go_in(command)
@@ -110,13 +107,6 @@ class InputIntake:
         if last is not None and command.sequence > last + 1:
             self._let_go(node)
         self._last[sender] = command.sequence
-
-    def _lateness(self, command: Input) -> float:
-        """How long ago [s] it was as the player saw it; 0 where that is not told, or cannot be."""
-        rate = self._rate()
-        if command.seen_time < 0.0 or rate <= 0.0:
-            return 0.0
-        return max(self._simulation.time - command.seen_time, 0.0) / rate
 
     def _refuse(self, node: str, command: Input, reason: str) -> None:
         now = time.monotonic()

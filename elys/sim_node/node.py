@@ -133,7 +133,6 @@ class SimulationNode:
             put=self._put,
             wake=self._wake.set,
             is_rewound=lambda: self._is_rewound,
-            rate=lambda: self._clock.rate,
         )
         self.flight = FlightRecorder(simulation, seconds=keep) if keep > 0.0 else None
         self.chronicle = Chronicle(simulation, self.flight, epoch=session.epoch, tell=self._publish_command)
