@@ -232,7 +232,7 @@ class _ViewServer:
 
     def requested(self, request: ViewRequest, _: str) -> None:
         """Notes what somebody wants to see."""
-        if self._desk.take(request, time.monotonic()):
+        if self._desk.take(request, self._session.arrival.last):
             self._follower.changed.set()
 
     def node_changed(self, node: Node, alive: bool) -> None:

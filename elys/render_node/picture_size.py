@@ -74,7 +74,7 @@ class PictureSize:
         if len(self._rates) == CARRIED:
             self._follow_rate()
         if is_meant:
-            self._follow_time(now, waited)
+            self._follow_time(now, waited, size)
 
     def _follow_rate(self) -> None:
         meant = max(self.rate * SHARE, LEAST_RATE)
@@ -84,8 +84,10 @@ class PictureSize:
         elif self.bit_rate == 0.0 or not self.bit_rate / 1.6 < meant < self.bit_rate * 1.6:
             self.bit_rate = LEAST_RATE * 1.5 ** math.floor(math.log(meant / LEAST_RATE, 1.5) + 1e-9)
 
-    def _follow_time(self, now: float, waited: float) -> None:
-        self._slow = self._slow + 1 if waited > SLOW else 0
+    def _follow_time(self, now: float, waited: float, size: int) -> None:
+        # Where the last few came quickly it is something else that takes time, as a busy processor: smaller ones do not help.
+        is_size = size * 8.0 > SLOW / 2.0 * self.rate
+        self._slow = self._slow + 1 if waited > SLOW and is_size else 0
         if self._slow >= SLOW_PICTURES and self._step < len(STEPS) - 1:
             self._step, self._slow, self._quick_since = self._step + 1, 0, None
             if self._tried:

@@ -28,6 +28,8 @@ NOISE: Final = 0.003  # [s] by which times differ whatever the way carries
 PROBE_EDGE: Final = 16  # [pixels] of the small ones
 ANSWER_TIMEOUT: Final = 1.5  # [s] after which a picture that was asked for is asked for again
 WAIT_TIMEOUT: Final = 3.0  # [s] the same for one that may wait for a later tick
+PATIENCE: Final = 4.0  # times what the last answer took, if that is longer
+LONGEST_PATIENCE: Final = 10.0  # [s]
 REST: Final = 0.4  # [s] without a picture after which a small one is followed by one as large as the window
 _log = logging.getLogger(__name__)
 
@@ -92,6 +94,7 @@ class RemoteView:
         self._shown: Wanted | None = None  # of the newest picture
         self._shown_tick = -1
         self._asked_at = 0.0
+        self._patience = 0.0  # [s] for an answer, by how long the last one took
         self._sequence = 0
         self._is_waiting = False
         self._needs_keyframe = True
@@ -130,7 +133,7 @@ class RemoteView:
         if self.renderer is None or self._wanted is None:
             return
         now = time.monotonic()
-        late = now - self._asked_at > (WAIT_TIMEOUT if self._is_waiting else ANSWER_TIMEOUT)
+        late = now - self._asked_at > max(WAIT_TIMEOUT if self._is_waiting else ANSWER_TIMEOUT, self._patience)
         rests = not self._shown_whole and self._wanted == self._shown and now - self._shown_at > REST
         if (
             self._asked is not None
@@ -195,12 +198,14 @@ class RemoteView:
 
     def _arrived(self, frame: ViewFrame, _: str) -> None:
         if frame.sequence != self._sequence:
-            # One that was overtaken: a stream goes on with it all the same.
-            if frame.h264:
-                self._decoded(frame)
+            # One that was overtaken: a stream goes on with it all the same, and it is newer than what is seen.
+            picture = self._decoded(frame) if frame.width > PROBE_EDGE else None
+            if picture is not None:
+                self._on_picture(picture)
             return
-        elapsed = time.monotonic() - self._asked_at
+        elapsed = self._session.arrival.last - self._asked_at  # what it waited here is not the way's
         asked, self._asked = self._asked, None
+        self._patience = min(PATIENCE * elapsed, LONGEST_PATIENCE)
         self._learn(frame, elapsed)
         picture = None if self._is_probing else self._decoded(frame)
         if picture is not None:

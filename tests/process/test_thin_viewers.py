@@ -134,7 +134,7 @@ def test_pictures_become_smaller_while_the_way_carries_little(start, elys, ports
     player = start("thin_player.py", f"tcp/127.0.0.1:{slow}")
     player.wait_for("^picture")
     player.ask("turn 30", "^turned")
-    relay.ask("400000", "^rate 400000$")
+    relay.ask("150000", "^rate 150000$")
     deadline = time.monotonic() + PATIENCE
     while float(player.ask("encoding", r"^encoding h?\w+ ([\d.]+)$")[1]) == 1.0:
         assert time.monotonic() < deadline, player.lines

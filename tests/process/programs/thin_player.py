@@ -64,16 +64,14 @@ async def pick(viewer) -> str:
 
 
 async def play(viewer, key: str) -> str:
-    viewer._on_event(KeyPressed("p"))
-    await until(lambda: viewer._game.is_on)
     code = next(code for code, name in KEY_NAMES.items() if name == key)
-    for _ in range(5):
+    echo = viewer._game._echo
+    while echo.until_seen is None:
+        if not viewer._game.is_on:  # not yet, or given back by a host that was not heard for a while
+            viewer._on_event(KeyPressed("p"))
         for action in (glfw.PRESS, glfw.RELEASE):
             viewer._window._key(None, code, 0, action, 0)
             await asyncio.sleep(0.1)
-    await until(lambda: viewer._game._echo.until_seen is not None)
-    viewer._window._key(None, code, 0, glfw.PRESS, 0)
-    echo = viewer._game._echo
     return f"played {echo.until_applied * 1e3:.1f} {echo.until_seen * 1e3:.1f}"
 
 
