@@ -66,7 +66,7 @@ async def pick(viewer) -> str:
 async def play(viewer, key: str) -> str:
     code = next(code for code, name in KEY_NAMES.items() if name == key)
     echo = viewer._game._echo
-    while echo.until_seen is None:
+    while len(echo._until_seen) < 10:
         if not viewer._game.is_on:  # not yet, or given back by a host that was not heard for a while
             viewer._on_event(KeyPressed("p"))
         for action in (glfw.PRESS, glfw.RELEASE):
