@@ -6,13 +6,14 @@ import asyncio
 import contextlib
 import threading
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
 MAILBOX_LIMIT: Final = 100_000  # messages a node may lag behind before the oldest are given up
 MOST_NAMES: Final = 32  # that are told apart under one key between two rounds of the loop
 MAILBOX_SIZE: Final = 256 << 20  # [bytes] likewise
+KEY_LIMIT: Final = 10_000  # messages of one key, where several share a mailbox: who floods loses his own
 
 
 class Arrival(NamedTuple):
@@ -24,6 +25,8 @@ class Arrival(NamedTuple):
 
 class Mailbox:
     """Takes payloads from any thread to the loop: all of them in order, or only the newest of each key.
+
+    Of many keys in one mailbox none takes the others' room.
 
     Where several share a key, `name_in` finds in a payload whose it is ("" if nobody's), and the newest of each is kept: of
     `MOST_NAMES` between two rounds of the loop, so that who makes up names fills no memory; the others share one place.
@@ -44,6 +47,7 @@ class Mailbox:
         self._name_in = name_in
         self._queue: deque[tuple[str, bytes]] = deque()
         self._size = 0
+        self._waiting: Counter[str] = Counter()  # messages in the queue, by key
         self._lock = threading.Lock()
         self._woken = False
         self._first = self._last = 0.0  # [s] when the first and the last of those that wait came
@@ -70,10 +74,16 @@ class Mailbox:
         return place if place in self._newest or len(self._newest) < MOST_NAMES else (key, "")
 
     def _append(self, key: str, payload: bytes) -> None:
+        if self._waiting[key] >= KEY_LIMIT and len(self._waiting) > 1:
+            self.lost += 1
+            return
         self._queue.append((key, payload))
+        self._waiting[key] += 1
         self._size += len(payload)
         while len(self._queue) > MAILBOX_LIMIT or (self._size > MAILBOX_SIZE and len(self._queue) > 1):
-            self._size -= len(self._queue.popleft()[1])
+            oldest, given_up = self._queue.popleft()
+            self._waiting[oldest] -= 1
+            self._size -= len(given_up)
             self.lost += 1
 
     def _drain(self) -> None:
@@ -86,6 +96,7 @@ class Mailbox:
             )
             self._newest.clear()
             self._queue.clear()
+            self._waiting.clear()
             self._size = 0
             self._woken = False
         for key, payload, came in waiting:

@@ -9,11 +9,13 @@ import typer
 
 from elys.cli.app import app
 from elys.cli.options import (
+    Address,
     At,
     Compact,
     Connect,
     DebugKinds,
     Frames,
+    Insecure,
     Json,
     Keep,
     KeepFiles,
@@ -23,7 +25,11 @@ from elys.cli.options import (
     Rotate,
     Scene,
     Threads,
+    Tls,
     Topics,
+    Trust,
+    listening,
+    shows_credentials,
 )
 
 
@@ -36,6 +42,9 @@ def run(
     realtime: Annotated[bool, typer.Option("--realtime", help="headless: keep to real time even with --steps")] = False,
     paused: Annotated[bool, typer.Option("--paused", help="start paused")] = False,
     listen: Listen = None,
+    tls: Tls = False,
+    insecure: Insecure = False,
+    address: Address = [],  # noqa: B006
     name: Annotated[str, typer.Option(help="name of the session; default: the scene's")] = "",
     threads: Threads = 1,
     no_guard: NoGuard = False,
@@ -54,6 +63,7 @@ def run(
             max=65535,
         ),
     ] = 0,
+    trust: Trust = False,
     json: Json = False,
 ) -> None:
     """Simulate a scene, with an editor attached; or --headless, for a server or a script."""
@@ -68,7 +78,7 @@ def run(
         record=record,
         realtime=realtime,
         paused=paused,
-        listen=listen,
+        listen=listening(listen, tls=tls, insecure=insecure, addresses=address),
         name=name,
         threads=threads,
         guarded=not no_guard,
@@ -81,6 +91,7 @@ def run(
 
 
 @app.command()
+@shows_credentials
 def edit(connect: Connect = None) -> None:
     """Attach an editor to a running session or a replay; where none runs, choose in the editor what to open."""
     from elys.verbs import attach
@@ -89,6 +100,7 @@ def edit(connect: Connect = None) -> None:
 
 
 @app.command()
+@shows_credentials
 def view(
     connect: Connect = None,
     debug: DebugKinds = "",
@@ -143,6 +155,7 @@ def sessions(json: Json = False) -> None:
 
 
 @app.command()
+@shows_credentials
 def top(
     connect: Connect = None,
     once: Annotated[bool, typer.Option("--once", help="print the figures once and end")] = False,
@@ -155,6 +168,7 @@ def top(
 
 
 @app.command()
+@shows_credentials
 def foxglove(
     connect: Connect = None,
     port: Annotated[int, typer.Option(help="port to listen at; 0: any that is free", min=0, max=65535)] = 8765,

@@ -8,10 +8,12 @@
     │   └── HierarchyError    a parent would become its own descendant
     ├── StateError            the state of a simulation is not one, or not one that it can go back to
     ├── PhysicsError          a body, collider or setting that physics cannot work with: the entity, what, what to do
+    ├── ScriptError           a script cannot be read, or says what cannot be run: file, line, what to write instead
     ├── BusError
     │   ├── MessageError      a payload that is not what its topic promises
     │   ├── ProtocolError     the other side speaks another version of the protocol
     │   ├── ConnectionLost    nobody answers at the endpoint
+    │   ├── AccessError       the host lets nobody in as who this is, or a key is none
     │   └── RequestError      the other side answered, and refused
     │       └── EditConflict  because somebody else has changed the same meanwhile
     ├── RecordingError        a recording is not one, or is damaged beyond repair
@@ -56,6 +58,10 @@ class PhysicsError(ElysError):
     """Physics cannot work with a value."""
 
 
+class ScriptError(ElysError):
+    """A script cannot be read or run."""
+
+
 class BusError(ElysError):
     """Something between processes went wrong."""
 
@@ -70,6 +76,10 @@ class ProtocolError(BusError):
 
 class ConnectionLost(BusError):
     """Nobody answers."""
+
+
+class AccessError(BusError):
+    """Who this is is not let in."""
 
 
 class RequestError(BusError):

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import platformdirs
 
+from elys.bus.access.listening import Listening
 from elys.bus.recording_plan import PLAIN, RecordingPlan
 from elys.common.assets.store import AssetStore
 from elys.verbs.nodes import hosted, session_name
@@ -70,6 +71,7 @@ def prepare(scene: str, *, record: Path | None, threads: int = 1, at: str = "") 
     from elys.verbs.kernels import compile_with_progress
     from elys.verbs.moments import parse_moment
     from elys.verbs.recording_child import require_recordable
+    from elys.verbs.trusting import ask_about_scripts
 
     if record is not None:
         require_recordable(record)
@@ -77,6 +79,7 @@ def prepare(scene: str, *, record: Path | None, threads: int = 1, at: str = "") 
         return opened_at(required_recording(scene), parse_moment(at), goes_on=False, threads=threads)
     assets = AssetStore()
     opened = open_scene_or_sample(scene, assets)
+    ask_about_scripts(opened.records, assets)
     compile_with_progress(opened, threads=threads)
     return Simulation.load(opened, assets, threads=threads), None
 
@@ -84,7 +87,7 @@ def prepare(scene: str, *, record: Path | None, threads: int = 1, at: str = "") 
 async def simulate(
     simulation: Simulation,
     *,
-    listen: str | None,
+    listen: Listening,
     step_limit: int,
     record: Path | None,
     realtime: bool,

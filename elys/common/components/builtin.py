@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from elys.common.components.declaration import Component, Kind, Quat, Vec3, about, component
+from elys.common.components.curve import Curve
+from elys.common.components.declaration import Component, Kind, Quat, Values, Vec3, about, component
 
 
 @component
@@ -298,6 +299,14 @@ class Light(Component, frozen=True):
     intensity: Annotated[float, about("Illuminance of a sun [lx], candela of others.", unit="lx | cd", minimum=0.0)] = (
         3.0
     )
+    over_time: Annotated[
+        Curve,
+        about(
+            "What the intensity is multiplied with, over the time of the simulation; begins anew after the last key.",
+            minimum=0.0,
+            maximum=1000.0,
+        ),
+    ] = ()
     range: Annotated[float, about("Where a bulb's light ends; 0 for never.", unit="m", minimum=0.0)] = 0.0
     inner_cone_angle: Annotated[
         float, about("Full light inside.", unit="rad", minimum=0.0, maximum=1.5708, step=0.01)
@@ -357,7 +366,8 @@ class Camera(Component, frozen=True):
 
 @component
 class Script(Component, frozen=True):
-    """The behaviour of an entity (placeholder: carried, saved and shown, not yet run)."""
+    """What an entity does, written in Python; see docs/scripts.md."""
 
-    source: Annotated[str, about("Python file and class, as path.py:Class.", kind=Kind.ASSET)] = ""
+    source: Annotated[str, about("Python file and class in it, as door.py#Door.", kind=Kind.ASSET)] = ""
     enabled: Annotated[bool, about("Whether the behaviour runs.")] = True
+    values: Annotated[Values, about("The script's own fields, where they are not their defaults.")] = {}

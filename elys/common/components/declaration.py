@@ -23,10 +23,12 @@ from typing import Annotated, Any, Final, Literal, TypeVar, get_args, get_origin
 
 import msgspec
 
+from elys.common.components.curve import KEY_WIDTH, MAX_KEYS, Curve
 from elys.common.errors import ComponentError
 
 Vec3 = tuple[float, float, float]
 Quat = tuple[float, float, float, float]  # x y z w, unit length
+Values = dict[str, Any]  # by name: numbers, booleans, texts and lists of numbers
 
 
 class Kind(enum.Enum):
@@ -42,6 +44,8 @@ class Kind(enum.Enum):
     TEXT = "text"
     ASSET = "asset"  # the name of a mesh, an image, ...
     ENTITY = "entity"  # another entity's id, 0 for none
+    CURVE = "curve"  # a number over time, see curve.py; unit and range are the number's
+    VALUES = "values"  # named values that only a script's file declares: a JSON object
 
 
 class Component(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -92,7 +96,12 @@ class FieldDeclaration:
     step: float
     choices: tuple[str, ...]
     dtype: str  # numpy dtype of one element
-    width: int  # elements a value has: 1, 3 or 4
+    width: int  # numbers that are stored of a value: 1, 3, 4, or those of all keys of a curve
+
+    @property
+    def elements(self) -> int:
+        """How many parts of a value are edited one by one."""
+        return 1 if self.kind is Kind.CURVE else self.width
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,6 +133,8 @@ _STORAGE: Final[Mapping[Kind, tuple[str, int]]] = {
     Kind.TEXT: ("i4", 1),  # a row of the world's string table
     Kind.ASSET: ("i4", 1),  # likewise
     Kind.ENTITY: ("u4", 1),
+    Kind.CURVE: ("f4", MAX_KEYS * KEY_WIDTH),
+    Kind.VALUES: ("i4", 1),  # a row of the string table, as JSON
 }
 
 _registry: dict[str, ComponentDeclaration] = {}
@@ -168,14 +179,18 @@ def declare(struct: type[Component]) -> ComponentDeclaration:
     hints = get_type_hints(struct, include_extras=True)
     fields = []
     for info in msgspec.structs.fields(struct):
-        if info.default is msgspec.NODEFAULT:
+        default = info.default
+        if default is msgspec.NODEFAULT and info.default_factory is not msgspec.NODEFAULT:
+            default = info.default_factory()
+        if default is msgspec.NODEFAULT:
             raise ComponentError(f"{struct.__name__}.{info.name} needs a default: every component can be added empty")
-        fields.append(_declare_field(struct.__name__, info.name, hints[info.name], info.default))
+        fields.append(declare_field(struct.__name__, info.name, hints[info.name], default))
     text = (struct.__doc__ or "").strip().split("\n")[0]
     return ComponentDeclaration(name=struct.__name__, struct=struct, text=text, fields=tuple(fields))
 
 
-def _declare_field(owner: str, name: str, hint: Any, default: Any) -> FieldDeclaration:
+def declare_field(owner: str, name: str, hint: Any, default: Any) -> FieldDeclaration:
+    """One field of `owner` from its annotation; ComponentError where that does not say what it must."""
     where = f"{owner}.{name}"
     notes = [note for note in getattr(hint, "__metadata__", ()) if isinstance(note, About)]
     if get_origin(hint) is not Annotated or not notes:
@@ -208,7 +223,9 @@ def _kind_of(where: str, value_type: Any) -> Kind:
         str: Kind.TEXT,
         Vec3: Kind.VEC3,
         Quat: Kind.QUAT,
+        Curve: Kind.CURVE,
+        Values: Kind.VALUES,
     }
     if value_type in kinds:
         return kinds[value_type]
-    raise ComponentError(f"{where} has type {value_type}; use float, int, bool, str, Vec3, Quat or Literal[...]")
+    raise ComponentError(f"{where} has type {value_type}; use float, int, bool, str, Vec3, Quat, Curve or Literal[...]")

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
 from typing import Any, Final
 
+import numpy as np
+
+from elys.common.components.curve import KEY_WIDTH, MAX_KEYS, Curve, CurveKey
 from elys.common.components.declaration import Component, ComponentDeclaration, FieldDeclaration, Kind, declaration_of
 from elys.common.errors import ComponentError
 
+MOST_OF_A_CURVE: Final = 1e9  # in times, values and slopes
 MAX_TEXT_LENGTH: Final = 4096  # characters: every text is kept, and travels in every snapshot
 
 
@@ -60,14 +65,51 @@ def check_value(declaration: ComponentDeclaration, field: FieldDeclaration, valu
             if len(value) > MAX_TEXT_LENGTH:
                 raise ComponentError(f"{where} may have {MAX_TEXT_LENGTH} characters, not {len(value)}")
             return value
+        case Kind.VALUES:
+            return _named_values(where, value)
         case Kind.ENTITY:
             if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 2**32:
                 raise ComponentError(f"{where} must be an entity id (0 for none), not {_shown(value)}")
             return value
         case Kind.QUAT:
             return _unit(where, _numbers(where, field, value))
+        case Kind.CURVE:
+            return _curve(where, field, value)
         case Kind.VEC3 | Kind.COLOR:
             return tuple(_in_range(where, field, element) for element in _numbers(where, field, value))
+
+
+def _named_values(where: str, value: Any) -> dict[str, Any]:
+    if not isinstance(value, Mapping):
+        raise ComponentError(f"{where} must be an object of named values, not {_shown(value)}")
+    checked: dict[str, Any] = {}
+    for name, item in value.items():
+        if not isinstance(name, str) or not name.isidentifier():
+            raise ComponentError(f"{where}: {_shown(name)} is no name of a field")
+        if isinstance(item, list | tuple) and 1 <= len(item) <= 4:
+            checked[name] = tuple(_number(f"{where}.{name}", element) for element in item)
+        elif isinstance(item, bool | str) or (isinstance(item, int) and -(2**53) <= item <= 2**53):
+            checked[name] = item
+        elif isinstance(item, float):
+            checked[name] = _number(f"{where}.{name}", item)
+        else:
+            raise ComponentError(
+                f"{where}.{name} must be a number, true or false, a text or up to 4 numbers, not {_shown(item)}"
+            )
+    if len(values_text(checked)) > MAX_TEXT_LENGTH:
+        raise ComponentError(f"{where} may have {MAX_TEXT_LENGTH} characters as JSON, not {len(values_text(checked))}")
+    return checked
+
+
+def values_text(values: Mapping[str, Any]) -> str:
+    """Named values as one text, the same for the same values; "" for none."""
+    return json.dumps(values, sort_keys=True, separators=(",", ":"), ensure_ascii=False) if values else ""
+
+
+def values_from(text: str) -> dict[str, Any]:
+    """The named values that `values_text` made a text of."""
+    found: dict[str, Any] = json.loads(text) if text else {}
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in found.items()}
 
 
 def _number(where: str, value: Any) -> float:
@@ -86,6 +128,27 @@ def _numbers(where: str, field: FieldDeclaration, value: Any) -> tuple[float, ..
     if not isinstance(value, list | tuple) or len(value) != field.width:
         raise ComponentError(f"{where} must be {field.width} numbers, not {_shown(value)}")
     return tuple(_number(where, element) for element in value)
+
+
+def _curve(where: str, field: FieldDeclaration, value: Any) -> Curve:
+    if not isinstance(value, list | tuple):
+        raise ComponentError(f"{where} must be a list of keys, not {_shown(value)}")
+    if len(value) > MAX_KEYS:
+        raise ComponentError(f"{where} may have {MAX_KEYS} keys, not {len(value)}")
+    keys: list[CurveKey] = []
+    for key in value:
+        if not isinstance(key, list | tuple) or len(key) != KEY_WIDTH:
+            raise ComponentError(f"{where} has keys of time, value, slope before and slope after, not {_shown(key)}")
+        time, number, before, after = (_number(where, element) for element in key)
+        if max(map(abs, (time, number, before, after))) > MOST_OF_A_CURVE:
+            raise ComponentError(f"{where} may have numbers up to {MOST_OF_A_CURVE:g}, not {_shown(key)}")
+        if time < 0.0:
+            raise ComponentError(f"{where} begins at 0 s at the earliest, not at {time:g}")
+        # As they are stored: times that 32 bits do not tell apart are one.
+        if keys and not np.float32(keys[-1][0]) < np.float32(time):
+            raise ComponentError(f"{where} has keys whose times rise, not {keys[-1][0]:g} s and then {time:g} s")
+        keys.append((time, _in_range(where, field, number), before, after))
+    return tuple(keys)
 
 
 def _in_range(where: str, field: FieldDeclaration, value: float) -> float:

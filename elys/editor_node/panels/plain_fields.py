@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
 from typing import Any
 
 from imgui_bundle import imgui
@@ -9,6 +11,7 @@ from imgui_bundle import imgui
 from elys.common.components import FieldDeclaration, Kind
 from elys.editor_node.fields import MIXED, FieldContext, FieldEdit, element_width
 from elys.editor_node.panels.color_fields import edit_color
+from elys.editor_node.panels.curve_fields import edit_curve
 from elys.editor_node.panels.number_fields import edit_integer, edit_numbers, edit_rotation
 from elys.editor_node.panels.reference_fields import edit_asset, edit_entity
 
@@ -30,12 +33,16 @@ def edit_field(field: FieldDeclaration, value: Any, context: FieldContext, *, bu
             return edit_choice(field, value, context)
         case Kind.COLOR:
             return edit_color(field, value, context)
+        case Kind.CURVE:
+            return edit_curve(field, value, context)
         case Kind.TEXT:
             return edit_text(value, context)
         case Kind.ASSET:
             return edit_asset(field, value, context)
         case Kind.ENTITY:
             return edit_entity(value, context)
+        case Kind.VALUES:
+            return edit_named_values(value, context)
 
 
 def edit_switch(value: bool, context: FieldContext) -> FieldEdit:
@@ -63,6 +70,15 @@ def edit_choice(field: FieldDeclaration, value: str, context: FieldContext) -> F
         imgui.end_combo()
     else:
         context.note()
+    return edit
+
+
+def edit_named_values(value: dict[str, Any], context: FieldContext) -> FieldEdit:
+    """As JSON; what is no object is sent as it is, and refused with a sentence."""
+    edit = edit_text(json.dumps(value, ensure_ascii=False) if value else "", context)
+    if edit.changed:
+        with contextlib.suppress(ValueError):
+            edit.value = json.loads(edit.value) if edit.value.strip() else {}
     return edit
 
 
