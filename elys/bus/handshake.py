@@ -1,10 +1,12 @@
-"""Hello and Welcome: two nodes find out whether they can talk before they do."""
+"""Hello and Welcome: two nodes find out whether they can talk before they do; and what the host's clock says."""
 
 from __future__ import annotations
 
+import time
+
 import elys
 from elys.bus import codec
-from elys.bus.messages.session import Hello, Welcome
+from elys.bus.messages.session import ClockReply, ClockRequest, Hello, Welcome
 from elys.bus.picture_ring import boot_id
 from elys.bus.topics import PROTOCOL_VERSION, Encoding
 from elys.bus.transports.transport import IncomingQuery
@@ -37,6 +39,17 @@ def answer_hello(incoming: IncomingQuery, *, session: str, epoch: int) -> None:
         machine=boot_id(),
     )
     incoming.reply(codec.encode(welcome, Encoding.JSON))
+
+
+def answer_clock(incoming: IncomingQuery, *, epoch: int) -> None:
+    """What the host's clock says now."""
+    now = time.time_ns()
+    try:
+        codec.decode(incoming.payload, ClockRequest, Encoding.JSON)
+    except (MessageError, ProtocolError) as error:
+        incoming.refuse(str(error))
+        return
+    incoming.reply(codec.encode(ClockReply(epoch=epoch, wall_clock=now), Encoding.JSON))
 
 
 def read_welcome(answer: bytes) -> Welcome:

@@ -21,8 +21,8 @@ from elys.bus import codec, topics
 from elys.bus.access.limits import Doorkeeper
 from elys.bus.access.permissions import Permissions, check_asker, check_size
 from elys.bus.access.roles import Role, role_of_user, signed_id
-from elys.bus.handshake import answer_hello, hello_of, read_welcome
-from elys.bus.mailbox import Mailbox
+from elys.bus.handshake import answer_clock, answer_hello, hello_of, read_welcome
+from elys.bus.mailbox import Arrival, Mailbox
 from elys.bus.messages.session import Welcome
 from elys.bus.messages.streaming import StreamInterest
 from elys.bus.state_source import StateSource
@@ -64,6 +64,7 @@ class Session:
         self.refused: dict[str, int] = {}  # messages that were not what their topic promises, by topic
         self.machine = ""  # of the host, see Welcome
         self.states: StateSource | None = None  # where states come from instead of the topic: a stream
+        self.arrival = Arrival(0.0, 0.0)  # of the message that a subscriber is called with
         self.permissions = Permissions(Role.HOST if node.kind in HOST_KINDS else role_of_user(transport.user))
         self.taps: list[Callable[[Topic[Any], str, bytes], None]] = []  # see every publication (topic, key, payload)
         self._loop = asyncio.get_running_loop()
@@ -85,6 +86,7 @@ class Session:
         session._closers.append(transport.serve(topics.asked_key(name, topics.HELLO), session._welcome))
         # Where releases before protocol 5 ask: they too are to hear that they must be renewed.
         session._closers.append(transport.serve(topics.key_of(name, topics.HELLO), session._welcome))
+        session._closers.append(transport.serve(topics.asked_key(name, topics.CLOCK), session._tell_time))
         session._show_and_watch()
         return session
 
@@ -177,7 +179,12 @@ class Session:
             return _nothing
         newest_only = topic.delivery is Delivery.LATEST and not every
         name_in = codec.field_finder(topic.newest_of, topic.encoding) if topic.newest_of else None
-        mailbox = Mailbox(self._loop, callback, newest_only=newest_only, name_in=name_in)
+
+        def deliver(full_key: str, payload: bytes) -> None:
+            self.arrival = mailbox.arrival
+            callback(full_key, payload)
+
+        mailbox = Mailbox(self._loop, deliver, newest_only=newest_only, name_in=name_in)
         if topic is topics.STATE and newest_only and self.states is not None:
             return self._keep(self.states.subscribe(mailbox.put))
         expression = topics.key_of(self.name, topic, key)
@@ -321,12 +328,21 @@ class Session:
     # --- handshake and presence ------------------------------------------------------------------------------------
 
     def _welcome(self, incoming: IncomingQuery) -> None:
-        asker = topics.parts_of_question(topics.HELLO, incoming.key)[1]
+        self._answer_at_once(topics.HELLO, incoming, partial(answer_hello, session=self.name, epoch=self.epoch))
+
+    def _tell_time(self, incoming: IncomingQuery) -> None:
+        self._answer_at_once(topics.CLOCK, incoming, partial(answer_clock, epoch=self.epoch))
+
+    def _answer_at_once(
+        self, query: Query[Any, Any], incoming: IncomingQuery, answer: Callable[[IncomingQuery], None]
+    ) -> None:
+        """On the transport's thread, so that it does not wait for a tick."""
+        asker = topics.parts_of_question(query, incoming.key)[1]
         if not self._doorkeeper.admit(asker):
             incoming.drop()
             return
         try:
-            answer_hello(incoming, session=self.name, epoch=self.epoch)
+            answer(incoming)
         finally:
             self._doorkeeper.release(asker)
 

@@ -239,6 +239,14 @@ HELLO: Final = Query(
     asker=Role.VIEWER,
     answerer=Role.HOST,
 )
+CLOCK: Final = Query(
+    name="clock",
+    request=session.ClockRequest,
+    reply=session.ClockReply,
+    text="what the host's clock says, for ages and round trips; see docs/clock.md",
+    asker=Role.VIEWER,
+    answerer=Role.HOST,
+)
 SNAPSHOT: Final = Query(
     name="snapshot",
     request=scene.SnapshotRequest,
@@ -423,6 +431,7 @@ TOPICS: Final[tuple[Topic[Any], ...]] = (
 )
 QUERIES: Final[tuple[Query[Any, Any], ...]] = (
     HELLO,
+    CLOCK,
     SNAPSHOT,
     EXACT,
     PREFAB,

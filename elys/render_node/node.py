@@ -161,6 +161,12 @@ class SceneFollower:
         """Of what is shown: of the newest state, or of the snapshot of a scene that has not moved since."""
         return self.world.tick if self.world.tick >= 0 else self.mirror.tick
 
+    @property
+    def simulation_time(self) -> float:
+        """Of the same [s]."""
+        newest = self.world.timeline.newest
+        return newest.simulation_time if newest is not None else self.mirror.simulation_time
+
     def touch(self) -> None:
         """Says that a new picture would differ."""
         self.revision += 1
@@ -184,9 +190,9 @@ class SceneFollower:
             self.touch()
 
     def _state_arrived(self, frame: StateFrame) -> None:
-        self.state_arrived_at = time.monotonic()
+        first, self.state_arrived_at = self._session.arrival
         # Of another run than the scene that is here: its ids mean other things.
-        if frame.epoch == self.mirror.epoch and self.world.take_state(frame, self.state_arrived_at):
+        if frame.epoch == self.mirror.epoch and self.world.take_state(frame, self.state_arrived_at, first=first):
             if "trajectories" in self._wanted:
                 self.drawing.take_state(frame)
             self.touch()
@@ -242,7 +248,7 @@ class _ViewServer:
 
     def requested(self, request: ViewRequest, _: str) -> None:
         """Notes what somebody wants to see."""
-        if self._desk.take(request, time.monotonic()):
+        if self._desk.take(request, self._session.arrival.last):
             self._follower.changed.set()
 
     def node_changed(self, node: Node, alive: bool) -> None:
@@ -260,7 +266,9 @@ class _ViewServer:
         entity, position = self._renderer.pick(
             world, sane_camera(request.camera), width, height, request.x, request.y, passed_over=request.passed_over
         )
-        return PickReply(entity=entity, position=position, tick=self._follower.tick)
+        found = self._follower.mirror.entities.get(entity)
+        name = found.name if found is not None else ""
+        return PickReply(entity=entity, position=position, tick=self._follower.tick, name=name)
 
     async def thumbnail(self, request: ThumbnailRequest, _: str) -> Thumbnail:
         """A small picture of entities that are in no scene."""
@@ -308,6 +316,7 @@ class _ViewServer:
             sequence=request.sequence,
             tick=self._follower.tick,
             state_published_at=self._follower.world.state_published_at,
+            simulation_time=self._follower.simulation_time,
             camera=camera,
             width=view.width,
             height=view.height,

@@ -106,12 +106,11 @@ class RenderWorld:
         self.set_scene(read[0], only_moved=read[1])
         return True
 
-    def take_state(self, frame: StateFrame, now: float = 0.0) -> bool:
-        """Takes where bodies are, as it came at `now` [s]; False if it told nothing new."""
-        if not self.timeline.take(frame, now):
+    def take_state(self, frame: StateFrame, now: float = 0.0, *, first: float | None = None) -> bool:
+        """Takes where bodies are, as it came at `now` [s], see `Timeline.take`; False if it told nothing new."""
+        if not self.timeline.take(frame, now, first=first):
             return False
-        if not (np.array_equal(frame.entity, self._bodies) and np.array_equal(frame.local_entity, self._animated)):
-            self._place_anew()
+        self._place_others()
         return True
 
     def take_pair(self, before: StateFrame, after: StateFrame) -> None:
@@ -131,13 +130,16 @@ class RenderWorld:
         simulation time [s]; without either, exactly where the newest frame says.
         """
         self.place_if_assets_came()
-        newest = self.timeline.newest
-        if newest is None:
+        if self.timeline.newest is None:
             return
+        if now is None:
+            self.timeline.show_latest()
         fraction = 1.0 if now is None else self.timeline.fraction(now)
         if simulation_time is not None:
             fraction = self.timeline.fraction_at(simulation_time)
         self._seen_time = self.timeline.time_at(fraction)
+        self._place_others()
+        newest = self.timeline.newest
         moment = (newest.published_at, fraction)
         if moment == self._placed:
             return
@@ -147,6 +149,14 @@ class RenderWorld:
             return  # everything stands where it was placed last
         self.standing.lead(fraction)
         self.pose_version += 1
+
+    def _place_others(self) -> None:
+        """Sees to it that those stand who are in the frame that is gone to."""
+        newest = self.timeline.newest
+        if newest is not None and not (
+            np.array_equal(newest.entity, self._bodies) and np.array_equal(newest.local_entity, self._animated)
+        ):
+            self._place_anew()
 
     def place_if_assets_came(self) -> None:
         """Takes the size of meshes that have come since."""

@@ -14,13 +14,14 @@ from collections import deque
 from collections.abc import Collection, Mapping
 from typing import Final
 
+from elys.bus.host_clock import HostClock
 from elys.bus.messages.streaming import StreamInterest
 from elys.bus.messages.views import Debug, ViewCamera
 from elys.bus.session import Session
 from elys.bus.streaming.measures import stream_text
-from elys.render_node.game_input import GameInput
+from elys.render_node.game_input import GameInput, Seen
 from elys.render_node.gpu import Framebuffer, window_context
-from elys.render_node.marks import stamp_text
+from elys.render_node.marks import age_text, stamp_text
 from elys.render_node.node import SceneFollower
 from elys.render_node.orbit import Orbit
 from elys.render_node.play_control import SILENCE, PlayControl
@@ -93,10 +94,12 @@ class _Viewer:
         self._renderer = renderer
         self._orbit: Orbit | None = None  # None: looks through the scene's camera
         self._play = PlayControl(session)
-        self._game = GameInput(session, window, self._play)
         self._debug: frozenset[Debug] = frozenset()
         self.tells_age = False
         self._shown_at: deque[float] = deque(maxlen=RATE_PICTURES)  # [s] of the last pictures
+        self._host_clock = HostClock(session)
+        session.start(self._host_clock.run())
+        self._game = GameInput(session, window, self._play, seen=self._seen, host_time=self._host_clock.host_time)
         self._is_dirty = True
         self._drawn: tuple[object, ...] | None = None
         window.on_event = self._on_event
@@ -133,10 +136,18 @@ class _Viewer:
             if bodies.tick >= 0
             else stamp_text(mirror.tick, mirror.simulation_time)
         )
-        age = f"{world.timeline.seen_age(now) * 1e3:.0f} ms old" if bodies.tick >= 0 else "no state yet"
+        age = age_text(self._age(now), self._host_clock.round_trip) if bodies.tick >= 0 else "no state yet"
         shown = self._shown_at
         rate = (len(shown) - 1) / (shown[-1] - shown[0]) if len(shown) > 1 and shown[-1] > shown[0] else 0.0
-        return what, f"{age}   {rate:.0f} pictures/s", *stream_notes(self._session), *self._game.note
+        notes = (*stream_notes(self._session), *self._game.latency, *self._game.note)
+        return what, f"{age}   {rate:.0f} pictures/s", *notes
+
+    def _seen(self) -> Seen:
+        world = self._follower.world
+        if world.tick < 0:
+            return Seen()
+        fraction = world.standing.fraction
+        return Seen(world.timeline.tick_at(fraction), world.timeline.time_at(fraction))
 
     def title(self) -> str:
         """Scene, tick, and how old what is shown is."""
@@ -147,10 +158,15 @@ class _Viewer:
             return f"ELYS  {name}  ·  {LOST}"
         state, status = "playing" if self._play.is_playing else "paused", self._play.status
         tick = status.tick if status is not None else follower.mirror.tick
-        timeline = follower.world.timeline
-        is_aging = state == "playing" and timeline.newest is not None
-        age = f"  ·  {timeline.seen_age(now) * 1e3:.0f} ms old" if is_aging else ""
+        is_aging = state == "playing" and follower.world.timeline.newest is not None
+        age = f"  ·  {self._age(now) * 1e3:.0f} ms old" if is_aging else ""
         return f"ELYS  {name}  ·  tick {tick}  ·  {state}{age}"
+
+    def _age(self, now: float) -> float:
+        """How long ago [s] it was as is seen, by the host's clock; before that is known, since it could have been here."""
+        timeline = self._follower.world.timeline
+        age = self._host_clock.age_of(timeline.seen_stamp(now), now)
+        return age if age is not None else timeline.seen_age(now)
 
     def _draw_if_changed(self, now: float, *, always: bool) -> bool:
         width, height = self._window.framebuffer_size

@@ -134,7 +134,11 @@ class SimulationNode:
         self._edited = asyncio.Event()  # an edit waits
         self._has_edited_between = False  # since the last step
         self._intake = InputIntake(
-            simulation, session, put=self._put, wake=self._wake.set, is_rewound=lambda: self._is_rewound
+            simulation,
+            session,
+            put=self._put,
+            wake=self._wake.set,
+            is_rewound=lambda: self._is_rewound,
         )
         self.flight = FlightRecorder(simulation, seconds=keep) if keep > 0.0 else None
         self.chronicle = Chronicle(simulation, self.flight, epoch=session.epoch, tell=self._publish_command)

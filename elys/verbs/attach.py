@@ -63,7 +63,13 @@ def view(
 
                 choice = cast(Any, encoding)
                 await run_thin_view(
-                    session, choice=choice, bit_rate=bit_rate * 1e6, frames=frames, debug=kinds, age=age
+                    session,
+                    choice=choice,
+                    bit_rate=bit_rate * 1e6,
+                    frames=frames,
+                    debug=kinds,
+                    age=age,
+                    endpoint=endpoint or "",
                 )
             else:
                 from elys.render_node.view_window import run_view

@@ -29,6 +29,17 @@ class Welcome(msgspec.Struct, frozen=True, kw_only=True):
     machine: str = ""  # names the machine of the host, as long as it runs; "" where its system does not tell
 
 
+class ClockRequest(msgspec.Struct, frozen=True, kw_only=True):
+    """What does the host's clock say?"""
+
+
+class ClockReply(msgspec.Struct, frozen=True, kw_only=True):
+    """What the clock of this run of the host said when the question came, the one that state frames are stamped by."""
+
+    epoch: int
+    wall_clock: int  # [ns] since 1970
+
+
 class SessionStatus(msgspec.Struct, frozen=True, kw_only=True):
     """How the session runs: sent by the host at every change and four times a second."""
 

@@ -110,7 +110,7 @@ def link_figures(ui: Ui) -> list[tuple[str, str, Rgba]]:
     is_lost = attachments.lost_for is not None
     none = "-"
     trip = f"{meter.round_trip * 1e3:.1f} ms" if meter.round_trip is not None else none
-    age = f"{meter.age * 1e3:.0f} ms" if meter.age is not None else none
+    age = f"{meter.age * 1e3:.0f} ms (± {meter.age_error * 1e3:.1f} ms)" if meter.age is not None else none
     return [
         (tr("State"), tr("reconnecting") if is_lost else tr("connected"), ERROR if is_lost else GOOD),
         (tr("Session"), attachments.seat.name or none, TEXT),
