@@ -17,6 +17,7 @@ from elys.bus.access.roles import Role
 from elys.bus.messages import (
     commands,
     exact_state,
+    ghosts,
     history,
     physics,
     plan,
@@ -46,6 +47,7 @@ NODE_KINDS: Final[dict[str, Role]] = {
     "render": Role.EDITOR,
     "editor": Role.VIEWER,
     "recorder": Role.VIEWER,
+    "ghost": Role.EDITOR,
     "tool": Role.VIEWER,
     "streamer": Role.OWNER,  # beside the host, started by it
 }
@@ -160,6 +162,15 @@ VIEW_FRAME: Final = Topic(
     largest=64 << 20,
     delivery=Delivery.LATEST,
     encoding=Encoding.MSGPACK,
+    keyed=True,
+    recorded=False,
+)
+GHOST: Final = Topic(
+    name="ghost",
+    message=ghosts.Ghost,
+    text="a recorded run that can be seen beside the session, by its id; at changes and twice a second",
+    publisher=Role.EDITOR,
+    delivery=Delivery.LATEST,
     keyed=True,
     recorded=False,
 )
@@ -317,6 +328,45 @@ THUMBNAIL: Final = Query(
     reply_encoding=Encoding.MSGPACK,
     keyed=True,
 )
+GHOST_PART: Final = Query(
+    name="ghost_part",
+    request=ghosts.GhostPartRequest,
+    reply=ghosts.GhostPart,
+    text="asks the ghost named by the key where its bodies are for a while",
+    asker=Role.VIEWER,
+    answerer=Role.EDITOR,
+    reply_encoding=Encoding.MSGPACK,
+    keyed=True,
+)
+GHOST_SCENE: Final = Query(
+    name="ghost_scene",
+    request=ghosts.GhostSceneRequest,
+    reply=scene.Snapshot,
+    text="asks the ghost named by the key what its scene is at a time",
+    asker=Role.VIEWER,
+    answerer=Role.EDITOR,
+    keyed=True,
+)
+GHOST_ASSET: Final = Query(
+    name="ghost_asset",
+    request=bytes,
+    reply=bytes,
+    text="asks the ghost named by the key for the bytes of a reference",
+    asker=Role.VIEWER,
+    answerer=Role.EDITOR,
+    request_encoding=Encoding.RAW,
+    reply_encoding=Encoding.RAW,
+    keyed=True,
+)
+GHOST_CHANGE: Final = Query(
+    name="ghost_change",
+    request=ghosts.GhostChange,
+    reply=ghosts.Ghost,
+    text="asks the ghost named by the key to be another colour, to run at another time, or to go away",
+    asker=Role.EDITOR,
+    answerer=Role.EDITOR,
+    keyed=True,
+)
 ASSET: Final = Query(
     name="asset",
     request=bytes,
@@ -364,6 +414,7 @@ TOPICS: Final[tuple[Topic[Any], ...]] = (
     DEBUG_LINES,
     VIEW_REQUEST,
     VIEW_FRAME,
+    GHOST,
     RENDER_PROFILE,
     STREAM_FRAME,
     STREAM_ACK,
@@ -382,6 +433,10 @@ QUERIES: Final[tuple[Query[Any, Any], ...]] = (
     TOUCHING,
     PICK,
     THUMBNAIL,
+    GHOST_PART,
+    GHOST_SCENE,
+    GHOST_ASSET,
+    GHOST_CHANGE,
     ASSET,
     ASSET_OFFER,
     STREAM_ASK,

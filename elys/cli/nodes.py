@@ -12,8 +12,10 @@ from elys.cli.options import (
     Address,
     At,
     Connect,
+    DebugKinds,
     Frames,
     From,
+    Ghost,
     Insecure,
     Keep,
     Listen,
@@ -100,6 +102,7 @@ def node_player(
     loop: Annotated[bool, typer.Option("--loop")] = False,
     start: From = "",
     end: To = "",
+    ghost: Ghost = [],  # noqa: B006
 ) -> None:
     """A player that serves a recording."""
     from elys.verbs import nodes
@@ -107,6 +110,27 @@ def node_player(
 
     nodes.player(
         recording,
-        Playback(paused, rate, loop, start, end),
+        Playback(paused, rate, loop, start, end, tuple(map(str, ghost))),
         listen=listening(listen, tls=tls, insecure=insecure, addresses=address),
     )
+
+
+@node_app.command("ghost")
+def node_ghost(
+    recording: Recording,
+    connect: Connect = None,
+    color: Annotated[str, typer.Option(help="RRGGBB")] = "",
+    now: Annotated[bool, typer.Option("--now", help="let it begin now, and not at the same simulation time")] = False,
+) -> None:
+    """A recording shown beside a session as a ghost."""
+    from elys.verbs import ghosts
+
+    ghosts.ghost(recording, connect=connect, color=color, starts_now=now)
+
+
+@node_app.command("view")
+def node_view(connect: Connect = None, debug: DebugKinds = "", frames: Frames = 0) -> None:
+    """A viewer's window."""
+    from elys.verbs import nodes
+
+    nodes.view(connect, debug=debug, frame_limit=frames)

@@ -78,8 +78,15 @@ DebugKinds = Annotated[
     str,
     typer.Option(
         "--debug",
-        help="draw over it: aabb, obb, contacts, joints, trajectories, velocity, axes, grid, labels, islands, sleeping; "
-        "several with commas",
+        help="draw over it: aabb, obb, contacts, joints, trajectories, velocity, axes, grid, labels, islands, sleeping, "
+        "divergence; several with commas",
+    ),
+]
+Ghost = Annotated[
+    list[Path],
+    typer.Option(
+        "--ghost",
+        help="recording (.mcap) of another run, shown see-through at the same instants; may be given several times",
     ),
 ]
 FullFrames = Annotated[

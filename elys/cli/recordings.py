@@ -13,6 +13,7 @@ from elys.cli.options import (
     Compact,
     Connect,
     From,
+    Ghost,
     Insecure,
     Json,
     KeepFiles,
@@ -71,6 +72,7 @@ def play(
     loop: Annotated[bool, typer.Option("--loop", help="start again at the end")] = False,
     start: From = "",
     end: To = "",
+    ghost: Ghost = [],  # noqa: B006
     editor: Annotated[bool, typer.Option("--edit", help="open the editor on it as well")] = False,
 ) -> None:
     """Serve a recording as if it were running: attach with `elys view` or `elys edit`."""
@@ -79,7 +81,7 @@ def play(
 
     replay.play(
         recording,
-        Playback(paused, rate, loop, start, end),
+        Playback(paused, rate, loop, start, end, tuple(map(str, ghost))),
         listen=listening(listen, tls=tls, insecure=insecure, addresses=address),
         editor=editor,
     )
@@ -162,6 +164,9 @@ def diff(
         Optional[Path],  # noqa: UP045
         typer.Option(help="out.png or out.html: how far bodies are from one another over time (extra 'lab')"),
     ] = None,
+    view: Annotated[
+        bool, typer.Option("--view", help="watch both afterwards, the second as ghost of the first")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Tell when, where and by how much two recorded runs part.
@@ -170,7 +175,7 @@ def diff(
     """
     from elys.verbs import diff as verb
 
-    raise typer.Exit(verb.diff(a, b, plot=plot, json=json))
+    raise typer.Exit(verb.diff(a, b, plot=plot, view=view, json=json))
 
 
 @app.command()

@@ -16,6 +16,7 @@ from elys.cli.options import (
     DebugKinds,
     Frames,
     FullFrames,
+    Ghost,
     Insecure,
     Json,
     Keep,
@@ -118,6 +119,10 @@ def view(
         float, typer.Option(help="[Mbit/s] that h264 may take; 0: as much as it needs", min=0.0, max=1000.0)
     ] = 0.0,
     full_frames: FullFrames = False,
+    ghost: Ghost = [],  # noqa: B006
+    ghost_now: Annotated[
+        bool, typer.Option("--ghost-now", help="let ghosts begin now, and not at the same simulation time")
+    ] = False,
     frames: Frames = 0,
 ) -> None:
     """Watch a running session or a replay in a window."""
@@ -132,6 +137,8 @@ def view(
         encoding=encoding,
         bit_rate=bit_rate,
         full_frames=full_frames,
+        ghosts=ghost,
+        ghosts_start_now=ghost_now,
     )
 
 

@@ -101,7 +101,13 @@ class Editor:
         redraw = self.application.request_redraw
         self.seat = Seat(session)
         self.attachments = Attachments(
-            self.seat, self.preferences, openers=openers, join=join, on_change=redraw, on_leave=self._keep_session
+            self.seat,
+            self.preferences,
+            openers=openers,
+            join=join,
+            on_change=redraw,
+            on_leave=self._keep_session,
+            on_failure=lambda reason: self.model.say("error", reason),
         )
         # As with preferences: tests and pictures leave nothing behind and find nothing.
         recovery = None if self._directory is None else Recovery(state_directory())

@@ -17,6 +17,7 @@ from typing import Final
 from elys.bus import topics
 from elys.bus.asset_service import AssetClient, open_asset_cache
 from elys.bus.following import follow_scene, follow_state
+from elys.bus.ghost_following import GhostFollower
 from elys.bus.messages.plan import RenderProfile, StagePlan
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.messages.views import (
@@ -41,6 +42,7 @@ from elys.render_node.data_colors import data_pixels, depth_unit_of
 from elys.render_node.debug_drawing import DebugDrawing
 from elys.render_node.debug_listening import DebugListener
 from elys.render_node.drawable_assets import DrawableAssets
+from elys.render_node.ghost_worlds import GhostWorlds, ShownGhost
 from elys.render_node.gpu import Context, offscreen_context
 from elys.render_node.pass_plan import told_passes
 from elys.render_node.quality import Quality, interactive_quality
@@ -102,6 +104,10 @@ class SceneFollower:
         self.drawing = DebugDrawing(self.mirror)
         self._debug = DebugListener(session, self.drawing, self._lines_arrived)
         self._wanted: frozenset[Debug] = frozenset()
+        self.ghosts: list[ShownGhost] = []  # of other runs what is seen, as the world is placed
+        self.ghost_revision = 0  # rises when they change by themselves
+        self._ghost_tracks = GhostFollower(session, self._ghosts_changed)
+        self._ghost_worlds = GhostWorlds(self._asset_arrived)
         self.changed = asyncio.Event()
         self.revision = 0  # rises with every change
         self.edits = 0  # how often the scene was changed, not by motion
@@ -120,6 +126,8 @@ class SceneFollower:
         """Brings the world up to date and to the moment `now` [s]; None for the newest state."""
         self.world.read_scene(self._reader)
         self.world.place(now)
+        if self._ghost_tracks.tracks or self.ghosts:
+            self.ghosts = self._ghost_worlds.shown(self._ghost_tracks.tracks, self.world)
 
     def camera(self, through: int, aspect: float) -> ViewCamera:
         """Of the entity `through` as it stands in the newest state, if it has a camera; else as `ViewRequest.through` says."""
@@ -144,6 +152,8 @@ class SceneFollower:
         if self._retrying is not None:
             self._retrying.cancel()
         self._debug.close()
+        self._ghost_tracks.close()
+        self._ghost_worlds.close()
         self._reader.close()
         self.world.assets.close()
 
@@ -163,6 +173,10 @@ class SceneFollower:
             self.world.forget_state()
             self.drawing.forget()
         self.edits += 1
+        self.touch()
+
+    def _ghosts_changed(self) -> None:
+        self.ghost_revision += 1
         self.touch()
 
     def _lines_arrived(self, _: str) -> None:
@@ -332,7 +346,10 @@ class _ViewServer:
         """Draws what a view shows, and puts it where it is wanted."""
         request, world = view.request, self._follower.world
         if request.shows == "shaded":
-            marks = self._follower.drawing.marks(world, request.debug, request.debug_entities, hidden=request.hidden)
+            ghosts = self._follower.ghosts
+            marks = self._follower.drawing.marks(
+                world, request.debug, request.debug_entities, hidden=request.hidden, ghosts=ghosts
+            )
             picture = renderer.draw(
                 world,
                 camera,
@@ -342,6 +359,7 @@ class _ViewServer:
                 hidden=request.hidden,
                 grid=request.grid,
                 marks=marks,
+                ghosts=ghosts,
             )
             return view.put(picture)
         values = renderer.draw_data(world, camera, view.width, view.height, request.shows, hidden=request.hidden)

@@ -114,6 +114,13 @@ class RenderWorld:
             self._place_anew()
         return True
 
+    def take_pair(self, before: StateFrame, after: StateFrame) -> None:
+        """Takes the frames between which everything is to be placed, as of a ghost; one twice where it is the only one."""
+        self.timeline.lay(before, after)
+        self._rests = False
+        if not (np.array_equal(after.entity, self._bodies) and np.array_equal(after.local_entity, self._animated)):
+            self._place_anew()
+
     def forget_state(self) -> None:
         """Lets everything stand as the scene says, as when another host took over."""
         self.timeline.forget()
@@ -162,6 +169,11 @@ class RenderWorld:
     def tick(self) -> int:
         """Of the newest state, -1 before there is any."""
         return self.timeline.newest.tick if self.timeline.newest is not None else -1
+
+    @property
+    def seen_time(self) -> float | None:
+        """The simulation time [s] at which everything is placed; None before there is any state."""
+        return self.timeline.time_at(self.standing.fraction) if self.timeline.newest is not None else None
 
     @property
     def state_published_at(self) -> int:

@@ -106,6 +106,11 @@ class Timeline:
         self.newest, self._arrived = frame, now
         return True
 
+    def lay(self, before: StateFrame, after: StateFrame) -> None:
+        """Takes the two frames between which things are seen, whatever was told before; one twice where it is the only one."""
+        self.newest, self._previous = after, before if before is not after else None
+        self.is_still = self._previous is not None and _same_poses(before, after)
+
     def forget(self) -> None:
         """Starts anew, as after the host has changed."""
         self.newest = self._previous = None

@@ -2,7 +2,7 @@
 
 left drag orbit   middle drag pan   wheel zoom   F frame all   C the scene's camera   space play / pause   Esc quit
 P lends keys and mouse to the game, Esc gives them back
-1 to 9, 0 and G debug drawing, see DEBUG_KEYS   A tick, time, age and frame rate
+1 to 9, 0, G and D debug drawing, see DEBUG_KEYS   A tick, time, age and frame rate
 """
 
 from __future__ import annotations
@@ -51,6 +51,7 @@ DEBUG_KEYS: Final[Mapping[Key, Debug]] = {
     "9": "islands",
     "0": "sleeping",
     "g": "grid",
+    "d": "divergence",
 }
 
 
@@ -158,15 +159,20 @@ class _Viewer:
             return False
         self._follower.refresh(now)
         world = self._follower.world
-        told = (int(now / NOTE_TIME) if self.tells_age else 0, self._follower.revision if self._debug else 0)
+        told = (
+            int(now / NOTE_TIME) if self.tells_age else 0,
+            self._follower.revision if self._debug else 0,
+            self._follower.ghost_revision,
+        )
         what = (world.scene_version, world.pose_version, self._follower.arrived_count, width, height, *told)
         if not (self._is_dirty or what != self._drawn or always):
             return False
         target = Framebuffer.of_window(self._renderer.context, width, height)
-        marks = self._follower.drawing.marks(world, self._debug, notes=self.notes(now))
+        ghosts = self._follower.ghosts
+        marks = self._follower.drawing.marks(world, self._debug, notes=self.notes(now), ghosts=ghosts)
         camera = self._camera(width / height)
         tell_interest(self._session, StreamInterest(cameras=(camera,), aspect=width / height))
-        self._renderer.draw(world, camera, width, height, marks=marks, target=target)
+        self._renderer.draw(world, camera, width, height, marks=marks, ghosts=ghosts, target=target)
         self._window.swap()
         self._shown_at.append(time.monotonic())
         self._drawn, self._is_dirty = what, False

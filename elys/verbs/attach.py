@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import os
 import sys
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, Final, cast
 
 from elys.bus.access.roles import Role
@@ -24,14 +26,18 @@ def view(
     encoding: str = "auto",
     bit_rate: float = 0.0,
     full_frames: bool = False,
+    ghosts: Sequence[Path] = (),
+    ghosts_start_now: bool = False,
 ) -> None:
     """A window that draws the session by itself, or with `thin` shows what a render node of the session draws; with debug drawing
-    of these kinds and the age of what is seen if asked. `bit_rate` [Mbit/s] is for H.264.
+    of these kinds and the age of what is seen if asked. `bit_rate` [Mbit/s] is for H.264. All who look at the session see the
+    `ghosts`, as long as the window is open.
     """
     from elys.bus.discovery import choose_endpoint
     from elys.bus.log import start_logging
     from elys.render_node.debug_drawing import parsed_kinds
     from elys.render_node.window import probe_display
+    from elys.verbs.ghosts import require_recordings, served
 
     _choose_states(full_frames)
     kinds = parsed_kinds(debug)
@@ -39,12 +45,18 @@ def view(
         raise ElysError(f"there is no encoding '{encoding}': pictures come as {', '.join(ENCODINGS)}")
     if not thin and (encoding != "auto" or bit_rate):
         raise ElysError("--encoding and --bit-rate are of pictures that come from elsewhere: give --thin as well")
+    if ghosts_start_now and not ghosts:
+        raise ElysError("--ghost-now says when ghosts begin: name one with --ghost")
+    require_recordings(ghosts)
     start_logging()
     endpoint = choose_endpoint(connect)
     probe_display()
 
     async def work() -> None:
-        async with joined(endpoint, kind="tool") as session:
+        async with (
+            joined(endpoint, kind="tool") as session,
+            served(session, ghosts, starts_now=ghosts_start_now),
+        ):
             frames = frame_limit or None
             if thin:
                 from elys.render_node.thin_window import run_thin_view

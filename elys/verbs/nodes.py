@@ -168,6 +168,19 @@ def editor(connect: str | None, *, starts_alone: bool = False, frame_limit: int)
     run_until_asked(work())
 
 
+def view(connect: str | None, *, debug: str, frame_limit: int) -> None:
+    """A viewer's process."""
+    from elys.render_node.debug_drawing import parsed_kinds
+    from elys.render_node.view_window import run_view
+
+    async def work() -> None:
+        async with joined(connect, kind="tool", timeout=60.0) as session:
+            await run_view(session, frames=frame_limit or None, debug=parsed_kinds(debug))
+
+    start_logging()
+    run_until_asked(work())
+
+
 def player(recording: Path, playback: Playback, *, listen: Listening) -> None:
     """A player's process."""
     from elys.verbs.replay import serve_recording

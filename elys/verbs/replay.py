@@ -37,8 +37,10 @@ def play(recording: Path, playback: Playback, *, listen: Listening, editor: bool
         return
     from elys.bus.recording_info import recording_info
     from elys.render_node.window import probe_display
+    from elys.verbs.ghosts import require_recordings
     from elys.verbs.run import start
 
+    require_recordings([Path(ghost) for ghost in playback.ghosts])
     recording_info(recording)  # what is no recording is one line here and not a crash of a node
     probe_display()
     extra = {"player": [*playback.options(), *listen.words()]}
@@ -49,11 +51,12 @@ async def serve_recording(recording: Path, playback: Playback, *, listen: Listen
     """Hosts a recording as a session until it is told to end.
 
     Raises:
-        RecordingError: it is none. RequestError: it is not there from `start` to `end`.
+        RecordingError: it is none, or a ghost is. RequestError: it is not there from `start` to `end`.
         BusError: the endpoint cannot be listened at.
     """
     from elys.bus.player import Player
     from elys.bus.recording import Recording
+    from elys.verbs.ghosts import served
 
     with await asyncio.to_thread(Recording, recording) as opened:
         scene = opened.mirror_at(0).scene
@@ -67,7 +70,8 @@ async def serve_recording(recording: Path, playback: Playback, *, listen: Listen
                 loop=playback.loop,
                 part=playback.part(),
             )
-            await player.run()
+            async with served(session, [Path(ghost) for ghost in playback.ghosts]):
+                await player.run()
 
 
 def record(

@@ -47,6 +47,7 @@ class SessionStatus(msgspec.Struct, frozen=True, kw_only=True):
     is_rewound: bool = False  # whether a simulation is before the newest: going on tells again what is kept
     entity_count: int = 0
     body_count: int = 0
+    recording: str = ""  # the file of a replay, on the machine of who plays it
     changes: int = 0  # how many commands have changed the simulation, see CommandRecord.number
 
 

@@ -24,6 +24,7 @@ Debug = Literal[
     "labels",
     "islands",
     "sleeping",
+    "divergence",
 ]
 
 
