@@ -24,7 +24,6 @@ from elys.bus.access.roles import Role, role_of_user, signed_id
 from elys.bus.handshake import answer_clock, answer_hello, hello_of, read_welcome
 from elys.bus.mailbox import Arrival, Mailbox
 from elys.bus.messages.session import Welcome
-from elys.bus.messages.streaming import StreamInterest
 from elys.bus.state_source import StateSource
 from elys.bus.topics import Delivery, Query, Topic
 from elys.bus.transports.transport import Closer, IncomingQuery, Transport
@@ -171,10 +170,7 @@ class Session:
     def subscribe_payloads(
         self, topic: Topic[Any], callback: Callable[[str, bytes], None], *, key: str = "*", every: bool = False
     ) -> Closer:
-        """Calls `callback(full key, payload)` on the loop with undecoded payloads; with `every`, LATEST topics skip none.
-
-        States come from the stream, where there is one, except with `every`: a recording holds what the simulation said.
-        """
+        """Calls `callback(full key, payload)` on the loop, undecoded; with `every`, none is skipped, nor streamed instead."""
         if not self.permissions.may(topic.name, topic.reader, "hear"):
             return _nothing
         newest_only = topic.delivery is Delivery.LATEST and not every
@@ -189,11 +185,6 @@ class Session:
             return self._keep(self.states.subscribe(mailbox.put))
         expression = topics.key_of(self.name, topic, key)
         return self._keep(self.transport.subscribe(expression, mailbox.put))
-
-    def look(self, interest: StreamInterest) -> None:
-        """Says what matters to who watches here, for the stream of states, where there is one."""
-        if self.states is not None:
-            self.states.look(interest)
 
     # --- asking and answering --------------------------------------------------------------------------------------
 

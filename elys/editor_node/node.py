@@ -11,6 +11,7 @@ from typing import Final, Self
 from elys.bus.access.keyring import configuration_directory
 from elys.bus.messages.streaming import MOST_NAMED, StreamInterest
 from elys.bus.session import Session
+from elys.bus.state_source import tell_interest
 from elys.editor_node.action_list import add_actions
 from elys.editor_node.actions import Actions
 from elys.editor_node.application import Application
@@ -257,7 +258,7 @@ class Editor:
         """What the stream of states shall see to first: what is selected, then what stands in the tree, then what is near."""
         lines = tuple(self.model.scene.tree.entities[:MOST_NAMED])
         camera = self.viewports.used.camera.view
-        self.seat.look(StreamInterest(cameras=(camera,), chosen=self.model.selection.entities, open=lines))
+        tell_interest(self.seat, StreamInterest(cameras=(camera,), chosen=self.model.selection.entities, open=lines))
 
     def _link_changed(self, connected: bool) -> None:
         if connected:

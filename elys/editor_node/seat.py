@@ -13,7 +13,6 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from elys.bus.messages.streaming import StreamInterest, StreamReport
 from elys.bus.session import Node, Session, node_id
 from elys.bus.topics import Delivery, Query, Topic
 from elys.bus.transports.transport import Answer, Closer, IncomingQuery
@@ -57,6 +56,7 @@ class Seat(Session):
         self.transport, self.name, self.nodes, self.refused = (
             session.transport, session.name, session.nodes, session.refused
         )  # fmt: skip
+        self.states = session.states  # of which the session's own subscriptions make use
         for held in self._held:
             held.end = held.begin(session)
         session.on_link(lambda connected: self._hear_link(session, connected))
@@ -69,7 +69,7 @@ class Seat(Session):
 
     def detach(self) -> Session | None:
         """Leaves the session, which goes on; returns it, to be closed."""
-        session, self._session = self._session, None
+        session, self._session, self.states = self._session, None, None
         if session is None:
             return None
         self._attached.clear()
@@ -99,16 +99,6 @@ class Seat(Session):
         """Sends; to nobody while there is no session."""
         if self._session is not None:
             self._session.publish_payload(topic, payload, key=key)
-
-    def look(self, interest: StreamInterest) -> None:
-        """Says what matters, for the stream of states of the session that is attached to."""
-        if self._session is not None:
-            self._session.look(interest)
-
-    def stream_report(self) -> StreamReport | None:
-        """How that stream does; None where there is none."""
-        states = self._session.states if self._session is not None else None
-        return None if states is None else states.report()
 
     def has_listener(self, topic: Topic[Any], *, key: str = "") -> bool:
         """Whether anybody subscribes to a topic now."""

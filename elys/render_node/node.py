@@ -33,6 +33,7 @@ from elys.bus.messages.views import (
 )
 from elys.bus.mirror import MirrorUpdate, SceneMirror
 from elys.bus.session import Node, Session
+from elys.bus.state_source import tell_interest
 from elys.common.assets import AssetStore
 from elys.common.components import Camera
 from elys.common.errors import ElysError, RequestError
@@ -289,7 +290,7 @@ class _ViewServer:
                 self._draw(view, renderer)
                 await asyncio.sleep(0)  # messages and questions between two pictures
             desk.forget_silent(now)
-            self._session.look(desk.interest())
+            tell_interest(self._session, desk.interest())
             follower.changed.clear()
             gliding = self._is_gliding(now)
             pause = desk.pause(time.monotonic(), follower.revision, gliding=gliding, edits=follower.edits)

@@ -18,6 +18,7 @@ from elys.bus.host_clock import HostClock
 from elys.bus.messages.streaming import StreamInterest
 from elys.bus.messages.views import Debug, ViewCamera
 from elys.bus.session import Session
+from elys.bus.state_source import stream_report, tell_interest
 from elys.bus.streaming.measures import stream_text
 from elys.render_node.game_input import GameInput, Seen
 from elys.render_node.gpu import Framebuffer, window_context
@@ -57,7 +58,7 @@ DEBUG_KEYS: Final[Mapping[Key, Debug]] = {
 
 def stream_notes(session: Session) -> tuple[str, ...]:
     """How the stream of states does, in a line; nothing where full states come."""
-    report = session.states.report() if session.states is not None else None
+    report = stream_report(session)
     return () if report is None else (stream_text(report),)
 
 
@@ -186,7 +187,7 @@ class _Viewer:
         ghosts = self._follower.ghosts
         marks = self._follower.drawing.marks(world, self._debug, notes=self.notes(now), ghosts=ghosts)
         camera = self._camera(width / height)
-        self._session.look(StreamInterest(cameras=(camera,), aspect=width / height))
+        tell_interest(self._session, StreamInterest(cameras=(camera,), aspect=width / height))
         self._renderer.draw(world, camera, width, height, marks=marks, ghosts=ghosts, target=target)
         self._window.swap()
         self._shown_at.append(time.monotonic())

@@ -7,6 +7,7 @@ from typing import Final
 
 from imgui_bundle import imgui
 
+from elys.bus.state_source import stream_report
 from elys.bus.transports.zenoh import DEFAULT_PORT
 from elys.editor_node.language import tr, tr_label
 from elys.editor_node.theme import ERROR, GOOD, NOTICE, TEXT, TEXT_DIM, WARNING, Rgba, icons
@@ -128,7 +129,7 @@ def link_figures(ui: Ui) -> list[tuple[str, str, Rgba]]:
 
 def _stream_figures(ui: Ui) -> list[tuple[str, str, Rgba]]:
     """What is known of the stream of states, where there is one."""
-    report = ui.attachments.seat.stream_report()
+    report = stream_report(ui.attachments.seat)
     if report is None:
         return []
     error = f"{report.position_error * 1e3:.3g} mm, {math.degrees(report.rotation_error):.2g}°"

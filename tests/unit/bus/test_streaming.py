@@ -12,6 +12,7 @@ from elys.bus.messages.streaming import StreamInterest, StreamOffer, StreamReque
 from elys.bus.picture_ring import boot_id
 from elys.bus.session import Session
 from elys.bus.state_packing.planes import PlaneReader, PlaneWriter
+from elys.bus.state_source import tell_interest
 from elys.bus.streaming import rice
 from elys.bus.streaming.choice import STATES, wants_stream
 from elys.bus.streaming.client import StreamClient
@@ -65,7 +66,7 @@ async def test_a_viewer_gets_states_by_a_stream_and_says_how_they_do(random_host
     report = viewer.states.report()
     assert report.known == report.bodies == 5 and report.position_error < 10.0
     assert report.stream == viewer.states.name and reports[-1].stream == report.stream
-    viewer.look(StreamInterest(chosen=(1,)))
+    tell_interest(viewer, StreamInterest(chosen=(1,)))
     await until(lambda: next(iter(server.viewers.values())).sender.interest.chosen == (1,))
     serving.cancel()
     for session in (viewer, beside, host):
