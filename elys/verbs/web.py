@@ -1,0 +1,135 @@
+"""web: a running session, or a replay, in a browser."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import socket
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from elys.common.errors import ElysError
+from elys.verbs.nodes import joined, run_until_asked
+from elys.verbs.openers import ChildProcesses
+
+if TYPE_CHECKING:
+    from elys.bus.session import Session
+    from elys.web_node.access import Role
+    from elys.web_node.node import WebOptions
+
+PATIENCE: Final = 2.0  # [s] without a render node before one is started here
+LOOK_INTERVAL: Final = 0.2  # [s]
+_WHAT: Final[dict[Role, str]] = {"viewer": "to watch", "player": "to play too", "editor": "to edit too"}
+_log = logging.getLogger(__name__)
+
+
+def web(
+    connect: str | None,
+    *,
+    host: str,
+    port: int,
+    names: tuple[str, ...] = (),
+    cert: Path | None = None,
+    cert_key: Path | None = None,
+    insecure: bool = False,
+    role: str = "owner",
+    fps: float = 30.0,
+    bit_rate: float = 0.0,
+    browsers: int = 32,
+) -> None:
+    """Serves the page until it is told to end. `role` is what anybody may at most, `bit_rate` [Mbit/s] is of H.264."""
+    if find_spec("aiohttp") is None:
+        raise ElysError("showing a session in a browser needs aiohttp: pip install 'elys[web]'")
+    from elys.bus.discovery import choose_endpoint
+    from elys.bus.log import start_logging
+    from elys.web_node.access import ROLES, Doorkeeper, new_secrets
+    from elys.web_node.doors import is_loopback
+    from elys.web_node.node import WebOptions, serve_browsers
+
+    most = next((known for known in ROLES if known == role), None)
+    if most is None:
+        raise ElysError(f"there is no role '{role}'; there are {', '.join(ROLES)}")
+    if cert_key is not None and cert is None:
+        raise ElysError("--cert-key is the key of a certificate: give that with --cert as well")
+    start_logging()
+    endpoint = choose_endpoint(connect)
+    options = WebOptions(
+        host=host,
+        port=port,
+        names=names,
+        certificate=cert,
+        certificate_key=cert_key,
+        most_browsers=browsers,
+        most_a_second=fps,
+        bit_rate=bit_rate * 1e6,
+    )
+    secrets = {} if insecure else new_secrets()
+    doorkeeper = Doorkeeper(secrets, most=most, guest=most if insecure else None)
+    _warn(options, insecure=insecure, is_near=is_loopback(host))
+
+    async def work() -> None:
+        drawing = ChildProcesses()
+        try:
+            async with joined(endpoint, kind="web") as session:
+                keeper = session.start(_keep_drawn(session, drawing, endpoint))
+                await serve_browsers(
+                    session,
+                    doorkeeper,
+                    options,
+                    on_ready=lambda chosen: print(invitation(session.name, options, chosen, secrets, most), flush=True),
+                )
+                keeper.cancel()
+        finally:
+            await drawing.close()
+
+    run_until_asked(work())
+
+
+def invitation(name: str, options: WebOptions, port: int, secrets: dict[Role, str], most: Role) -> str:
+    """What to open, for whom. It is printed and never logged: whoever reads it is let in."""
+    from elys.web_node.access import may
+
+    address = _address(options, port)
+    if not secrets:
+        return f"{name} in a browser, for everybody who reaches it: {address}"
+    lines = [f"{name} in a browser; give each of these only to whom you mean to let in:"]
+    lines += [f"  {what:<12} {address}#secret={secrets[role]}" for role, what in _WHAT.items() if may(most, role)]
+    return "\n".join(lines)
+
+
+def _address(options: WebOptions, port: int) -> str:
+    scheme = "https" if options.is_secure else "http"
+    host = options.names[0] if options.names else options.host
+    if host in ("0.0.0.0", "::", ""):
+        host = socket.gethostname()
+    return f"{scheme}://{f'[{host}]' if ':' in host else host}:{port}/"
+
+
+def _warn(options: WebOptions, *, insecure: bool, is_near: bool) -> None:
+    if insecure:
+        reach = "of this machine" if is_near else f"who reaches {options.host}"
+        _log.warning("no secret is asked for: everybody %s may do here what --role allows", reach)
+    elif not is_near and not options.is_secure:
+        _log.warning(
+            "secrets and pictures travel readably: give --cert and --cert-key, or leave --host out and use "
+            "`ssh -L 8090:localhost:8090 HOST`"
+        )
+
+
+async def _keep_drawn(session: Session, drawing: ChildProcesses, endpoint: str) -> None:
+    """Starts a render node for a session that has had none for a while."""
+    alone = 0.0
+    while alone < PATIENCE:
+        await asyncio.sleep(LOOK_INTERVAL)
+        is_alone = session.connected and not session.nodes_of("render")
+        alone = alone + LOOK_INTERVAL if is_alone else 0.0
+    if _can_draw():
+        _log.info("nobody draws this session: starting a render node beside it")
+        await drawing.draw(endpoint)
+    else:
+        _log.warning("nobody draws this session, and nothing can be drawn here: pip install 'elys[render]'")
+
+
+def _can_draw() -> bool:
+    return all(find_spec(name) is not None for name in ("moderngl", "simplejpeg", "av"))
