@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 PATIENCE: Final = 2.0  # [s] without a render node before one is started here
 LOOK_INTERVAL: Final = 0.2  # [s]
-_WHAT: Final[dict[Role, str]] = {"viewer": "to watch", "player": "to play too", "editor": "to edit too"}
+_WHAT: Final = ("to watch", "to play too", "to edit too")  # of roles, from the least on
 _log = logging.getLogger(__name__)
 
 
@@ -43,13 +43,14 @@ def web(
         raise ElysError("showing a session in a browser needs aiohttp: pip install 'elys[web]'")
     from elys.bus.discovery import choose_endpoint
     from elys.bus.log import start_logging
-    from elys.web_node.access import ROLES, Doorkeeper, new_secrets
+    from elys.web_node.access import Doorkeeper, new_secrets, role_named
     from elys.web_node.doors import is_loopback
     from elys.web_node.node import WebOptions, serve_browsers
 
-    most = next((known for known in ROLES if known == role), None)
-    if most is None:
-        raise ElysError(f"there is no role '{role}'; there are {', '.join(ROLES)}")
+    try:
+        most = role_named(role)
+    except ValueError as error:
+        raise ElysError(str(error)) from error
     if cert_key is not None and cert is None:
         raise ElysError("--cert-key is the key of a certificate: give that with --cert as well")
     start_logging()
@@ -88,13 +89,12 @@ def web(
 
 def invitation(name: str, options: WebOptions, port: int, secrets: dict[Role, str], most: Role) -> str:
     """What to open, for whom. It is printed and never logged: whoever reads it is let in."""
-    from elys.web_node.access import may
-
     address = _address(options, port)
     if not secrets:
         return f"{name} in a browser, for everybody who reaches it: {address}"
     lines = [f"{name} in a browser; give each of these only to whom you mean to let in:"]
-    lines += [f"  {what:<12} {address}#secret={secrets[role]}" for role, what in _WHAT.items() if may(most, role)]
+    offered = [(role, what) for role, what in zip(sorted(secrets), _WHAT, strict=False) if role <= most]
+    lines += [f"  {what:<12} {address}#secret={secrets[role]}" for role, what in offered]
     return "\n".join(lines)
 
 

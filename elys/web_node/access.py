@@ -6,38 +6,50 @@ who has one, a node that starts anew with the same secrets knows its cookies aga
 
 from __future__ import annotations
 
+import enum
 import hashlib
 import hmac
 import secrets
 import time
 from collections.abc import Callable, Mapping
-from typing import Final, Literal, get_args
+from typing import Final
 
 from elys.bus.messages.commands import Command, Edit, Redo, Time, Undo
 
-Role = Literal["viewer", "player", "editor", "owner"]
-ROLES: Final[tuple[Role, ...]] = get_args(Role)  # each may what those before it may
+
+class Role(enum.IntEnum):
+    """Viewers look, players also send input, editors also change and lead time, owners also replace scenes."""
+
+    VIEWER = 1
+    PLAYER = 2
+    EDITOR = 3
+    OWNER = 4
+
+    @property
+    def title(self) -> str:
+        """As people read and write it."""
+        return self.name.lower()
+
+
 COOKIE_LIFE: Final = 12 * 3600.0  # [s]
 
 
-def may(role: Role, needed: Role) -> bool:
-    """Whether a role includes another."""
-    return ROLES.index(role) >= ROLES.index(needed)
-
-
-def lesser(role: Role, most: Role) -> Role:
-    """A role, but no more than `most`."""
-    return min(role, most, key=ROLES.index)
+def role_named(text: str) -> Role:
+    """The role of that name; ValueError naming those there are."""
+    for role in Role:
+        if role.title == text:
+            return role
+    raise ValueError(f"there is no role '{text}': there are {', '.join(role.title for role in Role)}")
 
 
 def needed_for(command: Command) -> Role:
     """The role that a command takes. What a browser has no business with takes the owner."""
-    return "editor" if isinstance(command, Edit | Time | Undo | Redo) else "owner"
+    return Role.EDITOR if isinstance(command, Edit | Time | Undo | Redo) else Role.OWNER
 
 
 def new_secrets() -> dict[Role, str]:
     """A fresh one for each role."""
-    return {role: secrets.token_urlsafe(24) for role in ROLES}
+    return {role: secrets.token_urlsafe(24) for role in Role}
 
 
 class Doorkeeper:
@@ -47,7 +59,7 @@ class Doorkeeper:
         self,
         known: Mapping[Role, str],
         *,
-        most: Role = "owner",
+        most: Role = Role.OWNER,
         guest: Role | None = None,
         clock: Callable[[], float] = time.time,
     ) -> None:
@@ -65,31 +77,31 @@ class Doorkeeper:
     def role_of_secret(self, given: str) -> Role | None:
         """The highest role that a secret opens; takes the same time for any."""
         opened: Role | None = None
-        for role in ROLES:
+        for role in Role:
             if role in self._known and hmac.compare_digest(_digest(given), _digest(self._known[role])):
                 opened = role
-        return None if opened is None else lesser(opened, self._most)
+        return None if opened is None else min(opened, self._most)
 
     def role_of_cookie(self, value: str) -> Role | None:
         """The role that a cookie remembers; None for one that is none, has ended or was made under another secret."""
         if self._guest is not None:
-            return lesser(self._guest, self._most)
+            return min(self._guest, self._most)
         role, _, rest = value.partition(".")
         end, _, given = rest.partition(".")
-        known = next((one for one in ROLES if one == role and one in self._known), None)
+        known = next((one for one in self._known if one.title == role), None)
         if known is None or not end.isascii() or not end.isdecimal() or len(end) > 12:
             return None
         if not hmac.compare_digest(given.encode(), self._seal(known, end).encode()) or int(end) < self._clock():
             return None
-        return lesser(known, self._most)
+        return min(known, self._most)
 
     def cookie(self, role: Role) -> str:
         """The cookie of who has given the secret of a role."""
         end = str(int(self._clock() + COOKIE_LIFE))
-        return f"{role}.{end}.{self._seal(role, end)}"
+        return f"{role.title}.{end}.{self._seal(role, end)}"
 
     def _seal(self, role: Role, end: str) -> str:
-        return hmac.new(self._known[role].encode(), f"elys web {role} {end}".encode(), hashlib.sha256).hexdigest()
+        return hmac.new(self._known[role].encode(), f"elys web {role.title} {end}".encode(), hashlib.sha256).hexdigest()
 
 
 class LoginLimit:

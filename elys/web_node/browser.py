@@ -16,7 +16,7 @@ from elys.bus.messages.commands import CommandRequest, Time
 from elys.bus.messages.history import HistoryRequest
 from elys.bus.messages.views import PickRequest, ViewFrame
 from elys.common.errors import BusError, ConnectionLost, MessageError
-from elys.web_node.access import Role, may, needed_for
+from elys.web_node.access import Role, needed_for
 from elys.web_node.inspection import Inspection, declared
 from elys.web_node.live_session import LiveSession
 from elys.web_node.outbox import Outbox
@@ -53,7 +53,7 @@ class Browser:
         self._live = live
         self.role = role
         self.slot = slot
-        self.name = f"{live.session.node.id}.{slot}"
+        self.name = f"{slot}-{live.session.node.id}"
         self.outbox = Outbox()
         self.tree = TreeWindow(live.mirror, self.outbox.tell)
         self.inspection = Inspection(live.mirror, self.outbox.tell)
@@ -76,7 +76,7 @@ class Browser:
         tasks = [asyncio.ensure_future(work) for work in works]
         self.outbox.answer(
             "welcome",
-            role=self.role,
+            role=self.role.title,
             session=self._live.session.name,
             version=elys.__version__,
             components=declared(),
@@ -182,7 +182,7 @@ class Browser:
 
     def _ask_if_allowed(self, request: Ask) -> None:
         needed = needed_for(request.command)
-        if may(self.role, needed):
+        if self.role >= needed:
             self._start(request.id, self._ask(request))
         else:
             self._forbid(request.id, needed)
@@ -217,8 +217,8 @@ class Browser:
         self._author = None
 
     def _play(self, keys: Keys) -> None:
-        if not may(self.role, "player"):
-            self._forbid(0, "player")
+        if self.role < Role.PLAYER:
+            self._forbid(0, Role.PLAYER)
             return
         if self._player is None:
             self.plays_as = self._live.free_player(self)
@@ -249,7 +249,7 @@ class Browser:
         self.outbox.answer("answer", id=number, accepted=accepted, **content)
 
     def _forbid(self, number: int, needed: Role) -> None:
-        values = {"needed": needed, "role": self.role}
+        values = {"needed": needed.title, "role": self.role.title}
         self._answer(number, reason=_FORBIDDEN.format(**values), problem=_FORBIDDEN, values=values)
 
     def _leave(self) -> None:

@@ -85,7 +85,8 @@ def guard(names: Collection[str], *, is_secure: bool) -> Middleware:
             try:
                 response = await handler(request)
             except web.HTTPException as error:
-                response = error
+                error.headers.update(headers)
+                raise
         if not response.prepared:
             response.headers.update(headers)
         return response

@@ -118,7 +118,8 @@ class PictureStream:
 
     def _ask(self, look: Look, now: float) -> None:
         assert self.renderer is not None
-        is_seen = look == self._answered and not self._needs_keyframe
+        needs_keyframe = self._needs_keyframe and look.encoding == "h264"
+        is_seen = look == self._answered and not needs_keyframe
         self._sequence += 1
         self._asked, self._asked_at, self._is_waiting = look, now, is_seen
         shrink = min(1.0, math.sqrt(MOST_PIXELS / (look.width * look.height)))
@@ -133,7 +134,7 @@ class PictureStream:
             grid=False,
             encoding=look.encoding,
             bit_rate=self._bit_rate,
-            keyframe=self._needs_keyframe and look.encoding == "h264",
+            keyframe=needs_keyframe,
             newer_than_tick=self._tick if is_seen else -1,
         )
         self._session.publish(topics.VIEW_REQUEST, request, key=self.renderer.id)

@@ -81,7 +81,7 @@ class WebServer:
         headers = {"Cache-Control": "no-store"}
         if role is None:
             return web.json_response({"role": None}, status=401, headers=headers)
-        return web.json_response({"role": role, "open": self._doorkeeper.is_open}, headers=headers)
+        return web.json_response({"role": role.title, "open": self._doorkeeper.is_open}, headers=headers)
 
     async def _login(self, request: web.Request) -> web.Response:
         if not is_from_here(request):
@@ -99,7 +99,7 @@ class WebServer:
             self._limit.failed(address)
             _log.warning("a wrong secret came from %s", address)
             return _refusal(403, "this is no secret of this session")
-        response = web.json_response({"role": role}, headers={"Cache-Control": "no-store"})
+        response = web.json_response({"role": role.title}, headers={"Cache-Control": "no-store"})
         response.set_cookie(
             _cookie_name(request),
             self._doorkeeper.cookie(role),
