@@ -115,7 +115,7 @@ export class Inspector {
     element.dataset.component = name;
     element.open = isOpen;
     const summary = document.createElement("summary");
-    summary.textContent = tr(name);
+    summary.textContent = name;
     summary.title = tr(declared.text);
     const fields = document.createElement("div");
     fields.className = "fields";

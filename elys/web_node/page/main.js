@@ -90,7 +90,7 @@ function wireChoosing() {
   tree.addEventListener("choose", ({ detail }) => choose(detail));
   link.addEventListener("entity", ({ detail }) => {
     if (detail.entity !== inspector.entity || !detail.entity) return;
-    const kinds = Object.keys(detail.components ?? {}).filter((name) => name !== "Transform").map((name) => tr(name));
+    const kinds = Object.keys(detail.components ?? {}).filter((name) => name !== "Transform");
     byId("chosen").textContent = [detail.name || chosenName || `#${detail.entity}`, ...kinds].join(" · ");
   });
   byId("undo").addEventListener("click", () => inspector.edit({ type: "undo" }, ""));

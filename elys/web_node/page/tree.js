@@ -114,7 +114,7 @@ export class Tree extends EventTarget {
     line.open ? (element.ariaExpanded = line.open === 2) : element.removeAttribute("aria-expanded");
     if (Boolean(arrow.firstChild) !== Boolean(line.open)) arrow.innerHTML = line.open ? '<svg aria-hidden="true"><use href="#i-open"/></svg>' : "";
     name.textContent = line.name || `#${line.id}`;
-    kind.textContent = tr(line.kind);
+    kind.textContent = line.kind; // in every language, for it is what one searches by: t:Light
     kind.setAttribute("aria-hidden", "true");
   }
 

@@ -11,7 +11,6 @@ import pytest
 
 import elys.web_node
 from elys.bus.tree import filter as tree_filter
-from elys.bus.tree.kinds import KIND_NAMES
 from elys.common.components import declarations
 from elys.common.input_names import BUTTONS, MOTIONS
 from elys.editor_node.language import translations
@@ -63,9 +62,9 @@ def labels() -> set[str]:
 def said() -> set[str]:
     """Every English text that the page gives to its `tr`."""
     texts = {found for path in SCRIPTS for found in _CALL.findall(path.read_text(encoding="utf-8"))}
-    texts |= {role.title for role in Role} | set(KIND_NAMES) | labels() | {_FORBIDDEN}
+    texts |= {role.title for role in Role} | labels() | {_FORBIDDEN}
     for declaration in declarations().values():
-        texts |= {declaration.name, declaration.text, *(field.text for field in declaration.fields)}
+        texts |= {declaration.text, *(field.text for field in declaration.fields)}
     source = Path(tree_filter.__file__).read_text(encoding="utf-8")
     texts |= set(re.findall(r'problem = "([^"]+)"', source)) | set(tree_filter._WANTED.values())
     return texts
