@@ -79,20 +79,21 @@ export class Tree extends EventTarget {
 
   /** Lines keep their elements as long as they are in sight, so that a click finds under the pointer what was there. */
   #draw() {
-    const kept = new Map([...this.#content.children].map((element) => [element.id, element]));
+    const inSight = new Set(this.#told.lines.map((line) => `line-${line.id}`));
+    for (const element of [...this.#content.children]) if (!inSight.has(element.id)) element.remove();
     this.#told.lines.forEach((line, index) => {
       const id = `line-${line.id}`;
-      const element = kept.get(id) ?? document.createElement("div");
-      kept.delete(id);
-      if (!element.id) this.#content.append(this.#make(element, id, line.id));
+      const element = document.getElementById(id) ?? this.#make(id, line.id);
+      const there = this.#content.children[index] ?? null; // in the order in which they are read
+      if (there !== element) this.#content.insertBefore(element, there);
       this.#fill(element, line, this.#told.first + index);
     });
-    for (const element of kept.values()) element.remove();
     const here = document.getElementById(`line-${this.#here}`);
     here ? this.#box.setAttribute("aria-activedescendant", here.id) : this.#box.removeAttribute("aria-activedescendant");
   }
 
-  #make(element, id, entity) {
+  #make(id, entity) {
+    const element = document.createElement("div");
     element.id = id;
     element.className = "line";
     element.role = "treeitem";

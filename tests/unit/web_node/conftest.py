@@ -85,7 +85,7 @@ class Visitor:
         await self.socket.send_str(msgspec.json.encode({"type": kind, **content}).decode())
 
     async def hear(self, kind: str, **wanted: Any) -> dict[str, Any]:
-        """The next message of a kind with these values, of those that came or come; others of the kind before it are passed over."""
+        """The next message of a kind with these values, of those that came or come; what came before it is passed over."""
         async with asyncio.timeout(PATIENCE):
             while True:
                 while self.others:
@@ -108,7 +108,9 @@ class Visitor:
             self.others.append(msgspec.json.decode(message.data))
         elif message.type is aiohttp.WSMsgType.BINARY:
             length = int.from_bytes(message.data[:4], "little")
-            self.pictures.append(msgspec.json.decode(message.data[4 : 4 + length]) | {"data": message.data[4 + length :]})
+            self.pictures.append(
+                msgspec.json.decode(message.data[4 : 4 + length]) | {"data": message.data[4 + length :]}
+            )
         else:
             raise ConnectionError(f"{self.socket.close_code}: {message.extra}")
 
