@@ -18,6 +18,7 @@ export class Tree extends EventTarget {
   #selected = 0;
   #here = 0; // the entity of the line at which the keyboard stands
   #searching = 0;
+  #going = -1; // the line that the keyboard is on its way to
 
   constructor(link) {
     super();
@@ -61,6 +62,7 @@ export class Tree extends EventTarget {
     this.#tellSearch(told);
     if (told.revealed) this.#scrollTo(told.revealed.place);
     this.#draw();
+    if (this.#going >= 0) this.#goTo(Math.min(this.#going, told.total - 1));
     this.#ask();
   }
 
@@ -158,10 +160,11 @@ export class Tree extends EventTarget {
     keys[event.key]();
   }
 
-  /** To a line; one that has not been told yet is scrolled to, and gone to when it is pressed again. */
+  /** To a line; to one that has not been told yet when it has been. */
   #goTo(place) {
     this.#scrollTo(place);
     const line = this.#told.lines[place - this.#told.first];
+    this.#going = line ? -1 : place;
     line ? this.#choose(line.id) : this.#ask();
   }
 
