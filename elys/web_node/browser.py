@@ -133,7 +133,6 @@ class Browser:
                 self.tree.reveal(entity)
             case Inspect(entity=entity):
                 self.inspection.inspect(entity)
-                self._live.watch_states()
             case Ping(time=at):
                 self.outbox.answer("pong", time=at)
             case Keys():

@@ -13,7 +13,6 @@ from elys.bus.messages.session import SessionStatus
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.mirror import SceneMirror
 from elys.bus.session import Node, Session
-from elys.bus.transports.transport import Closer
 from elys.common.errors import ConnectionLost
 
 if TYPE_CHECKING:
@@ -32,10 +31,11 @@ class LiveSession:
         self.browsers: dict[int, Browser] = {}  # by slot
         self.has_scene = asyncio.Event()
         self._most = most_browsers
-        self._stop_states: Closer | None = None
         session.subscribe(topics.STATUS, self._status_came)
         session.on_link(self._link_changed)
         session.on_nodes(self._nodes_changed)
+        # Always, and not only while somebody looks: of a session that was paused since, nobody says again where bodies are.
+        follow_state(session, self.mirror, self._state_came)
         session.start(self._follow())
 
     # --- who is here ---------------------------------------------------------------------------------------------------
@@ -56,7 +56,6 @@ class LiveSession:
     def remove(self, browser: Browser) -> None:
         """One fewer."""
         self.browsers.pop(browser.slot, None)
-        self.watch_states()
 
     def free_player(self, browser: Browser) -> int:
         """The player as whom a browser plays: every one is another, as long as there are any left."""
@@ -69,15 +68,6 @@ class LiveSession:
         return bool(self.session.nodes_of("render"))
 
     # --- what changes --------------------------------------------------------------------------------------------------
-
-    def watch_states(self) -> None:
-        """Listens to states while somebody looks at what they change, for they are the most there is on the bus."""
-        is_wanted = any(browser.inspection.entity for browser in self.browsers.values())
-        if is_wanted and self._stop_states is None:
-            self._stop_states = follow_state(self.session, self.mirror, self._state_came)
-        elif not is_wanted and self._stop_states is not None:
-            self._stop_states()
-            self._stop_states = None
 
     async def _follow(self) -> None:
         await follow_scene(self.session, self.mirror)

@@ -22,7 +22,7 @@ export function leadByHand(view, { choose, isGame }) {
 
   canvas.addEventListener("pointerdown", (event) => {
     if (isGame()) return;
-    canvas.focus();
+    canvas.focus({ focusVisible: false });
     capture(canvas, event.pointerId);
     pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
     press = pointers.size === 1 ? { x: event.clientX, y: event.clientY, at: event.timeStamp, button: event.button } : null;

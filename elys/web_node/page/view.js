@@ -143,6 +143,7 @@ export class View extends EventTarget {
       this.#canvas.width = about.width;
       this.#canvas.height = about.height;
     }
+    this.#canvas.classList.add("drawn");
     this.#context.drawImage(image, 0, 0); // one of an odd edge is a pixel larger than what is seen
     image.close();
     const isFirst = !this.shown;

@@ -247,6 +247,19 @@ def test_a_flood_ends_its_connection(on_the_web, monkeypatch):
     on_the_web(scenario)
 
 
+def test_who_looks_at_a_body_later_sees_where_it_has_come_to(on_the_web):
+    async def scenario(web):
+        visitor = await web.visitor(Role.VIEWER)
+        crate = entity_named(web, "Crate")
+        web.host.publish_frame({crate: (4.0, 5.0, 6.0)})  # and nothing after it: the session is paused
+        await visitor.say("ping", time=1.0)
+        await visitor.hear("pong")
+        await visitor.say("inspect", entity=crate)
+        assert (await visitor.hear("entity"))["components"]["Transform"]["position"] == [4.0, 5.0, 6.0]
+
+    on_the_web(scenario)
+
+
 def test_the_tree_tells_only_what_is_in_sight(on_the_web):
     async def scenario(web):
         visitor = await web.visitor(Role.VIEWER)
