@@ -25,6 +25,7 @@ from tests.benchmarks import (
     starts,
     ticks,
     view_streams,
+    web_page,
 )
 from tests.benchmarks.machine import machine
 
@@ -40,8 +41,9 @@ SUITES: dict[str, Callable[[], list[tuple[str, str]]]] = {
     "models": models.measure,
     "pictures": pictures.measure,
     "editor": editor.measure,
+    "web": web_page.measure,
 }
-PAGES = {"editor": "docs/editor.md"}  # whose rows stand there and not in the README
+PAGES = {"editor": "docs/editor.md", "web": "docs/web.md"}  # whose rows stand there and not in the README
 
 
 def main() -> None:
