@@ -72,7 +72,7 @@ def web(
     async def work() -> None:
         drawing = ChildProcesses()
         try:
-            async with joined(endpoint, kind="web") as session:
+            async with joined(endpoint, kind="tool") as session:
                 keeper = session.start(_keep_drawn(session, drawing, endpoint))
                 await serve_browsers(
                     session,

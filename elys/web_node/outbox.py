@@ -31,7 +31,7 @@ class Outbox:
         self._news: dict[str, Any] = {}
         self._answers: deque[Any] = deque()
         self._wake = asyncio.Event()
-        self.sent_bytes = 0
+        self._is_full = False
 
     def tell(self, kind: str, /, **content: Any) -> None:
         """News: replaces what waits of its kind."""
@@ -39,7 +39,7 @@ class Outbox:
         self._wake.set()
 
     def answer(self, kind: str, /, **content: Any) -> None:
-        """What comes once, and after what was said before it. Raises ConnectionLost for who takes none."""
+        """What comes once, and after what was said before it."""
         self._put({"type": kind, **content})
 
     def put_picture(self, about: dict[str, Any], picture: bytes) -> None:
@@ -48,9 +48,10 @@ class Outbox:
         self._put(len(head).to_bytes(4, "little") + head + picture)
 
     def _put(self, message: Any) -> None:
-        if len(self._answers) >= MOST_ANSWERS:
-            raise ConnectionLost("this browser asks and does not listen")
-        self._answers.append(message)
+        if len(self._answers) < MOST_ANSWERS:
+            self._answers.append(message)
+        else:
+            self._is_full = True  # `run` lets it go: who asks in a task of its own could not
         self._wake.set()
 
     async def run(self, socket: Socket) -> None:
@@ -59,6 +60,8 @@ class Outbox:
             await self._wake.wait()
             self._wake.clear()
             while self._news or self._answers:
+                if self._is_full:
+                    raise ConnectionLost("this browser asks and does not listen")
                 if self._answers:
                     message = self._answers.popleft()
                 else:
@@ -71,9 +74,6 @@ class Outbox:
 
     async def _send(self, socket: Socket, message: Any) -> None:
         if isinstance(message, bytes):
-            self.sent_bytes += len(message)
             await socket.send_bytes(message)
         else:
-            text = msgspec.json.encode(message)
-            self.sent_bytes += len(text)
-            await socket.send_str(text.decode())
+            await socket.send_str(msgspec.json.encode(message).decode())

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import logging
 import math
+import re
 from typing import Final
 
 import msgspec
@@ -145,7 +146,7 @@ class WebServer:
 
 def _cookie_name(request: web.Request) -> str:
     """One for each port: cookies are the same for all of a machine."""
-    return f"elys_{request.headers.get('Host', '').rpartition(':')[2]}".replace(".", "_").replace("]", "")
+    return "elys_" + re.sub(r"\W", "_", request.headers.get("Host", "").rpartition(":")[2])
 
 
 def _refusal(status: int, reason: str, headers: dict[str, str] | None = None) -> web.Response:

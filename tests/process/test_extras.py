@@ -51,7 +51,9 @@ def test_simulation_recording_and_export_need_nothing_that_draws(environment, tm
     assert (tmp_path / "stack.npz").stat().st_size > 1000
 
 
-@pytest.mark.parametrize("words", [("run", "stack"), ("view",), ("edit",), ("web",), ("render", "stack", "-o", "x.png")])
+@pytest.mark.parametrize(
+    "words", [("run", "stack"), ("view",), ("edit",), ("web",), ("render", "stack", "-o", "x.png")]
+)
 def test_what_draws_names_the_extra_that_is_missing(environment, tmp_path, words):
     done = run(*words, environment=environment, cwd=tmp_path)
     assert done.returncode == 1
@@ -62,7 +64,12 @@ def test_what_draws_names_the_extra_that_is_missing(environment, tmp_path, words
 def test_the_page_says_what_it_needs(environment, tmp_path):
     without = WITHOUT_DRAWING.replace("import sys\n", "import sys\nsys.modules['aiohttp'] = None\n", 1)
     done = subprocess.run(
-        [sys.executable, "-c", without, "web"], env=environment, cwd=tmp_path, capture_output=True, text=True, timeout=120
+        [sys.executable, "-c", without, "web"],
+        env=environment,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=120,
     )
     assert done.returncode == 1
     assert done.stderr == "elys: showing a session in a browser needs aiohttp: pip install 'elys[web]'\n"
