@@ -19,9 +19,11 @@ main()
 """
 
 
-def run(*words: str, environment: dict[str, str], cwd) -> subprocess.CompletedProcess[str]:
+def run(
+    *words: str, environment: dict[str, str], cwd, program: str = WITHOUT_DRAWING
+) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-c", WITHOUT_DRAWING, *words],
+        [sys.executable, "-c", program, *words],
         env=environment,
         cwd=cwd,
         capture_output=True,
@@ -63,13 +65,6 @@ def test_what_draws_names_the_extra_that_is_missing(environment, tmp_path, words
 
 def test_the_page_says_what_it_needs(environment, tmp_path):
     without = WITHOUT_DRAWING.replace("import sys\n", "import sys\nsys.modules['aiohttp'] = None\n", 1)
-    done = subprocess.run(
-        [sys.executable, "-c", without, "web"],
-        env=environment,
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
+    done = run("web", environment=environment, cwd=tmp_path, program=without)
     assert done.returncode == 1
     assert done.stderr == "elys: showing a session in a browser needs aiohttp: pip install 'elys[web]'\n"
