@@ -1,4 +1,7 @@
-"""How many connections there may be, of one address and of all: who opens more is cut off, and nobody else."""
+"""How many connections there may be, of one address and of all: who opens more is cut off, and nobody else.
+
+So is who opens one and asks nothing, or a letter at a time: aiohttp would wait for ever.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ from typing import Any, Final, cast
 from elys.web_node.doors import is_loopback
 
 MOST: Final = 400
+HEADER_PATIENCE: Final = 10.0  # [s] for the first question to be told
 MOST_OF_AN_ADDRESS: Final = 60  # a browser opens six at most, and as many may sit behind one
 
 
@@ -30,6 +34,8 @@ class _Counted(asyncio.Protocol):
         self._inner = inner
         self._count = count
         self._address: str | None = None  # that it is counted under
+        self._patience: asyncio.TimerHandle | None = None  # until the first question has come
+        self._tail = b""  # of what has come of it
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Counts, and hands on or cuts off."""
@@ -41,6 +47,8 @@ class _Counted(asyncio.Protocol):
             return
         self._address = address
         self._count[address] += 1
+        abort = cast(asyncio.Transport, transport).abort
+        self._patience = asyncio.get_running_loop().call_later(HEADER_PATIENCE, abort)
         self._inner.connection_made(transport)
 
     def connection_lost(self, error: Exception | None) -> None:
@@ -50,12 +58,24 @@ class _Counted(asyncio.Protocol):
         self._count[self._address] -= 1
         if not self._count[self._address]:
             del self._count[self._address]
+        self._stop_waiting()
         self._inner.connection_lost(error)
 
     def data_received(self, data: bytes) -> None:
         """Hands on."""
-        if self._address is not None:
-            self._inner.data_received(data)
+        if self._address is None:
+            return
+        if self._patience is not None:
+            self._tail += data
+            if b"\r\n\r\n" in self._tail:
+                self._stop_waiting()
+            self._tail = self._tail[-3:]
+        self._inner.data_received(data)
+
+    def _stop_waiting(self) -> None:
+        if self._patience is not None:
+            self._patience.cancel()
+            self._patience = None
 
     def eof_received(self) -> bool | None:
         """Hands on."""

@@ -9,6 +9,7 @@ GET  /ws            the WebSocket, for who is known and comes from this very pag
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import math
 import re
@@ -25,6 +26,7 @@ from elys.web_node.live_session import LiveSession
 from elys.web_node.page_files import page_files
 from elys.web_node.requests import MOST_BYTES, closing_reason
 
+LOGIN_PATIENCE: Final = 10.0  # [s] for what a login says
 HEARTBEAT: Final = 15.0  # [s] between two questions whether a browser is still there
 _log = logging.getLogger(__name__)
 
@@ -92,8 +94,9 @@ class WebServer:
         if wait > 0.0:
             return _refusal(429, "too many wrong secrets: wait", {"Retry-After": str(math.ceil(wait))})
         try:
-            given = msgspec.json.decode(await request.read(), type=Login).secret
-        except (msgspec.DecodeError, msgspec.ValidationError):
+            async with asyncio.timeout(LOGIN_PATIENCE):
+                given = msgspec.json.decode(await request.read(), type=Login).secret
+        except (msgspec.DecodeError, msgspec.ValidationError, TimeoutError):
             return _refusal(400, 'a login is {"secret": "..."}')
         role = self._doorkeeper.role_of_secret(given)
         if role is None:

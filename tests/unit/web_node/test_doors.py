@@ -203,6 +203,64 @@ def test_connections_beyond_the_bound_are_cut_off_and_places_become_free(on_the_
     on_the_web(scenario)
 
 
+class FakeTransport(asyncio.Transport):
+    """A connection from an address."""
+
+    def __init__(self, address: str) -> None:
+        super().__init__({"peername": (address, 5000)})
+        self.is_cut_off = False
+
+    def abort(self) -> None:
+        self.is_cut_off = True
+
+
+def test_an_address_has_its_own_bound_and_others_theirs(monkeypatch):
+    monkeypatch.setattr(connections, "MOST_OF_AN_ADDRESS", 2)
+
+    async def scenario():
+        make = connections.limited(asyncio.Protocol)
+
+        def connect(address):
+            protocol, transport = make(), FakeTransport(address)
+            protocol.connection_made(transport)
+            return protocol, transport
+
+        held = [connect("10.0.0.1"), connect("10.0.0.1")]
+        _, beyond = connect("10.0.0.1")
+        _, other = connect("10.0.0.2")
+        near = [connect("127.0.0.1")[1] for _ in range(5)]  # all that come through a tunnel
+        assert [one.is_cut_off for one in (held[0][1], held[1][1], beyond, other, *near)] == [False, False, True] + [
+            False
+        ] * 6
+        held[0][0].connection_lost(None)
+        assert not connect("10.0.0.1")[1].is_cut_off
+
+    asyncio.run(scenario())
+
+
+def test_who_connects_and_asks_nothing_is_cut_off(on_the_web, monkeypatch):
+    monkeypatch.setattr(connections, "HEADER_PATIENCE", 0.2)
+
+    async def scenario(web):
+        for said in (b"", b"GET / HTTP/1.1\r\nHost: localhost\r\n"):
+            reader, writer = await asyncio.open_connection("127.0.0.1", web.port)
+            writer.write(said)
+            try:
+                async with asyncio.timeout(10):
+                    assert await reader.read() == b""
+            except ConnectionResetError:
+                pass
+            writer.close()
+        visitor = await web.visitor(Role.VIEWER)
+        loop = asyncio.get_running_loop()
+        end = loop.time() + 2.0 * connections.HEADER_PATIENCE
+        while loop.time() < end:  # who has asked once may stay as long as it likes
+            await visitor.say("ping", time=1.0)
+            await visitor.hear("pong")
+
+    on_the_web(scenario)
+
+
 def test_without_secrets_everybody_is_let_in_as_far_as_is_allowed(on_the_web):
     async def scenario(web):
         client = await web.client()
