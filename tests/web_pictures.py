@@ -52,7 +52,7 @@ def draw_desk(browser: object, address: str, path: Path) -> None:
     page.tab.fill("#search", "")
     page.tab.click('summary:has-text("Collider")')
     page.drag((0.5, 0.8), (0.56, 0.78))
-    come_to_rest(page)
+    page.rest()
     page.tab.screenshot(path=str(path))
     print(path)
 
@@ -64,7 +64,7 @@ def draw_telephone(browser: object, address: str, path: Path) -> None:
     )
     page.tab.touchscreen.tap(*page.point(0.5, 0.6))
     page.until(lambda: page.text("#chosen") != "")
-    come_to_rest(page)
+    page.rest()
     page.tab.screenshot(path=str(path))
     print(path)
 
@@ -75,18 +75,6 @@ def open_on(browser: object, address: str, *, width: int, height: int, **options
     page.tab.goto(address)
     page.wait_for_picture()
     return page
-
-
-def come_to_rest(page: Page) -> None:
-    """Until the picture stays what it is."""
-    before = page.canvas()
-    for _ in range(60):
-        page.tab.wait_for_timeout(700)  # longer than a picture takes
-        now = page.canvas()
-        if now.shape == before.shape and abs(now - before).max() == 0:
-            return
-        before = now
-    raise AssertionError("the picture does not come to rest")
 
 
 if __name__ == "__main__":

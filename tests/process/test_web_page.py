@@ -107,10 +107,10 @@ def test_a_picture_arrives_and_follows_the_hand(boxes, open_page):
     height, width, _ = before.shape
     left, right = before[height // 2, width // 4], before[height // 2, 3 * width // 4]
     assert left[0] > 150 > left[1] and right[1] > 150 > right[0]  # red on the left, green on the right
-    page.drag((0.5, 0.8), (0.9, 0.8))
-    page.until(lambda: np.abs(page.canvas() - before).mean() > 5.0)
-    turned = page.canvas()
-    page.tab.mouse.move(*page.point(0.5, 0.5))
+    assert page.text("#inspector") == "Click on something in the view or in the tree."
+    page.drag((0.5, 0.6), (0.5, 0.7))  # seen from farther above
+    page.until(lambda: np.abs(page.canvas() - before).mean() > 2.0)
+    turned = page.rest()
     page.tab.mouse.wheel(0, 400)
     page.until(lambda: (page.canvas()[..., 0] > 150).sum() < 0.7 * (turned[..., 0] > 150).sum())  # farther, so smaller
     page.tab.click("#camera")

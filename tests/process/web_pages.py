@@ -83,6 +83,17 @@ class Page:
         picture = Image.open(io.BytesIO(base64.b64decode(code.partition(",")[2])))
         return np.asarray(picture.convert("RGB")).astype(int)
 
+    def rest(self) -> np.ndarray:
+        """The pixels that were drawn, once they stay what they are while the browser draws some more frames."""
+
+        def two() -> tuple[np.ndarray, np.ndarray]:
+            before = self.canvas()
+            self.tab.wait_for_timeout(500)
+            return before, self.canvas()
+
+        self.until(lambda: np.array_equal(*two()))
+        return self.canvas()
+
     def point(self, x: float, y: float) -> tuple[float, float]:
         """A place of the view, by shares of its width and height, as the mouse needs it."""
         box = self.tab.locator("#picture").bounding_box()

@@ -60,7 +60,7 @@ export class Inspector {
   #draw({ anew = false } = {}) {
     const told = this.#told;
     if (!told?.lives) {
-      const text = told ? tr("It is not there any more.") : tr("Click on something in the view or in the tree.");
+      const text = told?.entity ? tr("It is not there any more.") : tr("Click on something in the view or in the tree.");
       this.#made = null;
       this.#box.replaceChildren(paragraph("empty", text));
       return;
