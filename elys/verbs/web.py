@@ -43,6 +43,7 @@ def web(
         raise ElysError("showing a session in a browser needs aiohttp: pip install 'elys[web]'")
     from elys.bus.discovery import choose_endpoint
     from elys.bus.log import start_logging
+    from elys.editor_node.language import LANGUAGES, translations
     from elys.web_node.access import Doorkeeper, new_secrets, role_named
     from elys.web_node.doors import is_loopback
     from elys.web_node.node import WebOptions, serve_browsers
@@ -64,6 +65,9 @@ def web(
         most_browsers=browsers,
         most_a_second=fps,
         bit_rate=bit_rate * 1e6,
+        texts={
+            code: translations(code) for code in LANGUAGES
+        },  # of components and searches: they are said there and here
     )
     secrets = {} if insecure else new_secrets()
     doorkeeper = Doorkeeper(secrets, most=most, guest=most if insecure else None)

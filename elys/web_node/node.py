@@ -10,8 +10,8 @@ from __future__ import annotations
 import asyncio
 import errno
 import ssl
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
@@ -42,6 +42,8 @@ class WebOptions:
     most_browsers: int = 32
     most_a_second: float = 30.0  # pictures for each
     bit_rate: float = 0.0  # [bit/s] of H.264; 0 for any
+    # What the page has no translation of itself, by language and English text.
+    texts: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
     @property
     def is_secure(self) -> bool:
@@ -63,6 +65,7 @@ async def serve_browsers(
         live,
         doorkeeper,
         names=own_names(options.names),
+        texts=options.texts,
         is_secure=options.is_secure,
         most_a_second=options.most_a_second,
         bit_rate=options.bit_rate,

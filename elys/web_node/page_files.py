@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from importlib import resources
 from typing import Final, NamedTuple
+
+import msgspec
 
 TYPES: Final = {
     "html": "text/html; charset=utf-8",
@@ -23,12 +26,15 @@ class PageFile(NamedTuple):
     tag: str  # of its content, so that browsers ask for it again only when it has changed
 
 
-def page_files() -> dict[str, PageFile]:
-    """All files of the page by name."""
+def page_files(texts: Mapping[str, Mapping[str, str]]) -> dict[str, PageFile]:
+    """All files of the page by name. `texts` are translations that it does not have itself, by language and English text."""
     found = {}
     for entry in (resources.files("elys.web_node") / "page").iterdir():
         ending = entry.name.rpartition(".")[2]
         if ending in TYPES:
             content = entry.read_bytes()
+            if ending == "json":
+                known = texts.get(entry.name.removesuffix(".json"), {})
+                content = msgspec.json.encode({**known, **msgspec.json.decode(content)})
             found[entry.name] = PageFile(content, TYPES[ending], f'"{hashlib.sha256(content).hexdigest()[:20]}"')
     return found

@@ -13,6 +13,7 @@ import asyncio
 import logging
 import math
 import re
+from collections.abc import Mapping
 from typing import Final
 
 import msgspec
@@ -46,18 +47,19 @@ class WebServer:
         doorkeeper: Doorkeeper,
         *,
         names: frozenset[str],
+        texts: Mapping[str, Mapping[str, str]],
         is_secure: bool,
         most_a_second: float,
         bit_rate: float,
     ) -> None:
-        """`most_a_second` pictures for each browser; `bit_rate` [bit/s] bounds H.264, 0 for none."""
+        """`texts` as for page_files; `most_a_second` pictures for each browser; `bit_rate` [bit/s] bounds H.264, 0 for none."""
         self._live = live
         self._doorkeeper = doorkeeper
         self._limit = LoginLimit()
         self._is_secure = is_secure
         self._most_a_second = most_a_second
         self._bit_rate = bit_rate
-        self._files = page_files()
+        self._files = page_files(texts)
         self.application = web.Application(middlewares=[guard(names, is_secure=is_secure)], client_max_size=4096)
         self.application.add_routes(
             [

@@ -11,16 +11,18 @@ import pytest
 
 import elys.web_node
 from elys.bus.tree import filter as tree_filter
-from elys.common.components import declarations
 from elys.common.input_names import BUTTONS, MOTIONS
 from elys.editor_node.language import translations
 from elys.editor_node.theme import THEMES
 from elys.web_node.access import Role
 from elys.web_node.browser import _FORBIDDEN
+from elys.web_node.page_files import page_files
 
 PAGE = Path(elys.web_node.__file__).parent / "page"
 SCRIPTS = sorted(PAGE.glob("*.js"))
-FRENCH: dict[str, str] = json.loads((PAGE / "fr.json").read_text(encoding="utf-8"))
+FRENCH: dict[str, str] = json.loads(
+    (PAGE / "fr.json").read_text(encoding="utf-8")
+)  # what the editor does not say as well
 _CALL = re.compile(r'\btr\(\s*"((?:[^"\\]|\\.)*)"')
 
 
@@ -53,18 +55,10 @@ def page() -> Elements:
     return elements
 
 
-def labels() -> set[str]:
-    """Names of fields as fields.js and inspector.js show them."""
-    names = {field.name for declaration in declarations().values() for field in declaration.fields}
-    return {(words := name.replace("_", " "))[:1].upper() + words[1:] for name in names}
-
-
 def said() -> set[str]:
-    """Every English text that the page gives to its `tr`."""
+    """Every English text that the page gives to its `tr`, but for those of components, which the editor's tests look after."""
     texts = {found for path in SCRIPTS for found in _CALL.findall(path.read_text(encoding="utf-8"))}
-    texts |= {role.title for role in Role} | labels() | {_FORBIDDEN}
-    for declaration in declarations().values():
-        texts |= {declaration.text, *(field.text for field in declaration.fields)}
+    texts |= {role.title for role in Role} | {_FORBIDDEN}
     source = Path(tree_filter.__file__).read_text(encoding="utf-8")
     texts |= set(re.findall(r'problem = "([^"]+)"', source)) | set(tree_filter._WANTED.values())
     return texts
@@ -133,7 +127,7 @@ def test_everything_that_is_said_has_its_french(page):
     texts = said()
     for _, attributes in page.found:
         texts |= {value or "" for name, value in attributes.items() if name.startswith("data-tr")}
-    assert sorted(texts - FRENCH.keys()) == []
+    assert sorted(texts - FRENCH.keys() - translations("fr").keys()) == []
     assert sorted(FRENCH.keys() - texts - spoken_by_name()) == []  # nothing is kept that nobody says
     assert list(FRENCH) == sorted(FRENCH)
 
@@ -146,11 +140,11 @@ def spoken_by_name() -> set[str]:
     }
 
 
-def test_what_the_editor_says_too_is_the_same_in_french():
-    shared = translations("fr")
-    assert {text: FRENCH[text] for text in FRENCH.keys() & shared.keys()} == {
-        text: shared[text] for text in FRENCH.keys() & shared.keys()
-    }
+def test_what_the_editor_says_too_is_translated_once_and_served_with_the_rest():
+    assert sorted(FRENCH.keys() & translations("fr").keys()) == []
+    served = page_files({"fr": translations("fr")})["fr.json"]
+    assert json.loads(served.content) == {**translations("fr"), **FRENCH}
+    assert served.tag != page_files({})["fr.json"].tag
 
 
 def test_places_are_the_same_in_french():
