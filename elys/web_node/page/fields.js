@@ -61,7 +61,8 @@ function makeNumbers(field, id, change) {
       before = isRotation ? degreesOf(value) : [value].flat();
       inputs.forEach((input, index) => {
         if (input === document.activeElement && input.classList.contains("typed")) return;
-        input.value = shown(before[index]);
+        input.value = shown(before[index], count > 1 ? 4 : 6); // three share the line
+        input.title = String(before[index]);
         input.classList.remove("wrong");
       });
     },
@@ -153,9 +154,9 @@ function unit(text) {
   return element;
 }
 
-/** A number as people read it: seven digits, without the dirt of rounding. */
-export function shown(value) {
-  return value === undefined ? "" : String(Number(Number(value).toPrecision(6)));
+/** A number as people read it, without the dirt of rounding. */
+export function shown(value, digits = 6) {
+  return value === undefined ? "" : String(Number(Number(value).toPrecision(digits)));
 }
 
 const encoded = (linear) => (linear <= 0.0031308 ? 12.92 * linear : 1.055 * linear ** (1 / 2.4) - 0.055);
