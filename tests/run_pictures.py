@@ -7,6 +7,7 @@ import json
 import tempfile
 from pathlib import Path
 
+from elys.bus.access.listening import LOOPBACK
 from elys.bus.recording import Recording
 from elys.bus.run_comparison import compare
 from elys.verbs.diff import write_plot
@@ -34,7 +35,7 @@ async def draw_run_comparison(path: Path) -> None:
         simulation, origin = opened_at(source, AT, edits=edits)
         await simulate(
             simulation,
-            listen=None,
+            listen=LOOPBACK,
             step_limit=0,
             record=target,
             realtime=False,

@@ -5,17 +5,20 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import threading
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable
 from typing import Final
 
 MAILBOX_LIMIT: Final = 100_000  # messages a node may lag behind before the oldest are given up
 MOST_NAMES: Final = 32  # that are told apart under one key between two rounds of the loop
 MAILBOX_SIZE: Final = 256 << 20  # [bytes] likewise
+KEY_LIMIT: Final = 10_000  # messages of one key, where several share a mailbox: who floods loses his own
 
 
 class Mailbox:
     """Takes payloads from any thread to the loop: all of them in order, or only the newest of each key.
+
+    Of many keys in one mailbox none takes the others' room.
 
     Where several share a key, `name_in` finds in a payload whose it is ("" if nobody's), and the newest of each is kept: of
     `MOST_NAMES` between two rounds of the loop, so that who makes up names fills no memory; the others share one place.
@@ -36,6 +39,7 @@ class Mailbox:
         self._name_in = name_in
         self._queue: deque[tuple[str, bytes]] = deque()
         self._size = 0
+        self._waiting: Counter[str] = Counter()  # messages in the queue, by key
         self._lock = threading.Lock()
         self._woken = False
         self.lost = 0  # messages given up because the loop did not come round
@@ -58,10 +62,16 @@ class Mailbox:
         return place if place in self._newest or len(self._newest) < MOST_NAMES else (key, "")
 
     def _append(self, key: str, payload: bytes) -> None:
+        if self._waiting[key] >= KEY_LIMIT and len(self._waiting) > 1:
+            self.lost += 1
+            return
         self._queue.append((key, payload))
+        self._waiting[key] += 1
         self._size += len(payload)
         while len(self._queue) > MAILBOX_LIMIT or (self._size > MAILBOX_SIZE and len(self._queue) > 1):
-            self._size -= len(self._queue.popleft()[1])
+            oldest, given_up = self._queue.popleft()
+            self._waiting[oldest] -= 1
+            self._size -= len(given_up)
             self.lost += 1
 
     def _drain(self) -> None:
@@ -73,6 +83,7 @@ class Mailbox:
             )
             self._newest.clear()
             self._queue.clear()
+            self._waiting.clear()
             self._size = 0
             self._woken = False
         for key, payload in waiting:

@@ -17,11 +17,14 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final, TypeVar
 
-import elys
 from elys.bus import codec, topics
+from elys.bus.access.limits import Doorkeeper
+from elys.bus.access.permissions import Permissions, check_asker, check_size
+from elys.bus.access.roles import Role, role_of_user, signed_id
+from elys.bus.handshake import answer_hello, hello_of, read_welcome
 from elys.bus.mailbox import Mailbox
-from elys.bus.messages.session import Hello, Welcome
-from elys.bus.topics import PROTOCOL_VERSION, Delivery, Encoding, Query, Topic
+from elys.bus.messages.session import Welcome
+from elys.bus.topics import Delivery, Query, Topic
 from elys.bus.transports.transport import Closer, IncomingQuery, Transport
 from elys.common.errors import BusError, ConnectionLost, ElysError, MessageError, ProtocolError, RequestError
 
@@ -57,12 +60,14 @@ class Session:
         self.connected = True
         self.nodes: dict[str, Node] = {}  # all that are alive, by id
         self.refused: dict[str, int] = {}  # messages that were not what their topic promises, by topic
+        self.permissions = Permissions(Role.HOST if node.kind in HOST_KINDS else role_of_user(transport.user))
         self.taps: list[Callable[[Topic[Any], str, bytes], None]] = []  # see every publication (topic, key, payload)
         self._loop = asyncio.get_running_loop()
         self._closers: list[Closer] = []
         self._link_listeners: list[Callable[[bool], None]] = []
         self._node_listeners: list[Callable[[Node, bool], None]] = []
         self._refusal_said: dict[str, float] = {}
+        self._doorkeeper = Doorkeeper()
         self._tasks: set[asyncio.Task[None]] = set()
         self._rejoining: asyncio.Task[None] | None = None
         self._closed = False
@@ -73,6 +78,8 @@ class Session:
     async def host(cls, transport: Transport, *, name: str, kind: str, epoch: int) -> Session:
         """Opens a session as its host: answers handshakes and shows itself alive."""
         session = cls(transport, name=name, node=Node(kind, node_id(kind)), epoch=epoch)
+        session._closers.append(transport.serve(topics.asked_key(name, topics.HELLO), session._welcome))
+        # Where releases before protocol 5 ask: they too are to hear that they must be renewed.
         session._closers.append(transport.serve(topics.key_of(name, topics.HELLO), session._welcome))
         session._show_and_watch()
         return session
@@ -81,13 +88,18 @@ class Session:
     async def join(
         cls, transport: Transport, *, kind: str, name: str = "*", timeout: float = 5.0, node: Node | None = None
     ) -> Session:
-        """Comes into a session that somebody hosts, as `node`, if it is to be known by an id it had before.
+        """Comes into a session that somebody hosts, as `node` if it is to be known by an id it had before.
+
+        The id that it gets in the session also tells as which user it came.
 
         Raises:
             ConnectionLost: nobody answered within `timeout` seconds.
             ProtocolError: the host speaks another version of the protocol.
+            AccessError: this side's role may not be such a node.
         """
-        session = cls(transport, name=name, node=node or Node(kind, node_id(kind)), epoch=0)
+        own = node or Node(kind, node_id(kind))
+        session = cls(transport, name=name, node=Node(own.kind, signed_id(own.id, transport.user)), epoch=0)
+        session.permissions.require_kind(kind)
         welcome = await session._shake_hands(timeout, name)
         session.name, session.epoch = welcome.session, welcome.epoch
         session._show_and_watch()
@@ -117,13 +129,13 @@ class Session:
         """The same for a message that takes time to encode, which may happen later: what is in it must not change any more."""
         if self.taps:
             self.publish(topic, message)
-        elif not self._closed:
+        elif not self._closed and self.permissions.may(topic.name, topic.publisher, "publish"):
             make = partial(codec.encode, message, topic.encoding)
             self.transport.publish_made(topics.key_of(self.name, topic), make, topic.delivery)
 
     def publish_payload(self, topic: Topic[Any], payload: bytes, *, key: str = "") -> None:
-        """Sends what is encoded already."""
-        if self._closed:
+        """Sends what is encoded already; what this role may not say goes nowhere, here as at the host."""
+        if self._closed or not self.permissions.may(topic.name, topic.publisher, "publish"):
             return
         self.transport.publish(topics.key_of(self.name, topic, key), payload, topic.delivery)
         for tap in self.taps:
@@ -152,6 +164,8 @@ class Session:
         self, topic: Topic[Any], callback: Callable[[str, bytes], None], *, key: str = "*", every: bool = False
     ) -> Closer:
         """Calls `callback(full key, payload)` on the loop with undecoded payloads; with `every`, LATEST topics skip none."""
+        if not self.permissions.may(topic.name, topic.reader, "hear"):
+            return _nothing
         newest_only = topic.delivery is Delivery.LATEST and not every
         name_in = codec.field_finder(topic.newest_of, topic.encoding) if topic.newest_of else None
         mailbox = Mailbox(self._loop, callback, newest_only=newest_only, name_in=name_in)
@@ -161,23 +175,38 @@ class Session:
     # --- asking and answering --------------------------------------------------------------------------------------
 
     def serve(self, query: Query[Q, R], handler: Callable[[Q, str], Awaitable[R]], *, key: str = "*") -> Closer:
-        """Answers requests: `handler(request, key)` returns the reply or raises an ElysError, whose sentence is the refusal."""
+        """Answers requests: `handler(request, key)` returns the reply or raises an ElysError, whose sentence is the refusal.
+
+        Of one node or user only so many may wait: those beyond end without an answer (`access/limits.py`).
+        """
+
+        def begin(incoming: IncomingQuery, asker: str) -> None:
+            task = self.start(self._answer(query, handler, incoming))
+            task.add_done_callback(lambda _: self._doorkeeper.release(asker))
+
+        hand_over = self._from_thread(begin)
 
         def arrived(incoming: IncomingQuery) -> None:
-            self.start(self._answer(query, handler, incoming))
+            _, asker = topics.parts_of_question(query, incoming.key)
+            if self._doorkeeper.admit(asker):
+                hand_over(incoming, asker)
+            else:
+                incoming.drop()
 
-        expression = topics.key_of(self.name, query, key)
-        return self._keep(self.transport.serve(expression, self._from_thread(arrived)))
+        expression = topics.asked_key(self.name, query, key)
+        return self._keep(self.transport.serve(expression, arrived))
 
     async def request(self, query: Query[Q, R], request: Q, *, key: str = "", timeout: float = 5.0) -> R:
         """Asks and waits for the answer.
 
         Raises:
-            RequestError: the other side refused, with its reason.
+            RequestError: the other side refused, with its reason; or this side's role may not ask.
             ConnectionLost: no answer within `timeout` seconds.
         """
+        self.permissions.require(query, request)
         payload = codec.encode(request, query.request_encoding)
-        answer = await self._ask(topics.key_of(self.name, query, key), payload, timeout)
+        check_size(query, payload)
+        answer = await self._ask(topics.asked_key(self.name, query, key, asker=self.node.id), payload, timeout)
         return codec.decode(answer, query.reply, query.reply_encoding)
 
     # --- who is there ----------------------------------------------------------------------------------------------
@@ -238,8 +267,10 @@ class Session:
             self._refuse(query.name, error)
             incoming.refuse(str(error))
             return
+        key, asker = topics.parts_of_question(query, incoming.key)
         try:
-            reply = await handler(request, incoming.key.rsplit("/", 1)[-1])
+            check_asker(query, request, asker)
+            reply = await handler(request, key)
         except ElysError as error:
             incoming.refuse(str(error))
             return
@@ -274,49 +305,29 @@ class Session:
     # --- handshake and presence ------------------------------------------------------------------------------------
 
     def _welcome(self, incoming: IncomingQuery) -> None:
-        refusal = ""
-        try:
-            codec.check_prefix(incoming.payload, Encoding.JSON)
-            codec.decode_body(incoming.payload, Hello, Encoding.JSON, offset=codec.PREFIX.size)
-        except ProtocolError as error:
-            refusal = f"{error}: install the same release of ELYS on both sides (this one is {elys.__version__})"
-        except MessageError as error:
-            incoming.refuse(str(error))
+        asker = topics.parts_of_question(topics.HELLO, incoming.key)[1]
+        if not self._doorkeeper.admit(asker):
+            incoming.drop()
             return
-        welcome = Welcome(
-            protocol=PROTOCOL_VERSION,
-            version=elys.__version__,
-            session=self.name,
-            epoch=self.epoch,
-            refusal=refusal,
-        )
-        incoming.reply(codec.encode(welcome, Encoding.JSON))
+        try:
+            answer_hello(incoming, session=self.name, epoch=self.epoch)
+        finally:
+            self._doorkeeper.release(asker)
 
     async def _shake_hands(self, timeout: float, name: str) -> Welcome:
-        hello = Hello(protocol=PROTOCOL_VERSION, kind=self.node.kind, node=self.node.id, version=elys.__version__)
-        key = f"{topics.ROOT}/{name}/{topics.HELLO.name}"  # the name may be "*": whoever hosts here
+        hello = hello_of(kind=self.node.kind, node=self.node.id)
+        key = topics.greeting_key(name, self.node.id)  # the name may be "*": whoever hosts here
         deadline = time.monotonic() + timeout
         while True:
             left = deadline - time.monotonic()
             if left <= 0:
                 raise ConnectionLost(f"no session answered within {timeout:g} s")
             try:
-                answer = await self._ask(key, codec.encode(hello, Encoding.JSON), min(left, 1.0))
+                answer = await self._ask(key, hello, min(left, 1.0))
                 break
             except ConnectionLost:
                 await asyncio.sleep(0.02)  # answered at once with nobody there; the host may be starting
-        try:
-            welcome = codec.decode_body(answer, Welcome, Encoding.JSON, offset=codec.PREFIX.size)
-        except MessageError as error:
-            raise ProtocolError(f"the host's greeting cannot be read ({error}): another release of ELYS?") from error
-        if welcome.refusal:
-            raise ProtocolError(welcome.refusal)
-        if welcome.protocol != PROTOCOL_VERSION:
-            raise ProtocolError(
-                f"the host speaks protocol version {welcome.protocol} (ELYS {welcome.version}), this side "
-                f"{PROTOCOL_VERSION} (ELYS {elys.__version__}): install the same release on both sides"
-            )
-        return welcome
+        return read_welcome(answer)
 
     def _show_and_watch(self) -> None:
         own = topics.node_key(self.name, self.node.kind, self.node.id)
@@ -380,3 +391,7 @@ class Session:
                     stranger,
                 )
             await asyncio.sleep(0.5)
+
+
+def _nothing() -> None:
+    """Nothing is held."""

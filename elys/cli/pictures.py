@@ -8,10 +8,11 @@ from typing import Annotated, Optional
 import typer
 
 from elys.cli.app import app
-from elys.cli.options import Connect, DebugKinds, Trust
+from elys.cli.options import Connect, DebugKinds, Trust, shows_credentials
 
 
 @app.command()
+@shows_credentials
 def render(
     output: Annotated[
         Path,

@@ -9,9 +9,11 @@ import typer
 
 from elys.cli.app import app
 from elys.cli.options import (
+    Address,
     Compact,
     Connect,
     From,
+    Insecure,
     Json,
     KeepFiles,
     Limit,
@@ -19,13 +21,17 @@ from elys.cli.options import (
     Recording,
     Rotate,
     Threads,
+    Tls,
     To,
     Topics,
     Trust,
+    listening,
+    shows_credentials,
 )
 
 
 @app.command()
+@shows_credentials
 def record(
     output: Annotated[Path, typer.Option("--output", "-o", help="the .mcap to write")],
     connect: Connect = None,
@@ -57,6 +63,9 @@ def record(
 def play(
     recording: Recording,
     listen: Listen = None,
+    tls: Tls = False,
+    insecure: Insecure = False,
+    address: Address = [],  # noqa: B006
     paused: Annotated[bool, typer.Option("--paused", help="start paused")] = False,
     rate: Annotated[float, typer.Option(help="simulated seconds per second", min=0.01, max=100.0)] = 1.0,
     loop: Annotated[bool, typer.Option("--loop", help="start again at the end")] = False,
@@ -68,7 +77,12 @@ def play(
     from elys.verbs import replay
     from elys.verbs.playback import Playback
 
-    replay.play(recording, Playback(paused, rate, loop, start, end), listen=listen, editor=editor)
+    replay.play(
+        recording,
+        Playback(paused, rate, loop, start, end),
+        listen=listening(listen, tls=tls, insecure=insecure, addresses=address),
+        editor=editor,
+    )
 
 
 @app.command()
@@ -114,6 +128,9 @@ def fork(
         bool, typer.Option("--repeat/--no-repeat", help="do again what was done in the recording from there on")
     ] = True,
     listen: Listen = None,
+    tls: Tls = False,
+    insecure: Insecure = False,
+    address: Address = [],  # noqa: B006
     threads: Threads = 1,
     json: Json = False,
     trust: Trust = False,
@@ -131,7 +148,7 @@ def fork(
         output=output,
         seconds=seconds,
         repeats=repeat,
-        listen=listen,
+        listen=listening(listen, tls=tls, insecure=insecure, addresses=address),
         threads=threads,
         json=json,
     )

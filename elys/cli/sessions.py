@@ -9,11 +9,13 @@ import typer
 
 from elys.cli.app import app
 from elys.cli.options import (
+    Address,
     At,
     Compact,
     Connect,
     DebugKinds,
     Frames,
+    Insecure,
     Json,
     Keep,
     KeepFiles,
@@ -23,8 +25,11 @@ from elys.cli.options import (
     Rotate,
     Scene,
     Threads,
+    Tls,
     Topics,
     Trust,
+    listening,
+    shows_credentials,
 )
 
 
@@ -37,6 +42,9 @@ def run(
     realtime: Annotated[bool, typer.Option("--realtime", help="headless: keep to real time even with --steps")] = False,
     paused: Annotated[bool, typer.Option("--paused", help="start paused")] = False,
     listen: Listen = None,
+    tls: Tls = False,
+    insecure: Insecure = False,
+    address: Address = [],  # noqa: B006
     name: Annotated[str, typer.Option(help="name of the session; default: the scene's")] = "",
     threads: Threads = 1,
     no_guard: NoGuard = False,
@@ -70,7 +78,7 @@ def run(
         record=record,
         realtime=realtime,
         paused=paused,
-        listen=listen,
+        listen=listening(listen, tls=tls, insecure=insecure, addresses=address),
         name=name,
         threads=threads,
         guarded=not no_guard,
@@ -83,6 +91,7 @@ def run(
 
 
 @app.command()
+@shows_credentials
 def edit(connect: Connect = None) -> None:
     """Attach an editor to a running session or a replay; where none runs, choose in the editor what to open."""
     from elys.verbs import attach
@@ -91,6 +100,7 @@ def edit(connect: Connect = None) -> None:
 
 
 @app.command()
+@shows_credentials
 def view(
     connect: Connect = None,
     debug: DebugKinds = "",
@@ -145,6 +155,7 @@ def sessions(json: Json = False) -> None:
 
 
 @app.command()
+@shows_credentials
 def top(
     connect: Connect = None,
     once: Annotated[bool, typer.Option("--once", help="print the figures once and end")] = False,
@@ -157,6 +168,7 @@ def top(
 
 
 @app.command()
+@shows_credentials
 def foxglove(
     connect: Connect = None,
     port: Annotated[int, typer.Option(help="port to listen at; 0: any that is free", min=0, max=65535)] = 8765,
@@ -170,6 +182,7 @@ def foxglove(
 
 
 @app.command()
+@shows_credentials
 def web(
     connect: Connect = None,
     host: Annotated[

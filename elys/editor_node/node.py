@@ -8,6 +8,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
 
+from elys.bus.access.keyring import configuration_directory
 from elys.bus.session import Session
 from elys.editor_node.action_list import add_actions
 from elys.editor_node.actions import Actions
@@ -28,7 +29,6 @@ from elys.editor_node.panels.viewport import ViewportPanel
 from elys.editor_node.preferences import (
     Preferences,
     SessionState,
-    configuration_directory,
     keep_session,
     load_preferences,
     save_preferences,

@@ -52,7 +52,7 @@ class Seat(Session):
     def attach(self, session: Session) -> None:
         """Takes part in `session` from now on, which must have been joined as this seat's `node`."""
         self.detach()
-        self._session = session
+        self._session, self.node = session, session.node  # its id tells as whom it was joined
         self.transport, self.name, self.nodes, self.refused = (
             session.transport, session.name, session.nodes, session.refused
         )  # fmt: skip
@@ -159,6 +159,8 @@ class Seat(Session):
 
 class _Nowhere:
     """Carries nothing: the transport of no session."""
+
+    user = ""
 
     def publish(self, key: str, payload: bytes, delivery: Delivery) -> None:
         """Nobody hears it."""

@@ -103,6 +103,7 @@ class SceneFollower:
         self._wanted: frozenset[Debug] = frozenset()
         self.changed = asyncio.Event()
         self.revision = 0  # rises with every change
+        self.edits = 0  # how often the scene was changed, not by motion
         self.arrived_count = 0  # of meshes and images
         self.state_arrived_at = 0.0  # [s] by the monotonic clock
         self._closed = False
@@ -160,6 +161,7 @@ class SceneFollower:
         if update.reset and newest is not None and newest.epoch != self.mirror.epoch:
             self.world.forget_state()
             self.drawing.forget()
+        self.edits += 1
         self.touch()
 
     def _lines_arrived(self, _: str) -> None:
@@ -261,12 +263,13 @@ class _ViewServer:
         while True:
             now = time.monotonic()
             follower.want_debug(desk.debug_kinds())
-            for view in desk.due(now, follower.revision, gliding=self._is_gliding(now)):
+            for view in desk.due(now, follower.revision, gliding=self._is_gliding(now), edits=follower.edits):
                 self._draw(view, renderer)
                 await asyncio.sleep(0)  # messages and questions between two pictures
             desk.forget_silent(now)
             follower.changed.clear()
-            pause = desk.pause(time.monotonic(), follower.revision, gliding=self._is_gliding(now))
+            gliding = self._is_gliding(now)
+            pause = desk.pause(time.monotonic(), follower.revision, gliding=gliding, edits=follower.edits)
             try:
                 async with asyncio.timeout(pause):
                     await follower.changed.wait()
@@ -275,14 +278,14 @@ class _ViewServer:
 
     def _draw(self, view: View, renderer: Renderer) -> None:
         start = time.perf_counter()
-        request, revision = view.request, self._follower.revision
+        request, revision, edits = view.request, self._follower.revision, self._follower.edits
         try:
             self._follower.refresh(self._moment())
             camera = sane_camera(request.camera or self._follower.camera(request.through, view.width / view.height))
             put = self._draw_into(view, renderer, camera)
         except ElysError as error:
             _log.error("view %s cannot be drawn: %s", request.view, error)
-            view.answered(revision, time.monotonic())
+            view.answered(revision, time.monotonic(), edits=edits)
             return
         frame = ViewFrame(
             view=request.view,
@@ -301,7 +304,7 @@ class _ViewServer:
             answer_time=(time.monotonic() - view.asked_at) * 1e3,
         )
         self._session.publish(topics.VIEW_FRAME, frame, key=request.view)
-        view.answered(revision, time.monotonic())
+        view.answered(revision, time.monotonic(), edits=edits)
         if self._session.has_listener(topics.RENDER_PROFILE, key=request.view):
             self._publish_profile(frame, renderer, is_light=request.shows == "shaded")
         if self._measure is not None:

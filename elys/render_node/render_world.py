@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.messages.views import ViewCamera
 from elys.common.components import Camera, Environment, Light
+from elys.common.components.curve import repeated_value_at
 from elys.common.math import quaternion
 from elys.common.math.aabb import transform_bounds
 from elys.common.scene import SceneSettings
@@ -82,6 +83,7 @@ class RenderWorld:
         self._bodies = self._animated = np.zeros(0, np.uint32)
         self._assets_version = -1
         self._placed = (-1, -1.0)
+        self._seen_time = 0.0  # [s] of the simulation, of what is placed
         self._rests = False  # placed as the newest frame says, not on the way there
         self._preferred_camera = 0
         self._rebuild()
@@ -128,6 +130,7 @@ class RenderWorld:
         fraction = 1.0 if now is None else self.timeline.fraction(now)
         if simulation_time is not None:
             fraction = self.timeline.fraction_at(simulation_time)
+        self._seen_time = self.timeline.time_at(fraction)
         moment = (newest.published_at, fraction)
         if moment == self._placed:
             return
@@ -334,6 +337,10 @@ class RenderWorld:
         backward = linear[:, 2].astype(np.float64)
         length = np.linalg.norm(backward)
         direction = -backward / length if length > 0 else np.array((0.0, 0.0, -1.0))
+        if light.over_time:
+            factor = repeated_value_at(light.over_time, self._seen_time)
+            # Between two keys a curve may fall below the values of both.
+            light = msgspec.structs.replace(light, intensity=light.intensity * max(factor, 0.0))
         return PlacedLight(light=light, position=position, direction=direction)
 
 

@@ -6,7 +6,8 @@ import asyncio
 import sys
 from typing import Any, Final, cast
 
-from elys.common.errors import ElysError
+from elys.bus.access.roles import Role
+from elys.common.errors import AccessError, ElysError
 from elys.verbs.nodes import joined, run_until_asked
 
 ENCODINGS: Final = ("auto", "jpeg", "h264")
@@ -75,6 +76,8 @@ def edit(connect: str | None) -> None:
 
 
 async def _require_session(endpoint: str) -> None:
-    """Knocks once, so that nobody there is one line here and not a crash of two nodes."""
-    async with joined(endpoint, kind="tool", timeout=5.0):
-        pass
+    """Knocks once, so that nobody there, or a viewer's key, is one line here and not a crash of two nodes."""
+    async with joined(endpoint, kind="tool", timeout=5.0) as session:
+        role = session.permissions.role
+        if role < Role.EDITOR:
+            raise AccessError(f"a {role.title} may not edit: use the key of an editor, or watch with `elys view`")

@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from elys.bus.access.listening import Listening
 from elys.bus.log import log_to_session, start_logging
 from elys.bus.recording_plan import RecordingPlan
 from elys.bus.session import Session
@@ -54,20 +55,23 @@ async def joined(connect: str | None, *, kind: str, timeout: float = 5.0) -> Asy
 
 @contextlib.asynccontextmanager
 async def hosted(
-    listen: str | None, *, name: str, kind: str, scene: str, epoch: int
+    listen: Listening, *, name: str, kind: str, scene: str, epoch: int
 ) -> AsyncIterator[tuple[Session, str]]:
     """A session of one's own and the endpoint it listens at, found by others of this machine without being told where.
 
     Raises:
-        BusError: the endpoint cannot be listened at.
+        BusError: the endpoint cannot be listened at. AccessError: there is nowhere to keep the keys of who may come in.
     """
-    from elys.bus.discovery import advertise, complete_endpoint
+    from elys.bus.access.listening import access_of
+    from elys.bus.discovery import advertise
     from elys.bus.transports.zenoh import ZenohTransport
+    from elys.verbs.invitation import invite
 
-    open_transport = (
-        partial(ZenohTransport.listen, complete_endpoint(listen)) if listen else ZenohTransport.listen_on_free_port
-    )
-    transport = await asyncio.to_thread(open_transport)
+    access = await asyncio.to_thread(access_of, listen)
+    if listen.endpoint is None:
+        transport = await asyncio.to_thread(partial(ZenohTransport.listen_on_free_port, access=access))
+    else:
+        transport = await asyncio.to_thread(partial(ZenohTransport.listen, listen.endpoint, access=access))
     try:
         session = await Session.host(transport, name=session_name(name), kind=kind, epoch=epoch)
         withdraw = advertise(name=session.name, kind=kind, endpoint=transport.endpoint, scene=scene)
@@ -75,6 +79,7 @@ async def hosted(
         await asyncio.to_thread(transport.close)
         raise
     handler = log_to_session(session)
+    invite(listen, transport.endpoint)
     try:
         yield session, transport.endpoint
     finally:
@@ -91,7 +96,7 @@ def session_name(text: str) -> str:
 def simulation(
     scene: str,
     *,
-    listen: str | None,
+    listen: Listening,
     step_limit: int,
     record: Path | None,
     realtime: bool,
@@ -157,7 +162,7 @@ def editor(connect: str | None, *, starts_alone: bool = False, frame_limit: int)
     run_until_asked(work())
 
 
-def player(recording: Path, playback: Playback, *, listen: str | None) -> None:
+def player(recording: Path, playback: Playback, *, listen: Listening) -> None:
     """A player's process."""
     from elys.verbs.replay import serve_recording
 

@@ -11,6 +11,7 @@ from collections.abc import AsyncIterator, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from elys.bus.access.listening import Listening
 from elys.bus.log import start_logging
 from elys.bus.recording_plan import PLAIN, RecordingPlan, files_of
 from elys.bus.session import Session
@@ -27,7 +28,7 @@ PATIENCE: Final = 5.0  # [s]
 _log = logging.getLogger(__name__)
 
 
-def play(recording: Path, playback: Playback, *, listen: str | None, editor: bool) -> None:
+def play(recording: Path, playback: Playback, *, listen: Listening, editor: bool) -> None:
     """Serves a recording in this process, or under the supervisor with an editor on it."""
     playback.part()  # times that are none are said here, and not by a node
     start_logging()
@@ -40,10 +41,11 @@ def play(recording: Path, playback: Playback, *, listen: str | None, editor: boo
 
     recording_info(recording)  # what is no recording is one line here and not a crash of a node
     probe_display()
-    sys.exit(start("replay", {"recording": str(recording)}, endpoint=listen, extra={"player": playback.options()}))
+    extra = {"player": [*playback.options(), *listen.words()]}
+    sys.exit(start("replay", {"recording": str(recording)}, endpoint=listen.endpoint, extra=extra))
 
 
-async def serve_recording(recording: Path, playback: Playback, *, listen: str | None) -> None:
+async def serve_recording(recording: Path, playback: Playback, *, listen: Listening) -> None:
     """Hosts a recording as a session until it is told to end.
 
     Raises:

@@ -14,8 +14,8 @@ from elys.verbs.nodes import joined, run_until_asked
 from elys.verbs.openers import ChildProcesses
 
 if TYPE_CHECKING:
+    from elys.bus.access.roles import Role
     from elys.bus.session import Session
-    from elys.web_node.access import Role
     from elys.web_node.node import WebOptions
 
 PATIENCE: Final = 2.0  # [s] without a render node before one is started here
@@ -41,10 +41,12 @@ def web(
     """Serves the page until it is told to end. `role` is what anybody may at most, `bit_rate` [Mbit/s] is of H.264."""
     if find_spec("aiohttp") is None:
         raise ElysError("showing a session in a browser needs aiohttp: pip install 'elys[web]'")
+    from elys.bus.access.keyring import load_keyring
+    from elys.bus.access.roles import role_named, role_of_node
     from elys.bus.discovery import choose_endpoint
     from elys.bus.log import start_logging
     from elys.editor_node.language import LANGUAGES, translations
-    from elys.web_node.access import Doorkeeper, new_secrets, role_named
+    from elys.web_node.access import Doorkeeper, new_secrets, secrets_of
     from elys.web_node.doors import is_loopback
     from elys.web_node.node import WebOptions, serve_browsers
 
@@ -69,8 +71,8 @@ def web(
             code: translations(code) for code in LANGUAGES
         },  # of components and searches: they are said there and here
     )
-    secrets = {} if insecure else new_secrets()
-    doorkeeper = Doorkeeper(secrets, most=most, guest=most if insecure else None)
+    keyring = load_keyring()
+    secrets = {} if insecure else secrets_of(keyring) if keyring is not None else new_secrets()
     _warn(options, insecure=insecure, is_near=is_loopback(host))
 
     async def work() -> None:
@@ -78,11 +80,15 @@ def web(
         try:
             async with joined(endpoint, kind="tool") as session:
                 keeper = session.start(_keep_drawn(session, drawing, endpoint))
+                allowed = min(most, role_of_node(session.node.id))  # nobody may more than this node itself
+                doorkeeper = Doorkeeper(secrets, most=allowed, guest=allowed if insecure else None)
                 await serve_browsers(
                     session,
                     doorkeeper,
                     options,
-                    on_ready=lambda chosen: print(invitation(session.name, options, chosen, secrets, most), flush=True),
+                    on_ready=lambda chosen: print(
+                        invitation(session.name, options, chosen, secrets, allowed), flush=True
+                    ),
                 )
                 keeper.cancel()
         finally:

@@ -6,7 +6,7 @@ who has one, a node that starts anew with the same secrets knows its cookies aga
 
 from __future__ import annotations
 
-import enum
+import base64
 import hashlib
 import hmac
 import secrets
@@ -14,42 +14,25 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from elys.bus.messages.commands import Command, Edit, Redo, Time, Undo
-
-
-class Role(enum.IntEnum):
-    """Viewers look, players also send input, editors also change and lead time, owners also replace scenes."""
-
-    VIEWER = 1
-    PLAYER = 2
-    EDITOR = 3
-    OWNER = 4
-
-    @property
-    def title(self) -> str:
-        """As people read and write it."""
-        return self.name.lower()
-
+from elys.bus.access.keyring import Keyring
+from elys.bus.access.roles import GIVEN, Role
 
 COOKIE_LIFE: Final = 12 * 3600.0  # [s]
 
 
-def role_named(text: str) -> Role:
-    """The role of that name; ValueError naming those there are."""
-    for role in Role:
-        if role.title == text:
-            return role
-    raise ValueError(f"there is no role '{text}': there are {', '.join(role.title for role in Role)}")
-
-
-def needed_for(command: Command) -> Role:
-    """The role that a command takes. What a browser has no business with takes the owner."""
-    return Role.EDITOR if isinstance(command, Edit | Time | Undo | Redo) else Role.OWNER
-
-
 def new_secrets() -> dict[Role, str]:
     """A fresh one for each role."""
-    return {role: secrets.token_urlsafe(24) for role in Role}
+    return {role: secrets.token_urlsafe(24) for role in GIVEN}
+
+
+def secrets_of(keyring: Keyring) -> dict[Role, str]:
+    """One for each role that follows from the user's key of that role, without telling it: the same until that key is renewed."""
+    known = {}
+    for key in keyring.keys:
+        if not key.name:
+            seal = hmac.new(key.secret.encode(), b"elys web", hashlib.sha256).digest()
+            known[key.role] = base64.urlsafe_b64encode(seal[:24]).decode()
+    return known
 
 
 class Doorkeeper:
@@ -77,7 +60,7 @@ class Doorkeeper:
     def role_of_secret(self, given: str) -> Role | None:
         """The highest role that a secret opens; takes the same time for any."""
         opened: Role | None = None
-        for role in Role:
+        for role in GIVEN:
             if role in self._known and hmac.compare_digest(_digest(given), _digest(self._known[role])):
                 opened = role
         return None if opened is None else min(opened, self._most)

@@ -11,12 +11,12 @@ from aiohttp import WSCloseCode, WSMsgType, web
 
 import elys
 from elys.bus import topics
+from elys.bus.access.roles import Role
 from elys.bus.input_sender import InputSender
-from elys.bus.messages.commands import CommandRequest, Time
+from elys.bus.messages.commands import CommandRequest, Time, role_for
 from elys.bus.messages.history import HistoryRequest
 from elys.bus.messages.views import PickRequest, ViewFrame
 from elys.common.errors import BusError, ConnectionLost, MessageError
-from elys.web_node.access import Role, needed_for
 from elys.web_node.inspection import Inspection, declared
 from elys.web_node.live_session import LiveSession
 from elys.web_node.outbox import Outbox
@@ -180,7 +180,7 @@ class Browser:
     # --- commands and input ------------------------------------------------------------------------------------------
 
     def _ask_if_allowed(self, request: Ask) -> None:
-        needed = needed_for(request.command)
+        needed = role_for(request.command)
         if self.role >= needed:
             self._start(request.id, self._ask(request))
         else:

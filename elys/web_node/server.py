@@ -19,8 +19,9 @@ from typing import Final
 import msgspec
 from aiohttp import WSCloseCode, web
 
+from elys.bus.access.roles import Role
 from elys.common.errors import ConnectionLost
-from elys.web_node.access import COOKIE_LIFE, Doorkeeper, LoginLimit, Role
+from elys.web_node.access import COOKIE_LIFE, Doorkeeper, LoginLimit
 from elys.web_node.browser import Browser
 from elys.web_node.doors import guard, is_from_here
 from elys.web_node.live_session import LiveSession

@@ -15,6 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from tests.benchmarks import (
+    access,
     editor,
     latency,
     models,
@@ -33,6 +34,7 @@ ROOT = Path(__file__).parents[2]
 SUITES: dict[str, Callable[[], list[tuple[str, str]]]] = {
     "ticks": ticks.measure,
     "latency": latency.measure,
+    "access": access.measure,
     "views": view_streams.measure,
     "starts": starts.measure,
     "tree": scene_tree.measure,

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 import msgspec
 
+from elys.bus.access.roles import Role
 from elys.common.components import Vec3
 from elys.common.scene import EntityRecord, SceneSettings
 
@@ -217,6 +218,14 @@ Time = (
     SetPlaying | StepTicks | Seek | SetRate | SetLoop | SetRange | Rewind | Resume | KeepLast
 )  # what is asked of the clock
 Command = Edit | Batch | Undo | Redo | LoadScene | NoteSaved | Time | Hand | Input
+
+
+OWNERS_COMMANDS: Final = (LoadScene, KeepLast)  # replace all that is there, or write on the host's disk
+
+
+def role_for(command: Command) -> Role:
+    """What somebody must at least be to ask for it."""
+    return Role.OWNER if isinstance(command, OWNERS_COMMANDS) else Role.EDITOR
 
 
 class CommandRequest(msgspec.Struct, frozen=True, kw_only=True):

@@ -19,6 +19,7 @@ import contextlib
 import json
 import logging
 import threading
+import time
 import weakref
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -28,17 +29,20 @@ from typing import Any, Final
 import zenoh
 from zenoh.handlers import Callback
 
+from elys.bus.access.credentials import Credentials
+from elys.bus.access.host import HostAccess, client_settings
+from elys.bus.access.limits import MAX_MESSAGE_SIZE, host_limits
 from elys.bus.topics import Delivery
 from elys.bus.transports.outgoing import Outgoing
 from elys.bus.transports.transport import Answer, Closer, IncomingQuery
-from elys.common.errors import BusError, ConnectionLost
+from elys.common.errors import AccessError, BusError, ConnectionLost
 
 DEFAULT_PORT: Final = 7447
 DEFAULT_ENDPOINT: Final = f"tcp/127.0.0.1:{DEFAULT_PORT}"
-MAX_MESSAGE_SIZE: Final = 64 << 20  # [bytes] one message; what is longer is dropped by zenoh before it fills the memory
 
 _LEASE: Final = 2000  # [ms] without a sign of life until a connection (a cut cable, a stopped machine) counts as dead
 _ANSWERING_THREADS: Final = 4
+_ASKING_WHY: Final = 1.5  # [s] of knocking in vain until it is asked why; three round trips of a slow link fit
 _REFUSAL: Final = "elys/refusal"  # encoding that tells our refusals from zenoh's own errors (a timeout)
 _PRIORITIES: Final = {Delivery.LATEST: zenoh.Priority.DATA, Delivery.SEQUENCED: zenoh.Priority.DATA_HIGH}
 _CLOSED: Final = "this transport is closed: open another one"
@@ -48,8 +52,9 @@ _log = logging.getLogger(__name__)
 class ZenohTransport:
     """One node's zenoh session; implements `Transport`. Make it with `listen`, `listen_on_free_port` or `connect`."""
 
-    def __init__(self, session: zenoh.Session, *, endpoint: str, hosts: bool) -> None:
+    def __init__(self, session: zenoh.Session, *, endpoint: str, hosts: bool, user: str = "") -> None:
         self.endpoint = endpoint
+        self.user = user  # who this side is to the host; "" where it asks nobody
         self._session = session
         self._hosts = hosts
         # Replies wait for the asker's queue. On threads of their own they may: the loop must not.
@@ -63,16 +68,15 @@ class ZenohTransport:
         self._closed = False
 
     @classmethod
-    def listen(cls, endpoint: str = DEFAULT_ENDPOINT) -> ZenohTransport:
-        """Opens the host's side.
+    def listen(cls, endpoint: str = DEFAULT_ENDPOINT, *, access: HostAccess | None = None) -> ZenohTransport:
+        """Opens the host's side, to those whom `access` names; without it to everybody who comes.
 
         Raises:
             BusError: the endpoint is in use or is none.
         """
-        config = _config("router")
         try:
-            _insert(config, "listen/endpoints", [endpoint])
-            session = zenoh.open(config)
+            with access.settings() if access is not None else contextlib.nullcontext(dict[str, Any]()) as who:
+                session = zenoh.open(_config("router", {"listen/endpoints": [endpoint], **host_limits(), **who}))
         except zenoh.ZError as error:
             if "in use" in str(error):
                 raise BusError(
@@ -82,41 +86,53 @@ class ZenohTransport:
         return cls(session, endpoint=endpoint, hosts=True)
 
     @classmethod
-    def listen_on_free_port(cls, *, address: str = "127.0.0.1", first_port: int = DEFAULT_PORT) -> ZenohTransport:
+    def listen_on_free_port(
+        cls, *, address: str = "127.0.0.1", first_port: int = DEFAULT_PORT, access: HostAccess | None = None
+    ) -> ZenohTransport:
         """Opens the host's side on the first free port from `first_port` on; BusError if 100 are in use."""
         for port in range(first_port, first_port + 100):
             try:
-                return cls.listen(f"tcp/{address}:{port}")
+                return cls.listen(f"tcp/{address}:{port}", access=access)
             except BusError as error:
                 if "in use" not in str(error):
                     raise
         raise BusError(f"the ports {first_port} to {port} of {address} are all in use: name another port")
 
     @classmethod
-    def connect(cls, endpoints: str | Sequence[str] = DEFAULT_ENDPOINT, *, timeout: float = 5.0) -> ZenohTransport:
+    def connect(
+        cls,
+        endpoints: str | Sequence[str] = DEFAULT_ENDPOINT,
+        *,
+        timeout: float = 5.0,
+        credentials: Credentials | None = None,
+    ) -> ZenohTransport:
         """Opens the side of everybody else; blocks until connected, at most `timeout` seconds.
 
         Raises:
             ConnectionLost: nobody listens there.
+            AccessError: somebody does, and does not let this side in; the sentence says why.
             BusError: an endpoint is none.
         """
+        from elys.bus.access.refusals import is_open, why_refused  # who hosts, records or draws files needs none of it
+
         names = [endpoints] if isinstance(endpoints, str) else list(endpoints)
-        config = _config("client")
-        _insert(config, "connect/timeout_ms", max(1, int(timeout * 1000)))
-        _insert(config, "connect/exit_on_failure", True)
-        try:
-            _insert(config, "connect/endpoints", names)
-            session = zenoh.open(config)
-        except zenoh.ZError as error:
-            if "Unable to connect" in str(error):
+        deadline, patience = time.monotonic() + timeout, _ASKING_WHY
+        while True:
+            left = deadline - time.monotonic()
+            session = _opened(names, min(max(left, 0.001), patience), credentials)
+            if session is not None:
+                return cls(session, endpoint=names[0], hosts=False, user=credentials.user if credentials else "")
+            if credentials is not None and any(is_open(name) for name in names):
+                credentials = None  # a host that asks nobody does not let in who tells it
+                deadline = max(deadline, time.monotonic() + patience)
+            elif reason := next(filter(None, (why_refused(name, credentials) for name in names)), ""):
+                raise AccessError(reason)
+            elif left <= patience:
                 raise ConnectionLost(
                     f"nobody answers at {' or '.join(names)} within {timeout:g} s: is the session running? "
                     "Start one with `elys run SCENE`"
-                ) from error
-            raise BusError(
-                f"cannot connect to '{' or '.join(names)}' ({_cause(error)}): give tcp/ADDRESS:PORT"
-            ) from error
-        return cls(session, endpoint=names[0], hosts=False)
+                )
+            patience = 2.0 * _ASKING_WHY
 
     # --- publishing and subscribing --------------------------------------------------------------------------------
 
@@ -313,8 +329,27 @@ class ZenohQuery:
             self._answering.submit(work)
 
 
-def _config(mode: str) -> zenoh.Config:
-    """Settings common to both sides, each for a reason given in the module's text or beside it."""
+def _opened(names: list[str], timeout: float, credentials: Credentials | None) -> zenoh.Session | None:
+    """A client of one of these endpoints; None where it cannot connect. Raises BusError for what is no endpoint."""
+    by_certificate = all(name.startswith("tls/") for name in names)
+    if by_certificate and (credentials is None or not credentials.has_certificate):
+        return None
+    settings = {
+        "connect/endpoints": names,
+        "connect/timeout_ms": max(1, int(timeout * 1000)),
+        "connect/exit_on_failure": True,
+        **client_settings(credentials, by_certificate=by_certificate),
+    }
+    try:
+        return zenoh.open(_config("client", settings))
+    except zenoh.ZError as error:
+        if "Unable to connect" in str(error):
+            return None
+        raise BusError(f"cannot connect to '{' or '.join(names)}' ({_cause(error)}): give tcp/ADDRESS:PORT") from error
+
+
+def _config(mode: str, settings: dict[str, Any]) -> zenoh.Config:
+    """Settings common to both sides, each for a reason given in the module's text or beside it, and those of one side."""
     config = zenoh.Config()
     for key, value in {
         "mode": mode,
@@ -331,6 +366,7 @@ def _config(mode: str) -> zenoh.Config:
         "transport/link/tx/queue/size/data_high": 16,
         "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 1000,  # [us]
         "transport/link/tx/queue/congestion_control/block/wait_before_close": 1_000_000,  # [us] for answers
+        **settings,
     }.items():
         _insert(config, key, value)
     return config

@@ -13,16 +13,17 @@ import msgspec
 import pytest
 
 from elys.bus import topics
+from elys.bus.access.roles import GIVEN, Role
 from elys.bus.messages.views import PickReply, PickRequest, ViewCamera, ViewFrame, ViewRequest
 from elys.bus.session import Session
 from elys.bus.transports.loopback import LoopbackBroker
 from elys.common.scene import EntityRecord
-from elys.web_node.access import Doorkeeper, Role
+from elys.web_node.access import Doorkeeper
 from elys.web_node.node import WebOptions, serve_browsers
 from tests.unit.editor_node.scene_host import SceneHost
 
 PATIENCE = 20.0  # [s] far beyond what anything here takes; a failure, not a measure
-SECRETS = {role: f"the secret of the {role.title}" for role in Role}
+SECRETS = {role: f"the secret of the {role.title}" for role in GIVEN}
 CAMERA = ViewCamera(position=(0.0, 0.0, 5.0), rotation=(0.0, 0.0, 0.0, 1.0))
 RECORDS = [
     EntityRecord(name="Table", components={"Transform": {}}),

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from elys.bus.access.roles import GIVEN, Role, role_named
 from elys.bus.messages import commands as c
-from elys.web_node.access import COOKIE_LIFE, Doorkeeper, LoginLimit, Role, needed_for, new_secrets, role_named
+from elys.bus.messages.commands import role_for
+from elys.web_node.access import COOKIE_LIFE, Doorkeeper, LoginLimit, new_secrets
 
 
 class Clock:
@@ -19,10 +21,10 @@ class Clock:
 def test_each_secret_opens_its_role_and_no_other_text_does():
     known = new_secrets()
     keeper = Doorkeeper(known)
-    assert {keeper.role_of_secret(secret) for secret in known.values()} == set(Role)
+    assert {keeper.role_of_secret(secret) for secret in known.values()} == set(GIVEN)
     for wrong in ("", "x", known[Role.EDITOR][:-1], known[Role.EDITOR] + " ", "\ud800", "é" * 9):
         assert keeper.role_of_secret(wrong) is None
-    assert len({*known.values(), *new_secrets().values()}) == 2 * len(Role)
+    assert len({*known.values(), *new_secrets().values()}) == 2 * len(GIVEN)
 
 
 def test_nobody_may_more_than_the_node_allows():
@@ -98,11 +100,11 @@ def test_many_who_try_from_everywhere_hold_up_the_next():
 def test_what_changes_the_session_takes_an_editor_and_what_replaces_it_an_owner():
     edits = (c.SetComponent(entity=1, component="Light", values={}), c.Undo(), c.Despawn(entity=1))
     time = (c.SetPlaying(playing=True), c.StepTicks(), c.Seek(time=0.0), c.SetRate(rate=1.0), c.Resume())
-    assert {needed_for(command) for command in (*edits, *time)} == {Role.EDITOR}
-    assert needed_for(c.LoadScene(name="x", records=())) is Role.OWNER
+    assert {role_for(command) for command in (*edits, *time)} == {Role.EDITOR}
+    assert role_for(c.LoadScene(name="x", records=())) is Role.OWNER
 
 
 def test_roles_are_called_by_name():
-    assert [role_named(role.title) for role in Role] == list(Role)
+    assert [role_named(role.title) for role in GIVEN] == list(GIVEN)
     with pytest.raises(ValueError, match="there is no role 'king': there are viewer, player, editor, owner"):
         role_named("king")

@@ -7,10 +7,10 @@ import asyncio
 import pytest
 
 from elys.bus import topics
+from elys.bus.access.roles import Role
 from elys.bus.messages import commands as c
 from elys.bus.messages.views import PickReply
 from elys.web_node import browser
-from elys.web_node.access import Role
 from elys.web_node.requests import MOST_BYTES, MOST_ROWS
 from tests.unit.web_node.conftest import PATIENCE
 

@@ -8,9 +8,10 @@ import ssl
 import aiohttp
 import pytest
 
+from elys.bus.access.roles import Role
 from elys.common.errors import ElysError
 from elys.web_node import connections
-from elys.web_node.access import Doorkeeper, LoginLimit, Role
+from elys.web_node.access import Doorkeeper, LoginLimit
 from elys.web_node.doors import HEADERS, is_loopback, is_own, own_names
 from elys.web_node.node import WebOptions, serve_browsers
 from tests.unit.web_node.conftest import SECRETS, Visitor, open_web

@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 
 import elys.web_node
+from elys.bus.access.roles import GIVEN
 from elys.bus.tree import filter as tree_filter
 from elys.common.input_names import BUTTONS, MOTIONS
 from elys.editor_node.language import translations
 from elys.editor_node.theme import THEMES
-from elys.web_node.access import Role
 from elys.web_node.browser import _FORBIDDEN
 from elys.web_node.page_files import page_files
 
@@ -58,7 +58,7 @@ def page() -> Elements:
 def said() -> set[str]:
     """Every English text that the page gives to its `tr`, but for those of components, which the editor's tests look after."""
     texts = {found for path in SCRIPTS for found in _CALL.findall(path.read_text(encoding="utf-8"))}
-    texts |= {role.title for role in Role} | {_FORBIDDEN}
+    texts |= {role.title for role in GIVEN} | {_FORBIDDEN}
     source = Path(tree_filter.__file__).read_text(encoding="utf-8")
     texts |= set(re.findall(r'problem = "([^"]+)"', source)) | set(tree_filter._WANTED.values())
     return texts

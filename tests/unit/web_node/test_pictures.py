@@ -8,9 +8,9 @@ from typing import Any
 import msgspec
 import pytest
 
+from elys.bus.access.roles import Role
 from elys.common.errors import ConnectionLost
 from elys.web_node import outbox, picture_stream
-from elys.web_node.access import Role
 from elys.web_node.outbox import MOST_ANSWERS, Outbox
 from elys.web_node.picture_stream import MOST_PIXELS, ON_THE_WAY
 from tests.unit.web_node.conftest import PATIENCE
