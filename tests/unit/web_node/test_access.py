@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from elys.bus.access.keyring import Keyring, new_key
 from elys.bus.access.roles import GIVEN, Role, role_named
 from elys.bus.messages import commands as c
 from elys.bus.messages.commands import role_for
-from elys.web_node.access import COOKIE_LIFE, Doorkeeper, LoginLimit, new_secrets
+from elys.web_node.access import COOKIE_LIFE, Doorkeeper, LoginLimit, new_secrets, secrets_of
 
 
 class Clock:
@@ -108,3 +109,13 @@ def test_roles_are_called_by_name():
     assert [role_named(role.title) for role in GIVEN] == list(GIVEN)
     with pytest.raises(ValueError, match="there is no role 'king': there are viewer, player, editor, owner"):
         role_named("king")
+
+
+def test_secrets_follow_from_the_users_keys_and_do_not_tell_them():
+    keyring = Keyring(keys=[new_key(role) for role in GIVEN] + [new_key(Role.OWNER, "Anna")])
+    known = secrets_of(keyring)
+    assert known == secrets_of(keyring)  # of a node that is started anew
+    assert set(known) == set(GIVEN)
+    assert not {key.secret for key in keyring.keys} & set(known.values())
+    renewed = Keyring(keys=[new_key(Role.VIEWER), *keyring.keys[1:]])
+    assert [role for role in GIVEN if secrets_of(renewed)[role] != known[role]] == [Role.VIEWER]
