@@ -20,6 +20,7 @@ UsageError: type[typer.BadParameter] = typer.BadParameter.__mro__[1]  # the pare
 # What the simulation alone can do without, by the extra of pyproject.toml that brings it.
 _EXTRA_OF = {
     "PIL": "render",
+    "aiohttp": "web",
     "distributed": "cluster",
     "foxglove": "foxglove",
     "pyarrow": "parquet",

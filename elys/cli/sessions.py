@@ -200,6 +200,59 @@ def foxglove(
 
 
 @app.command()
+@shows_credentials
+def web(
+    connect: Connect = None,
+    host: Annotated[
+        str, typer.Option(help="address to listen at; default: this machine alone. 0.0.0.0: every network it is in")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="port to listen at; 0: the first free from 8090", min=0, max=65535)] = 0,
+    role: Annotated[str, typer.Option(help="what anybody may at most: viewer, player, editor or owner")] = "owner",
+    name: Annotated[
+        list[str], typer.Option(help="name under which browsers reach this machine, if it does not know it itself")
+    ] = [],  # noqa: B006
+    cert: Annotated[Optional[Path], typer.Option(help="certificate (PEM): everything is encrypted")] = None,  # noqa: UP045
+    cert_key: Annotated[Optional[Path], typer.Option(help="its private key (PEM), if not in the same file")] = None,  # noqa: UP045
+    insecure: Annotated[
+        bool, typer.Option("--insecure", help="ask nobody for a secret: whoever reaches the port is let in")
+    ] = False,
+    fps: Annotated[float, typer.Option(help="pictures a second for each browser at most", min=0.1, max=60.0)] = 30.0,
+    bit_rate: Annotated[
+        float,
+        typer.Option(help="[Mbit/s] that a browser's H.264 may take; 0: as much as it needs", min=0.0, max=1000.0),
+    ] = 0.0,
+    browsers: Annotated[int, typer.Option(help="how many may look at once", min=1, max=64)] = 32,
+) -> None:
+    """Show a running session, or a replay, in a browser, and steer it from there.
+
+    Prints an address for each role: open it in a browser of this machine. A render node draws; one is started if there is none.
+
+    \b
+    From elsewhere, through a tunnel, with the same address there:
+      ssh -L 8090:localhost:8090 HOST
+    Directly, encrypted:
+      elys web --host 0.0.0.0 --cert cert.pem --cert-key key.pem
+    A recording:
+      elys play run.mcap      and beside it      elys web
+    """
+    from elys.verbs import web as verb
+
+    verb.web(
+        connect,
+        host=host,
+        port=port,
+        names=tuple(name),
+        cert=cert,
+        cert_key=cert_key,
+        insecure=insecure,
+        role=role,
+        fps=fps,
+        bit_rate=bit_rate,
+        browsers=browsers,
+    )
+
+
+@app.command()
 def doctor(json: Json = False) -> None:
     """Check what ELYS needs of this machine, and say how to mend it."""
     from elys.verbs import doctor as verb

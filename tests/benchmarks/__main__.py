@@ -27,6 +27,7 @@ from tests.benchmarks import (
     streams,
     ticks,
     view_streams,
+    web_page,
 )
 from tests.benchmarks.machine import machine
 
@@ -46,6 +47,9 @@ SUITES: dict[str, Callable[[], list[tuple[str, str]]]] = {
     "streams": streams.measure,
 }
 PAGES = {"editor": "docs/editor.md", "streams": "docs/streaming.md"}  # whose rows stand there and not in the README
+    "web": web_page.measure,
+}
+PAGES = {"editor": "docs/editor.md", "web": "docs/web.md"}  # whose rows stand there and not in the README
 
 
 def main() -> None:
