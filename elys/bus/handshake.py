@@ -1,4 +1,5 @@
-"""The handshake: who comes into a session first compares protocol versions with its host, and learns which session it is.
+"""The handshake: who comes into a session first compares protocol versions with its host, and learns which session it is; and
+what the host's clock says.
 
 Behind one endpoint there may be several sessions (worlds behind a router). Whoever names none gets the only one, or is told
 which there are.
@@ -14,7 +15,8 @@ from typing import TYPE_CHECKING, Final
 
 import elys
 from elys.bus import codec, topics
-from elys.bus.messages.session import Hello, Welcome
+from elys.bus.messages.session import ClockReply, ClockRequest, Hello, Welcome
+from elys.bus.picture_ring import boot_id
 from elys.bus.topics import PROTOCOL_VERSION, Encoding
 from elys.bus.transports.transport import IncomingQuery, Transport
 from elys.common.errors import BusError, ConnectionLost, MessageError, ProtocolError, RequestError
@@ -27,8 +29,14 @@ _PAUSE: Final = 0.02  # [s] where nobody answers at once; the host may be starti
 _SHOWN: Final = 12  # sessions that a sentence names
 
 
-def welcome_to(name: str, epoch: int, incoming: IncomingQuery) -> None:
-    """Answers a Hello as the host of session `name`."""
+def hello_of(*, kind: str, node: str) -> bytes:
+    """What a node says first."""
+    hello = Hello(protocol=PROTOCOL_VERSION, kind=kind, node=node, version=elys.__version__)
+    return codec.encode(hello, Encoding.JSON)
+
+
+def answer_hello(incoming: IncomingQuery, *, session: str, epoch: int) -> None:
+    """The host's answer; to another version of the protocol it says what to do."""
     refusal = ""
     try:
         codec.check_prefix(incoming.payload, Encoding.JSON)
@@ -38,8 +46,26 @@ def welcome_to(name: str, epoch: int, incoming: IncomingQuery) -> None:
     except MessageError as error:
         incoming.refuse(str(error))
         return
-    welcome = Welcome(protocol=PROTOCOL_VERSION, version=elys.__version__, session=name, epoch=epoch, refusal=refusal)
+    welcome = Welcome(
+        protocol=PROTOCOL_VERSION,
+        version=elys.__version__,
+        session=session,
+        epoch=epoch,
+        refusal=refusal,
+        machine=boot_id(),
+    )
     incoming.reply(codec.encode(welcome, Encoding.JSON))
+
+
+def answer_clock(incoming: IncomingQuery, *, epoch: int) -> None:
+    """What the host's clock says now."""
+    now = time.time_ns()
+    try:
+        codec.decode(incoming.payload, ClockRequest, Encoding.JSON)
+    except (MessageError, ProtocolError) as error:
+        incoming.refuse(str(error))
+        return
+    incoming.reply(codec.encode(ClockReply(epoch=epoch, wall_clock=now), Encoding.JSON))
 
 
 async def greet(transport: Transport, *, node: Node, name: str, timeout: float) -> Welcome:
@@ -70,8 +96,7 @@ async def all_welcomes(transport: Transport, *, node: Node, name: str, timeout: 
     Raises:
         ProtocolError: an answer cannot be read. RequestError: there are refusals, and nothing else.
     """
-    hello = Hello(protocol=PROTOCOL_VERSION, kind=node.kind, node=node.id, version=elys.__version__)
-    key = f"{topics.ROOT}/{name}/{topics.HELLO.name}"
+    key = topics.greeting_key(name, node.id)
     loop = asyncio.get_running_loop()
     future: asyncio.Future[tuple[list[bytes], list[str]]] = loop.create_future()
 
@@ -83,7 +108,7 @@ async def all_welcomes(transport: Transport, *, node: Node, name: str, timeout: 
         with contextlib.suppress(RuntimeError):  # the loop has ended: nobody is left to hear it
             loop.call_soon_threadsafe(settle, answers, reasons)
 
-    transport.survey(key, codec.encode(hello, Encoding.JSON), timeout, ended)
+    transport.survey(key, hello_of(kind=node.kind, node=node.id), timeout, ended)
     answers, reasons = await future
     if reasons and not answers:
         raise RequestError(reasons[0])

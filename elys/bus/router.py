@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import Final
 
 from elys.bus import codec, topics
+from elys.bus.access.roles import signed_id
 from elys.bus.messages.vitals import VitalsRequest
 from elys.bus.session import HOST_KINDS, node_id
 from elys.bus.transports.transport import Closer, IncomingQuery
@@ -29,7 +30,7 @@ class Router:
 
     def __init__(self, transport: ZenohRouter, say: Say) -> None:
         self.transport = transport
-        self.id = node_id(KIND)
+        self.id = signed_id(node_id(KIND), transport.user)
         self.sessions: dict[str, set[str]] = {}  # hosts by the name of their session
         self.upstream: set[str] = set()  # routers and hosts it is connected to, above and below
         self._say = say
@@ -81,7 +82,7 @@ class Router:
         if name in self._shown or len(self._shown) >= MOST_SESSIONS:
             return
         with contextlib.suppress(BusError):  # a name that no session of ELYS has
-            served = self.transport.serve(topics.key_of(name, topics.VITALS, self.id), self._answer)
+            served = self.transport.serve(topics.asked_key(name, topics.VITALS, self.id), self._answer)
             self._shown[name] = [served, self.transport.announce(topics.node_key(name, KIND, self.id))]
 
     def _answer(self, incoming: IncomingQuery) -> None:

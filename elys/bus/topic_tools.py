@@ -15,6 +15,7 @@ from typing import Any
 import msgspec
 
 from elys.bus import codec, topics
+from elys.bus.access.roles import Role
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.network import NetworkWatch, TopicUse
 from elys.bus.session import Session
@@ -34,6 +35,11 @@ class TopicRow(msgspec.Struct, frozen=True, kw_only=True):
     encoding: str
     recorded: bool
     text: str
+    roles: str  # who may say it and hear it, or ask and answer
+
+
+def _roles(sender: Role, receiver: Role, sends: str, receives: str) -> str:
+    return f"{sender.title} {sends}, {receiver.title} {receives}"
 
 
 class RateReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -58,6 +64,7 @@ def list_topics() -> list[TopicRow]:
             encoding=topic.encoding.value,
             recorded=topic.recorded,
             text=topic.text,
+            roles=_roles(topic.publisher, topic.reader, "says", "hears"),
         )
         for topic in topics.TOPICS
     ]
@@ -70,6 +77,7 @@ def list_topics() -> list[TopicRow]:
             encoding=query.reply_encoding.value,
             recorded=False,
             text=query.text,
+            roles=_roles(query.asker, query.answerer, "asks", "answers"),
         )
         for query in topics.QUERIES
     ]
@@ -86,6 +94,8 @@ class TopicInfo(msgspec.Struct, frozen=True, kw_only=True):
     encoding: str
     recorded: bool
     on_demand: bool  # made only while somebody listens
+    publisher: str  # the least role that may say it
+    reader: str  # the least that may hear it
     use: TopicUse
 
 
@@ -111,6 +121,8 @@ async def info(session: Session, names: Sequence[str], *, interval: float = 1.0)
             encoding=topic.encoding.value,
             recorded=topic.recorded,
             on_demand=topic in topics.ON_DEMAND,
+            publisher=topic.publisher.title,
+            reader=topic.reader.title,
             use=watch.topic_use(topic.name),
         )
         for topic in chosen

@@ -7,10 +7,11 @@ from typing import Annotated
 import typer
 
 from elys.cli.app import app
-from elys.cli.options import Connect, Json, SessionName, place
+from elys.cli.options import Address, Connect, Insecure, Json, SessionName, Tls, listening, place, shows_credentials
 
 
 @app.command()
+@shows_credentials
 def sessions(
     connect: Connect = None,
     discover: Annotated[
@@ -27,6 +28,7 @@ def sessions(
 
 
 @app.command()
+@shows_credentials
 def top(
     connect: Connect = None,
     session: SessionName = "",
@@ -48,6 +50,7 @@ def top(
 
 
 @app.command()
+@shows_credentials
 def router(
     connect: Annotated[
         list[str],
@@ -58,6 +61,9 @@ def router(
     listen: Annotated[str, typer.Option(help="endpoint at which viewers, sessions and routers connect")] = (
         "tcp/127.0.0.1:7447"
     ),
+    tls: Tls = False,
+    insecure: Insecure = False,
+    address: Address = [],  # noqa: B006
     discover: Annotated[
         bool,
         typer.Option("--discover", help="answer those who look around in the local network with what is behind it"),
@@ -66,4 +72,4 @@ def router(
     """Pass sessions on to many: what is above sends once, however many connect here. Routers make a tree."""
     from elys.verbs import router as verb
 
-    verb.router(listen, connect, discover=discover)
+    verb.router(listening(listen, tls=tls, insecure=insecure, addresses=address), connect, discover=discover)

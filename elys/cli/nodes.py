@@ -9,11 +9,15 @@ import typer
 
 from elys.cli.app import node_app
 from elys.cli.options import (
+    Address,
     At,
     Connect,
+    DebugKinds,
     Discover,
     Frames,
     From,
+    Ghost,
+    Insecure,
     Keep,
     Listen,
     NoGuard,
@@ -22,8 +26,11 @@ from elys.cli.options import (
     Scene,
     SessionName,
     Threads,
+    Tls,
     To,
+    listening,
     place,
+    shows_credentials,
 )
 
 
@@ -31,6 +38,9 @@ from elys.cli.options import (
 def node_simulation(
     scene: Scene,
     listen: Listen = None,
+    tls: Tls = False,
+    insecure: Insecure = False,
+    address: Address = [],  # noqa: B006
     router: Router = None,
     discover: Discover = False,
     steps: Annotated[int, typer.Option(min=0)] = 0,
@@ -50,7 +60,7 @@ def node_simulation(
 
     nodes.simulation(
         scene,
-        listen=listen,
+        listen=listening(listen, tls=tls, insecure=insecure, addresses=address),
         router=router,
         discover=discover,
         step_limit=steps,
@@ -67,6 +77,7 @@ def node_simulation(
 
 
 @node_app.command("render")
+@shows_credentials
 def node_render(connect: Connect = None) -> None:
     """A render node that draws views for others."""
     from elys.verbs import nodes
@@ -75,6 +86,7 @@ def node_render(connect: Connect = None) -> None:
 
 
 @node_app.command("editor")
+@shows_credentials
 def node_editor(
     connect: Connect = None,
     frames: Frames = 0,
@@ -86,26 +98,49 @@ def node_editor(
     nodes.editor(connect, starts_alone=alone, frame_limit=frames)
 
 
-@node_app.command("viewer")
-def node_viewer(connect: Connect = None, session: SessionName = "", frames: Frames = 0) -> None:
-    """A viewer's window, which waits for its session."""
-    from elys.verbs import nodes
-
-    nodes.viewer(place(connect, session), frame_limit=frames)
-
-
 @node_app.command("player")
 def node_player(
     recording: Recording,
     listen: Listen = None,
+    tls: Tls = False,
+    insecure: Insecure = False,
+    address: Address = [],  # noqa: B006
     paused: Annotated[bool, typer.Option("--paused")] = False,
     rate: Annotated[float, typer.Option(min=0.01, max=100.0)] = 1.0,
     loop: Annotated[bool, typer.Option("--loop")] = False,
     start: From = "",
     end: To = "",
+    ghost: Ghost = [],  # noqa: B006
 ) -> None:
     """A player that serves a recording."""
     from elys.verbs import nodes
     from elys.verbs.playback import Playback
 
-    nodes.player(recording, Playback(paused, rate, loop, start, end), listen=listen)
+    nodes.player(
+        recording,
+        Playback(paused, rate, loop, start, end, tuple(map(str, ghost))),
+        listen=listening(listen, tls=tls, insecure=insecure, addresses=address),
+    )
+
+
+@node_app.command("ghost")
+@shows_credentials
+def node_ghost(
+    recording: Recording,
+    connect: Connect = None,
+    color: Annotated[str, typer.Option(help="RRGGBB")] = "",
+    now: Annotated[bool, typer.Option("--now", help="let it begin now, and not at the same simulation time")] = False,
+) -> None:
+    """A recording shown beside a session as a ghost."""
+    from elys.verbs import ghosts
+
+    ghosts.ghost(recording, connect=connect, color=color, starts_now=now)
+
+
+@node_app.command("view")
+@shows_credentials
+def node_view(connect: Connect = None, session: SessionName = "", debug: DebugKinds = "", frames: Frames = 0) -> None:
+    """A viewer's window, which waits for its session."""
+    from elys.verbs import nodes
+
+    nodes.view(place(connect, session), debug=debug, frame_limit=frames)

@@ -9,12 +9,16 @@ import typer
 
 from elys.cli.app import app
 from elys.cli.options import (
+    Address,
     At,
     Compact,
     Connect,
     DebugKinds,
     Discover,
     Frames,
+    FullFrames,
+    Ghost,
+    Insecure,
     Json,
     Keep,
     KeepFiles,
@@ -26,9 +30,12 @@ from elys.cli.options import (
     Scene,
     SessionName,
     Threads,
+    Tls,
     Topics,
     Trust,
+    listening,
     place,
+    shows_credentials,
 )
 
 
@@ -41,6 +48,9 @@ def run(
     realtime: Annotated[bool, typer.Option("--realtime", help="headless: keep to real time even with --steps")] = False,
     paused: Annotated[bool, typer.Option("--paused", help="start paused")] = False,
     listen: Listen = None,
+    tls: Tls = False,
+    insecure: Insecure = False,
+    address: Address = [],  # noqa: B006
     router: Router = None,
     discover: Discover = False,
     name: Annotated[str, typer.Option(help="name of the session; default: the scene's")] = "",
@@ -76,7 +86,7 @@ def run(
         record=record,
         realtime=realtime,
         paused=paused,
-        listen=listen,
+        listen=listening(listen, tls=tls, insecure=insecure, addresses=address),
         router=router,
         discover=discover,
         name=name,
@@ -91,14 +101,16 @@ def run(
 
 
 @app.command()
-def edit(connect: Connect = None, session: SessionName = "") -> None:
+@shows_credentials
+def edit(connect: Connect = None, session: SessionName = "", full_frames: FullFrames = False) -> None:
     """Attach an editor to a running session or a replay; where none runs, choose in the editor what to open."""
     from elys.verbs import attach
 
-    attach.edit(place(connect, session))
+    attach.edit(place(connect, session), full_frames=full_frames)
 
 
 @app.command()
+@shows_credentials
 def view(
     connect: Connect = None,
     session: SessionName = "",
@@ -115,6 +127,11 @@ def view(
     bit_rate: Annotated[
         float, typer.Option(help="[Mbit/s] that h264 may take; 0: as much as it needs", min=0.0, max=1000.0)
     ] = 0.0,
+    full_frames: FullFrames = False,
+    ghost: Ghost = [],  # noqa: B006
+    ghost_now: Annotated[
+        bool, typer.Option("--ghost-now", help="let ghosts begin now, and not at the same simulation time")
+    ] = False,
     frames: Frames = 0,
 ) -> None:
     """Watch a running session or a replay in a window."""
@@ -128,6 +145,9 @@ def view(
         thin=thin,
         encoding=encoding,
         bit_rate=bit_rate,
+        full_frames=full_frames,
+        ghosts=ghost,
+        ghosts_start_now=ghost_now,
     )
 
 
@@ -154,6 +174,7 @@ def launch(
 
 
 @app.command()
+@shows_credentials
 def foxglove(
     connect: Connect = None,
     session: SessionName = "",
@@ -165,6 +186,60 @@ def foxglove(
     from elys.verbs import foxglove as verb
 
     verb.foxglove(place(connect, session), host=host, port=port, patience=patience)
+
+
+@app.command()
+@shows_credentials
+def web(
+    connect: Connect = None,
+    session: SessionName = "",
+    host: Annotated[
+        str, typer.Option(help="address to listen at; default: this machine alone. 0.0.0.0: every network it is in")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="port to listen at; 0: the first free from 8090", min=0, max=65535)] = 0,
+    role: Annotated[str, typer.Option(help="what anybody may at most: viewer, player, editor or owner")] = "owner",
+    name: Annotated[
+        list[str], typer.Option(help="name under which browsers reach this machine, if it does not know it itself")
+    ] = [],  # noqa: B006
+    cert: Annotated[Optional[Path], typer.Option(help="certificate (PEM): everything is encrypted")] = None,  # noqa: UP045
+    cert_key: Annotated[Optional[Path], typer.Option(help="its private key (PEM), if not in the same file")] = None,  # noqa: UP045
+    insecure: Annotated[
+        bool, typer.Option("--insecure", help="ask nobody for a secret: whoever reaches the port is let in")
+    ] = False,
+    fps: Annotated[float, typer.Option(help="pictures a second for each browser at most", min=0.1, max=60.0)] = 30.0,
+    bit_rate: Annotated[
+        float,
+        typer.Option(help="[Mbit/s] that a browser's H.264 may take; 0: as much as it needs", min=0.0, max=1000.0),
+    ] = 0.0,
+    browsers: Annotated[int, typer.Option(help="how many may look at once", min=1, max=64)] = 32,
+) -> None:
+    """Show a running session, or a replay, in a browser, and steer it from there.
+
+    Prints an address for each role: open it in a browser of this machine. A render node draws; one is started if there is none.
+
+    \b
+    From elsewhere, through a tunnel, with the same address there:
+      ssh -L 8090:localhost:8090 HOST
+    Directly, encrypted:
+      elys web --host 0.0.0.0 --cert cert.pem --cert-key key.pem
+    A recording:
+      elys play run.mcap      and beside it      elys web
+    """
+    from elys.verbs import web as verb
+
+    verb.web(
+        place(connect, session),
+        host=host,
+        port=port,
+        names=tuple(name),
+        cert=cert,
+        cert_key=cert_key,
+        insecure=insecure,
+        role=role,
+        fps=fps,
+        bit_rate=bit_rate,
+        browsers=browsers,
+    )
 
 
 @app.command()

@@ -53,9 +53,7 @@ def require_announceable(endpoint: str | None) -> None:
 
 
 @contextlib.asynccontextmanager
-async def discoverable(
-    session: Session, endpoint: str, *, wanted: bool, needs_secret: bool = False
-) -> AsyncIterator[None]:
+async def discoverable(session: Session, endpoint: str, *, wanted: bool, needs_secret: bool) -> AsyncIterator[None]:
     """While this lasts, those who look around in the local network find the session, if that is `wanted`.
 
     Raises:

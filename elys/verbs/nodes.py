@@ -12,10 +12,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from elys.bus.access.listening import LOOPBACK, Listening
+from elys.bus.access.roles import Role, role_of_user, signed_id
 from elys.bus.log import log_to_session, start_logging
 from elys.bus.recording_plan import RecordingPlan
 from elys.bus.session import Node, Session, node_id
-from elys.common.errors import BusError
+from elys.common.errors import AccessError, BusError
 from elys.verbs.playback import Playback
 
 if TYPE_CHECKING:
@@ -60,7 +62,7 @@ async def joined(connect: str | None, *, kind: str, timeout: float = 5.0) -> Asy
 
 @contextlib.asynccontextmanager
 async def hosted(
-    listen: str | None, *, name: str, kind: str, scene: str, epoch: int, router: str | None = None
+    listen: Listening, *, name: str, kind: str, scene: str, epoch: int, router: str | None = None
 ) -> AsyncIterator[tuple[Session, str]]:
     """A session of one's own and the endpoint it is found at, by others of this machine without being told where.
 
@@ -68,9 +70,13 @@ async def hosted(
 
     Raises:
         BusError: the endpoint cannot be listened at, or a session of this name is behind the router already.
+        AccessError: there is nowhere to keep the keys of who may come in, or the router does not take this user's.
         ConnectionLost: there is no router.
     """
-    from elys.bus.discovery import advertise
+    from elys.bus.discovery import advertise, loopback_endpoint
+    from elys.bus.streaming.choice import is_near
+    from elys.verbs.invitation import invite
+    from elys.verbs.streaming_child import StreamingChild
 
     transport = await asyncio.to_thread(_host_transport(listen, router))
     try:
@@ -84,29 +90,54 @@ async def hosted(
         await asyncio.to_thread(transport.close)
         raise
     handler = log_to_session(session)
+    own = loopback_endpoint(transport.endpoint)
+    streaming = StreamingChild(session, f"{session.name}@{own}" if router else own)
+    invite(listen, transport.endpoint)
     try:
+        if not is_near(transport.endpoint):
+            await streaming.start()
         yield session, transport.endpoint
     finally:
         handler.detach()
         withdraw()
+        await asyncio.shield(streaming.close())
         await session.close()
 
 
-def _host_transport(listen: str | None, router: str | None) -> Callable[[], ZenohTransport]:
+def _host_transport(listen: Listening, router: str | None) -> Callable[[], ZenohTransport]:
+    from elys.bus.access.listening import access_of
     from elys.bus.discovery import complete_endpoint
     from elys.bus.transports.zenoh import ZenohTransport
 
-    if router and listen:
-        raise BusError("a session listens itself or is reached through a router: give --listen or --router")
     if router:
-        return partial(ZenohTransport.connect, complete_endpoint(router), timeout=_ROUTER_PATIENCE, hosts=True)
-    return partial(ZenohTransport.listen, complete_endpoint(listen)) if listen else ZenohTransport.listen_on_free_port
+        if listen != LOOPBACK:
+            raise BusError("a session listens itself or is reached through a router: give --listen or --router")
+        return partial(_below_router, complete_endpoint(router))
+    if listen.endpoint is None:
+        return lambda: ZenohTransport.listen_on_free_port(access=access_of(listen))
+    endpoint = listen.endpoint
+    return lambda: ZenohTransport.listen(endpoint, access=access_of(listen))
+
+
+def _below_router(router: str) -> ZenohTransport:
+    """A host's connection to a router, which must be of the owner's: nobody else may say what a session's state is."""
+    from elys.bus.discovery import credentials_at
+    from elys.bus.transports.zenoh import ZenohTransport
+
+    shown = credentials_at(router)
+    transport = ZenohTransport.connect(router, timeout=_ROUTER_PATIENCE, credentials=shown, hosts=True)
+    if role_of_user(transport.user) < Role.OWNER:
+        transport.close()
+        raise AccessError(
+            f"a session behind a router needs the key of its owner, not of a {role_of_user(transport.user).title}"
+        )
+    return transport
 
 
 async def _require_new(transport: ZenohTransport, name: str) -> None:
     from elys.bus.handshake import all_welcomes
 
-    node = Node("simulation", node_id("simulation"))
+    node = Node("simulation", signed_id(node_id("simulation"), transport.user))
     if await all_welcomes(transport, node=node, name=name, timeout=1.0):
         raise BusError(f"a session {name} is behind {transport.endpoint} already: choose another name with --name")
 
@@ -119,7 +150,7 @@ def session_name(text: str) -> str:
 def simulation(
     scene: str,
     *,
-    listen: str | None,
+    listen: Listening,
     router: str | None,
     discover: bool,
     step_limit: int,
@@ -189,19 +220,20 @@ def editor(connect: str | None, *, starts_alone: bool = False, frame_limit: int)
     run_until_asked(work())
 
 
-def viewer(connect: str | None, *, frame_limit: int) -> None:
-    """A viewer's process."""
+def view(connect: str | None, *, debug: str, frame_limit: int) -> None:
+    """A viewer's process, which waits for its session."""
+    from elys.render_node.debug_drawing import parsed_kinds
     from elys.render_node.view_window import run_view
 
     async def work() -> None:
         async with joined(connect, kind="viewer", timeout=60.0) as session:
-            await run_view(session, frames=frame_limit or None)
+            await run_view(session, frames=frame_limit or None, debug=parsed_kinds(debug))
 
     start_logging()
     run_until_asked(work())
 
 
-def player(recording: Path, playback: Playback, *, listen: str | None) -> None:
+def player(recording: Path, playback: Playback, *, listen: Listening) -> None:
     """A player's process."""
     from elys.verbs.replay import serve_recording
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from elys.bus.access.listening import Listening
 from elys.bus.recording_plan import PLAIN, RecordingPlan, to_json
 from elys.common.errors import LaunchError
 
@@ -17,26 +19,24 @@ _PACKAGE: Final = Path(__file__).parents[1]
 LAUNCH_DIRECTORIES: Final = (_PACKAGE.parent / "launch", _PACKAGE / "_launch")  # of a checkout, of an installed wheel
 
 
-def run(scene: str, *, listen: str | None, foxglove: int = 0, **options: Any) -> None:
+def run(scene: str, *, listen: Listening, foxglove: int = 0, **options: Any) -> None:
     """Simulates a scene: with an editor, or headless; with a port, also for the Foxglove app."""
-    from elys.bus.discovery import complete_endpoint
     from elys.verbs.host_facts import require_announceable
 
-    endpoint = complete_endpoint(listen) if listen else None  # what is none is said before anything takes its time
     if options["router"] and (options["discover"] or foxglove):
         raise LaunchError(
             "a session behind a router is announced by `elys router --discover`, and served by `elys foxglove --session NAME`"
         )
     if options["discover"]:
-        require_announceable(endpoint)
+        require_announceable(listen.endpoint)
     if not foxglove:
-        _run(scene, listen=endpoint, **options)
+        _run(scene, listen=listen, **options)
         return
     from elys.verbs.foxglove import foxglove_beside
 
-    endpoint = endpoint or free_endpoint()
+    endpoint = listen.endpoint or free_endpoint()
     with foxglove_beside(endpoint, foxglove):
-        _run(scene, listen=endpoint, **options)
+        _run(scene, listen=replace(listen, endpoint=endpoint), **options)
 
 
 def _run(
@@ -47,7 +47,7 @@ def _run(
     record: Path | None,
     realtime: bool,
     paused: bool,
-    listen: str | None,
+    listen: Listening,
     router: str | None,
     discover: bool,
     name: str,
@@ -103,7 +103,8 @@ def _run(
     options += ["--keep", str(keep)]
     options += ["--threads", str(threads)] if threads > 1 else []
     options += ["--at", at] if at else []
-    sys.exit(start("editor", {"scene": scene}, endpoint=listen, extra={"simulation": options}))
+    options += listen.words()
+    sys.exit(start("editor", {"scene": scene}, endpoint=listen.endpoint, extra={"simulation": options}))
 
 
 def launch(file: Path, values: list[str]) -> None:
@@ -131,7 +132,7 @@ def start(
     extra: dict[str, list[str]] | None = None,
 ) -> int:
     """Starts one of ELYS's own launch files; `extra` adds words to the commands of processes by name."""
-    from msgspec.structs import replace
+    from msgspec import structs
 
     from elys.launch import fill_in, read_launch_file, run_processes
 
@@ -139,7 +140,7 @@ def start(
     described = read_launch_file(directory / f"{launch_name}.toml")
     processes = fill_in(described, {**parameters, "endpoint": endpoint or free_endpoint()})
     words = extra or {}
-    return run_processes([replace(p, command=(*p.command, *words.get(p.name, ()))) for p in processes])
+    return run_processes([structs.replace(p, command=(*p.command, *words.get(p.name, ()))) for p in processes])
 
 
 def free_endpoint(*, taken: Collection[str] = ()) -> str:
@@ -178,7 +179,7 @@ def _run_headless(
     record: Path | None,
     realtime: bool,
     paused: bool,
-    listen: str | None,
+    listen: Listening,
     router: str | None,
     discover: bool,
     name: str,

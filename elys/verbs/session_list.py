@@ -5,13 +5,15 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import time
+from functools import partial
 from typing import Final
 
 import msgspec
 
 from elys.bus import topics
+from elys.bus.access.roles import signed_id
 from elys.bus.beacon import FoundSession, look_around
-from elys.bus.discovery import choose_endpoint, find_sessions, join_session, split_place
+from elys.bus.discovery import choose_endpoint, credentials_at, find_sessions, join_session, split_place
 from elys.bus.handshake import all_welcomes, names_of
 from elys.bus.messages.vitals import VitalsRequest
 from elys.bus.session import HOST_KINDS, Node, Session, node_id
@@ -78,9 +80,10 @@ async def _all(connect: str | None, *, discover: bool, seconds: float) -> list[S
 async def _behind(connect: str) -> list[SessionRow]:
     """Those that answer at an endpoint. ConnectionLost: nobody is there."""
     name, endpoint = split_place(choose_endpoint(connect))
-    transport = await asyncio.to_thread(ZenohTransport.connect, endpoint)
+    shown = await asyncio.to_thread(credentials_at, endpoint)
+    transport = await asyncio.to_thread(partial(ZenohTransport.connect, endpoint, credentials=shown))
     try:
-        node = Node("tool", node_id("tool"))
+        node = Node("tool", signed_id(node_id("tool"), transport.user))
         welcomes = await all_welcomes(transport, node=node, name=name or "*", timeout=PATIENCE)
     finally:
         await asyncio.to_thread(transport.close)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import platformdirs
 
+from elys.bus.access.listening import Listening
 from elys.bus.recording_plan import PLAIN, RecordingPlan
 from elys.common.assets.store import AssetStore
 from elys.verbs.host_facts import discoverable, facts_of
@@ -87,7 +88,7 @@ def prepare(scene: str, *, record: Path | None, threads: int = 1, at: str = "") 
 async def simulate(
     simulation: Simulation,
     *,
-    listen: str | None,
+    listen: Listening,
     router: str | None = None,
     discover: bool = False,
     step_limit: int,
@@ -130,7 +131,7 @@ async def simulate(
         session.host_facts = facts_of(node)
         started = time.perf_counter()
         try:
-            async with discoverable(session, endpoint, wanted=discover):
+            async with discoverable(session, endpoint, wanted=discover, needs_secret=not listen.insecure):
                 await node.run()
         except Exception:
             if node.guard is not None:

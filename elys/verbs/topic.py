@@ -28,8 +28,8 @@ def list_topics(*, json: bool) -> None:
     if json:
         print_json(rows)
     else:
-        columns = ("topic", "message", "delivery", "encoding", "what")
-        print_table(columns, ((r.name, r.message, r.delivery, r.encoding, r.text) for r in rows))
+        columns = ("topic", "message", "delivery", "encoding", "least role", "what")
+        print_table(columns, ((r.name, r.message, r.delivery, r.encoding, r.roles, r.text) for r in rows))
 
 
 def info(name: str, connect: str | None, *, seconds: float, json: bool) -> None:
@@ -75,6 +75,7 @@ def _lines_of(found: TopicInfo) -> list[tuple[str, str]]:
         ("hear", ", ".join(use.listeners) or "nobody"),
         ("rate", f"{use.rate:.1f} messages/s of {size_text(use.size)}, {size_text(use.rate * use.size)}/s"),
         ("age", _age(use) or "its messages do not tell"),
+        ("who may", f"{found.publisher} says, {found.reader} hears"),
         ("delivery", _DELIVERIES[found.delivery] + made),
         ("recorded", "yes" if found.recorded else "no"),
         ("message", f"{found.message}, as {found.encoding}"),

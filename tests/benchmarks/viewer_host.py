@@ -14,10 +14,12 @@ import contextlib
 import json
 import sys
 import time
+from functools import partial
 
 import msgspec
 
 from elys.bus import codec, topics
+from elys.bus.access.listening import LOOPBACK, access_of
 from elys.bus.messages.commands import CommandRequest, SetComponent
 from elys.bus.session import Session
 from elys.bus.transports.zenoh import ZenohTransport
@@ -37,7 +39,8 @@ async def host(endpoint: str, scene: str) -> None:
     simulation.physics.settings = msgspec.structs.replace(simulation.physics.settings, sleeping=False)
     for _ in range(SETTLING):
         simulation.step()
-    transport = await asyncio.to_thread(ZenohTransport.listen, endpoint)
+    access = access_of(LOOPBACK)  # it asks who comes, as sessions do
+    transport = await asyncio.to_thread(partial(ZenohTransport.listen, endpoint, access=access))
     session = await Session.host(transport, name="bench", kind="simulation", epoch=time.time_ns())
     node = SimulationNode(simulation, session, keep=0.0)
     loop = asyncio.get_running_loop()

@@ -16,19 +16,30 @@ from pathlib import Path
 
 import pytest
 
+ELYS = (sys.executable, "-m", "elys")
+
 
 class Command:
-    """A running `elys` command; its lines (stdout and stderr together) are collected as they come."""
+    """A running `elys` command; its lines (stdout and stderr together) are collected as they come.
+
+    With a `prefix` it is another program (or this one within another); one that `hears` can be told lines.
+    """
 
     def __init__(
-        self, words: tuple[str, ...], environment: dict[str, str], directory: Path, *, before: tuple[str, ...] = ()
+        self,
+        words: tuple[str, ...],
+        environment: dict[str, str],
+        directory: Path,
+        *,
+        prefix: tuple[str, ...] = ELYS,
+        hears: bool = False,
     ) -> None:
         self.words = words
         self.lines: list[str] = []
         self._news = threading.Condition()
         self.process = subprocess.Popen(
-            [*before, sys.executable, "-m", "elys", *words],
-            stdin=subprocess.DEVNULL,
+            [*prefix, *words],
+            stdin=subprocess.PIPE if hears else subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -57,6 +68,12 @@ class Command:
                 if left <= 0 or (not self._reader.is_alive() and seen == len(self.lines)):
                     pytest.fail(f"elys {' '.join(self.words)} never said {pattern!r}; it said:\n{self.output}")
                 self._news.wait(min(left, 0.5))
+
+    def tell(self, line: str) -> None:
+        """A line for its input."""
+        assert self.process.stdin is not None
+        self.process.stdin.write(line + "\n")
+        self.process.stdin.flush()
 
     def wait(self, *, seconds: float = 60.0) -> int:
         """Its exit status, after its output was read to the end."""
@@ -104,11 +121,12 @@ def environment(tmp_path: Path) -> dict[str, str]:
 
 @pytest.fixture
 def elys(environment: dict[str, str], tmp_path: Path) -> Iterator[Elys]:
-    """Starts `elys WORDS...` in a directory of the test's own."""
+    """Starts `elys WORDS...` in a directory of the test's own, with words `before` it where it is to run within another."""
     started: list[Command] = []
 
     def start(*words: str | Path, before: tuple[str, ...] = (), **variables: str) -> Command:
-        command = Command(tuple(map(str, words)), {**environment, **variables}, tmp_path, before=before)
+        prefix = (*before, *ELYS)
+        command = Command(tuple(map(str, words)), {**environment, **variables}, tmp_path, prefix=prefix)
         started.append(command)
         return command
 

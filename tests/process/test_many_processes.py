@@ -167,19 +167,31 @@ def test_sessions_are_found_on_a_network_by_those_who_ask_if_they_were_told_to_a
         elys(*open_to_all, "--name", "shown", "--discover", before=here).wait_for("simulating")
         (found,) = found_from(elys, there)
         assert (found["name"], found["endpoint"], found["scene"]) == ("shown", "tcp/10.77.0.1:7447", "Stack of 10")
-        assert found["age"] >= 0.0 and not found["is_local"]
-        joined = elys("topic", "echo", "status", "-n", "1", "--connect", found["endpoint"], before=there)
+        assert found["age"] >= 0.0 and not found["is_local"] and found["needs_secret"]
+        echo = ("topic", "echo", "status", "-n", "1", "--connect", found["endpoint"])
+        stranger = elys(*echo, before=there)
+        assert stranger.wait() == 1 and "lets in only who shows a secret" in stranger.output
+        viewer, owner = (key_of(elys, role) for role in ("viewer", "owner"))
+        joined = elys(*echo, before=there, ELYS_SECRET=viewer)
         assert joined.wait() == 0
         plain = elys("sessions", before=there, ELYS_RUNTIME_DIR="/nonexistent")
         assert plain.wait() == 0 and "No session is running on this machine" in plain.output
 
-        elys(
-            "router", "--listen", "tcp/0.0.0.0:7448", "--connect", found["endpoint"], "--discover", before=there
-        ).wait_for("session shown .* is here")
+        route = ("router", "--listen", "tcp/0.0.0.0:7448", "--connect", found["endpoint"], "--discover")
+        for secret, reason in (("", "none is here for tcp/10.77.0.1:7447"), (viewer, "needs the owner's key")):
+            refused = elys(*route, before=there, ELYS_SECRET=secret)
+            assert refused.wait() == 1 and reason in refused.output
+        elys(*route, before=there, ELYS_SECRET=owner).wait_for("session shown .* is here")
         both = found_from(elys, here)
         assert {row["endpoint"] for row in both} == {"tcp/10.77.0.1:7447", "tcp/10.77.0.2:7448"}
     refused = elys("run", "stack", "--headless", "--discover")
     assert refused.wait() == 1 and "add --listen tcp/0.0.0.0:7447 to --discover" in refused.output
+
+
+def key_of(elys, role: str) -> str:
+    shown = elys("keys", "show", role)
+    assert shown.wait() == 0
+    return next(word for line in shown.lines for word in line.split() if word.startswith(f"{role}-"))
 
 
 def found_from(elys, machine: tuple[str, ...]) -> list[dict]:

@@ -18,7 +18,9 @@ from __future__ import annotations
 import contextlib
 import json
 import logging
+import os
 import threading
+import time
 import weakref
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -28,28 +30,36 @@ from typing import Any, Final
 import zenoh
 from zenoh.handlers import Callback
 
+from elys.bus.access.credentials import Credentials
+from elys.bus.access.host import HostAccess, client_settings
+from elys.bus.access.limits import MAX_MESSAGE_SIZE, host_limits
 from elys.bus.topics import Delivery
 from elys.bus.transports.outgoing import Outgoing
 from elys.bus.transports.transport import Answer, Answers, Closer, IncomingQuery, Link
-from elys.common.errors import BusError, ConnectionLost
+from elys.common.errors import AccessError, BusError, ConnectionLost
 
 DEFAULT_PORT: Final = 7447
 DEFAULT_ENDPOINT: Final = f"tcp/127.0.0.1:{DEFAULT_PORT}"
-MAX_MESSAGE_SIZE: Final = 64 << 20  # [bytes] one message; what is longer is dropped by zenoh before it fills the memory
 
 _LEASE: Final = 2000  # [ms] without a sign of life until a connection (a cut cable, a stopped machine) counts as dead
 _ANSWERING_THREADS: Final = 4
+_ASKING_WHY: Final = 1.5  # [s] of knocking in vain until it is asked why; three round trips of a slow link fit
 _REFUSAL: Final = "elys/refusal"  # encoding that tells our refusals from zenoh's own errors (a timeout)
 _PRIORITIES: Final = {Delivery.LATEST: zenoh.Priority.DATA, Delivery.SEQUENCED: zenoh.Priority.DATA_HIGH}
 _CLOSED: Final = "this transport is closed: open another one"
 _log = logging.getLogger(__name__)
 
+# Closing a connection to who has gone silent blocks one of zenoh's receiving threads for as long as its system waits for an
+# answer (SO_LINGER, 10 s), and there are few of them: one viewer's five made a host deaf for seconds. Read when zenoh starts.
+os.environ.setdefault("ZENOH_RUNTIME", "(rx: (worker_threads: 16))")
+
 
 class ZenohTransport:
     """One node's zenoh session; implements `Transport`. Make it with `listen`, `listen_on_free_port` or `connect`."""
 
-    def __init__(self, session: zenoh.Session, *, endpoint: str, hosts: bool) -> None:
+    def __init__(self, session: zenoh.Session, *, endpoint: str, hosts: bool, user: str = "") -> None:
         self.endpoint = endpoint
+        self.user = user  # who this side is to the host; "" where it asks nobody
         self._session = session
         self._hosts = hosts
         # Replies wait for the asker's queue. On threads of their own they may: the loop must not.
@@ -61,18 +71,18 @@ class ZenohTransport:
         self._matched: dict[str, zenoh.Publisher] = {}  # declared to hear who listens
         self._closers: set[Closer] = set()
         self._closed = False
+        self._way: tuple[list[str], Credentials | None] = ([], None)  # endpoints, and what was shown there
 
     @classmethod
-    def listen(cls, endpoint: str = DEFAULT_ENDPOINT) -> ZenohTransport:
-        """Opens the host's side.
+    def listen(cls, endpoint: str = DEFAULT_ENDPOINT, *, access: HostAccess | None = None) -> ZenohTransport:
+        """Opens the host's side, to those whom `access` names; without it to everybody who comes.
 
         Raises:
             BusError: the endpoint is in use or is none.
         """
-        config = _config("router")
         try:
-            _insert(config, "listen/endpoints", [endpoint])
-            session = zenoh.open(config)
+            with access.settings() if access is not None else contextlib.nullcontext(dict[str, Any]()) as who:
+                session = zenoh.open(_config("router", {"listen/endpoints": [endpoint], **host_limits(), **who}))
         except zenoh.ZError as error:
             if "in use" in str(error):
                 raise BusError(
@@ -82,11 +92,13 @@ class ZenohTransport:
         return cls(session, endpoint=endpoint, hosts=True)
 
     @classmethod
-    def listen_on_free_port(cls, *, address: str = "127.0.0.1", first_port: int = DEFAULT_PORT) -> ZenohTransport:
+    def listen_on_free_port(
+        cls, *, address: str = "127.0.0.1", first_port: int = DEFAULT_PORT, access: HostAccess | None = None
+    ) -> ZenohTransport:
         """Opens the host's side on the first free port from `first_port` on; BusError if 100 are in use."""
         for port in range(first_port, first_port + 100):
             try:
-                return cls.listen(f"tcp/{address}:{port}")
+                return cls.listen(f"tcp/{address}:{port}", access=access)
             except BusError as error:
                 if "in use" not in str(error):
                     raise
@@ -94,31 +106,47 @@ class ZenohTransport:
 
     @classmethod
     def connect(
-        cls, endpoints: str | Sequence[str] = DEFAULT_ENDPOINT, *, timeout: float = 5.0, hosts: bool = False
+        cls,
+        endpoints: str | Sequence[str] = DEFAULT_ENDPOINT,
+        *,
+        timeout: float = 5.0,
+        credentials: Credentials | None = None,
+        hosts: bool = False,
     ) -> ZenohTransport:
-        """Opens the side of everybody else, or of a host below a router; blocks until connected, `timeout` seconds at most.
+        """Opens the side of everybody else, or of a host below a router; blocks until connected, at most `timeout` seconds.
 
         Raises:
             ConnectionLost: nobody listens there.
+            AccessError: somebody does, and does not let this side in; the sentence says why.
             BusError: an endpoint is none.
         """
+        from elys.bus.access.refusals import is_open, why_refused  # who hosts, records or draws files needs none of it
+
         names = [endpoints] if isinstance(endpoints, str) else list(endpoints)
-        config = _config("client")
-        _insert(config, "connect/timeout_ms", max(1, int(timeout * 1000)))
-        _insert(config, "connect/exit_on_failure", True)
-        try:
-            _insert(config, "connect/endpoints", names)
-            session = zenoh.open(config)
-        except zenoh.ZError as error:
-            if "Unable to connect" in str(error):
+        deadline, patience = time.monotonic() + timeout, _ASKING_WHY
+        while True:
+            left = deadline - time.monotonic()
+            session = _opened(names, min(max(left, 0.001), patience), credentials)
+            if session is not None:
+                transport = cls(session, endpoint=names[0], hosts=hosts, user=credentials.user if credentials else "")
+                transport._way = names, credentials
+                return transport
+            if credentials is not None and any(is_open(name) for name in names):
+                credentials = None  # a host that asks nobody does not let in who tells it
+                deadline = max(deadline, time.monotonic() + patience)
+            elif reason := next(filter(None, (why_refused(name, credentials) for name in names)), ""):
+                raise AccessError(reason)
+            elif left <= patience:
                 raise ConnectionLost(
                     f"nobody answers at {' or '.join(names)} within {timeout:g} s: is the session running? "
                     "Start one with `elys run SCENE`"
-                ) from error
-            raise BusError(
-                f"cannot connect to '{' or '.join(names)}' ({_cause(error)}): give tcp/ADDRESS:PORT"
-            ) from error
-        return cls(session, endpoint=names[0], hosts=hosts)
+                )
+            patience = 2.0 * _ASKING_WHY
+
+    def another(self, timeout: float) -> ZenohTransport:
+        """One more connection to the same host; raises as `connect` does."""
+        endpoints, credentials = self._way
+        return self.connect(endpoints, timeout=timeout, credentials=credentials)
 
     # --- publishing and subscribing --------------------------------------------------------------------------------
 
@@ -220,9 +248,7 @@ class ZenohTransport:
 
     def links(self) -> list[Link]:
         """The connections there are now."""
-        info = self._session.info
-        kinds = {str(transport.zid): str(transport.whatami) for transport in info.transports()}
-        return [Link(str(o.zid), kinds.get(str(o.zid), ""), str(o.src), str(o.dst)) for o in info.links()]
+        return links_of(self._session)
 
     def announce(self, key: str) -> Closer:
         """Shows others that this key's owner is alive, until closed or dead."""
@@ -333,6 +359,13 @@ class ZenohQuery:
             self._answering.submit(work)
 
 
+def links_of(session: zenoh.Session) -> list[Link]:
+    """The connections of a zenoh session."""
+    info = session.info
+    kinds = {str(transport.zid): str(transport.whatami) for transport in info.transports()}
+    return [Link(str(o.zid), kinds.get(str(o.zid), ""), str(o.src), str(o.dst)) for o in info.links()]
+
+
 def _options(payload: bytes, timeout: float) -> dict[str, Any]:
     """How questions are asked: of all who may answer, each answer as it comes."""
     return {
@@ -344,8 +377,27 @@ def _options(payload: bytes, timeout: float) -> dict[str, Any]:
     }
 
 
-def _config(mode: str) -> zenoh.Config:
-    """Settings common to both sides, each for a reason given in the module's text or beside it."""
+def _opened(names: list[str], timeout: float, credentials: Credentials | None) -> zenoh.Session | None:
+    """A client of one of these endpoints; None where it cannot connect. Raises BusError for what is no endpoint."""
+    by_certificate = all(name.startswith("tls/") for name in names)
+    if by_certificate and (credentials is None or not credentials.has_certificate):
+        return None
+    settings = {
+        "connect/endpoints": names,
+        "connect/timeout_ms": max(1, int(timeout * 1000)),
+        "connect/exit_on_failure": True,
+        **client_settings(credentials, by_certificate=by_certificate),
+    }
+    try:
+        return zenoh.open(_config("client", settings))
+    except zenoh.ZError as error:
+        if "Unable to connect" in str(error):
+            return None
+        raise BusError(f"cannot connect to '{' or '.join(names)}' ({_cause(error)}): give tcp/ADDRESS:PORT") from error
+
+
+def _config(mode: str, settings: dict[str, Any]) -> zenoh.Config:
+    """Settings common to both sides, each for a reason given in the module's text or beside it, and those of one side."""
     config = zenoh.Config()
     for key, value in {
         "mode": mode,
@@ -362,6 +414,7 @@ def _config(mode: str) -> zenoh.Config:
         "transport/link/tx/queue/size/data_high": 16,
         "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 1000,  # [us]
         "transport/link/tx/queue/congestion_control/block/wait_before_close": 1_000_000,  # [us] for answers
+        **settings,
     }.items():
         _insert(config, key, value)
     return config

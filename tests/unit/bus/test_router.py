@@ -146,7 +146,7 @@ async def test_sessions_work_through_routers_and_a_router_shows_itself(tree: Tre
     vitals = await joined.request(topics.VITALS, VitalsRequest(), key=router.id)
     assert vitals.kind == "router" and joined.transport.identity() in {n.identity for n in vitals.neighbours}
     with pytest.raises(RequestError, match="at least 8 bytes"):
-        await joined._ask(topics.key_of("yard", topics.VITALS, router.id), b"", 5.0)
+        await joined._ask(topics.asked_key("yard", topics.VITALS, router.id, asker=joined.node.id), b"", 5.0)
     assert "session yard (simulation) is here" in said
     tree.opened.remove(tree.host)
     await host.close()
