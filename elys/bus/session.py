@@ -23,6 +23,7 @@ from elys.bus.mailbox import Mailbox
 from elys.bus.messages.session import Hello, Welcome
 from elys.bus.topics import PROTOCOL_VERSION, Delivery, Encoding, Query, Topic
 from elys.bus.transports.transport import Closer, IncomingQuery, Transport
+from elys.bus.vigil import Vigil
 from elys.common.errors import BusError, ConnectionLost, ElysError, MessageError, ProtocolError, RequestError
 
 M = TypeVar("M")
@@ -92,6 +93,7 @@ class Session:
         session.name, session.epoch = welcome.session, welcome.epoch
         session._show_and_watch()
         session._closers.append(transport.watch_link(session._from_thread(session._link_changed)))
+        session.start(Vigil(transport, session._ask_for_life, session._link_changed).keep())
         return session
 
     async def close(self) -> None:
@@ -348,6 +350,10 @@ class Session:
                 listener(False)
         elif alive and not self.connected and self._rejoining is None:
             self._rejoining = self.start(self._rejoin())
+
+    async def _ask_for_life(self, timeout: float) -> None:
+        hello = Hello(protocol=PROTOCOL_VERSION, kind=self.node.kind, node=self.node.id, version=elys.__version__)
+        await self._ask(topics.key_of(self.name, topics.HELLO), codec.encode(hello, Encoding.JSON), timeout)
 
     async def _rejoin(self) -> None:
         try:

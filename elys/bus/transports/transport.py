@@ -32,6 +32,8 @@ class Answer(Protocol):
 class Transport(Protocol):
     """Carries payloads. Key expressions may hold `*` for one part and a final `**` for any rest."""
 
+    endpoint: str  # where the host is; "" inside one process
+
     def publish(self, key: str, payload: bytes, delivery: Delivery) -> None:
         """Sends to all who subscribe; never waits for a reader."""
 
@@ -58,6 +60,17 @@ class Transport(Protocol):
 
     def watch_link(self, on_change: Callable[[bool], None]) -> Closer:
         """Calls `on_change(connected)` now and when the connection to the host goes or comes; the host hears nothing."""
+
+    @property
+    def silence(self) -> float:
+        """[s] since something came from the host; 0 where there is no way that could break, and for the host itself."""
+
+    @property
+    def round_trip(self) -> float:
+        """[s] to the host and back, as it was measured when the connection was made; 0 where that is not known."""
+
+    def suspect(self) -> None:
+        """The host was silent for too long: looks for another way to it, unless it speaks first."""
 
     def close(self) -> None:
         """Ends everything this transport holds. A second call does nothing."""

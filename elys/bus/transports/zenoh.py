@@ -3,8 +3,8 @@
     host  = zenoh "router", listens on tcp/127.0.0.1:7447        viewers, editors, recorders = zenoh "client"s of it
 
 All nodes of a session reach one another through the host, so nobody needs a broker, multicast or discovery, and when the
-host is gone every client notices at once (its TCP connection closes) and knocks again every 100 ms until there is a new one;
-zenoh then declares its subscriptions, queryables and tokens anew by itself.
+host is gone every client notices at once (its TCP connection closes) and knocks four times a second at all endpoints that it
+was given until one answers (`reaching.py`); its subscriptions, queryables and tokens are declared there anew (`zenoh_line.py`).
 
 Delivery. Nothing that a viewer can subscribe to is ever sent with BLOCK: a stopped viewer would stop the simulation. Both
 deliveries are reliable on the wire and dropped only for a reader whose transmission queue is full; they use queues of their
@@ -19,6 +19,7 @@ import contextlib
 import json
 import logging
 import threading
+import time
 import weakref
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -30,14 +31,21 @@ from zenoh.handlers import Callback
 
 from elys.bus.topics import Delivery
 from elys.bus.transports.outgoing import Outgoing
+from elys.bus.transports.reaching import Reached, reach
 from elys.bus.transports.transport import Answer, Closer, IncomingQuery
+from elys.bus.transports.zenoh_line import Line, Lines
 from elys.common.errors import BusError, ConnectionLost
 
 DEFAULT_PORT: Final = 7447
 DEFAULT_ENDPOINT: Final = f"tcp/127.0.0.1:{DEFAULT_PORT}"
 MAX_MESSAGE_SIZE: Final = 64 << 20  # [bytes] one message; what is longer is dropped by zenoh before it fills the memory
 
-_LEASE: Final = 2000  # [ms] without a sign of life until a connection (a cut cable, a stopped machine) counts as dead
+# [ms] without a sign of life until a connection (a cut cable, a stopped machine) counts as dead. A client says its own, by how
+# far away it is: TCP needs a round trip to send again what was lost. Of the host it sees earlier that it is silent.
+_HOST_LEASE: Final = 4000
+_CLIENT_LEASE: Final = 800
+_LEASE_ROUND_TRIPS: Final = 4
+_OPENING_TIME: Final = 2.0  # [s] that zenoh may take to open a connection where a door has opened, and 6 round trips
 _ANSWERING_THREADS: Final = 4
 _REFUSAL: Final = "elys/refusal"  # encoding that tells our refusals from zenoh's own errors (a timeout)
 _PRIORITIES: Final = {Delivery.LATEST: zenoh.Priority.DATA, Delivery.SEQUENCED: zenoh.Priority.DATA_HIGH}
@@ -48,10 +56,15 @@ _log = logging.getLogger(__name__)
 class ZenohTransport:
     """One node's zenoh session; implements `Transport`. Make it with `listen`, `listen_on_free_port` or `connect`."""
 
-    def __init__(self, session: zenoh.Session, *, endpoint: str, hosts: bool) -> None:
+    def __init__(
+        self, session: zenoh.Session, *, endpoint: str, names: Sequence[str] = (), round_trip: float = 0.0
+    ) -> None:
+        """`names` are the endpoints at which a host can be found again; none: this is one."""
         self.endpoint = endpoint
-        self._session = session
-        self._hosts = hosts
+        self.round_trip = round_trip
+        self._names = names
+        self._hosts = hosts = not names
+        self._lines = Lines(session, None if hosts else self._open_again)
         # Replies wait for the asker's queue. On threads of their own they may: the loop must not.
         self._answering = ThreadPoolExecutor(_ANSWERING_THREADS, thread_name_prefix="elys-answers")
         self._unanswered: weakref.WeakSet[ZenohQuery] = weakref.WeakSet()
@@ -59,7 +72,6 @@ class ZenohTransport:
         self._outgoing = Outgoing() if hosts else None
         self._lock = threading.Lock()
         self._matched: dict[str, zenoh.Publisher] = {}  # declared to hear who listens
-        self._closers: set[Closer] = set()
         self._closed = False
 
     @classmethod
@@ -79,7 +91,7 @@ class ZenohTransport:
                     f"{endpoint} is in use, perhaps by another session: stop that one, or choose another port"
                 ) from error
             raise BusError(f"cannot listen on '{endpoint}' ({_cause(error)}): give tcp/ADDRESS:PORT") from error
-        return cls(session, endpoint=endpoint, hosts=True)
+        return cls(session, endpoint=endpoint)
 
     @classmethod
     def listen_on_free_port(cls, *, address: str = "127.0.0.1", first_port: int = DEFAULT_PORT) -> ZenohTransport:
@@ -101,22 +113,8 @@ class ZenohTransport:
             BusError: an endpoint is none.
         """
         names = [endpoints] if isinstance(endpoints, str) else list(endpoints)
-        config = _config("client")
-        _insert(config, "connect/timeout_ms", max(1, int(timeout * 1000)))
-        _insert(config, "connect/exit_on_failure", True)
-        try:
-            _insert(config, "connect/endpoints", names)
-            session = zenoh.open(config)
-        except zenoh.ZError as error:
-            if "Unable to connect" in str(error):
-                raise ConnectionLost(
-                    f"nobody answers at {' or '.join(names)} within {timeout:g} s: is the session running? "
-                    "Start one with `elys run SCENE`"
-                ) from error
-            raise BusError(
-                f"cannot connect to '{' or '.join(names)}' ({_cause(error)}): give tcp/ADDRESS:PORT"
-            ) from error
-        return cls(session, endpoint=names[0], hosts=False)
+        session, door = _reached(names, timeout)
+        return cls(session, endpoint=door.endpoint, names=names, round_trip=door.round_trip)
 
     # --- publishing and subscribing --------------------------------------------------------------------------------
 
@@ -141,24 +139,34 @@ class ZenohTransport:
             _log.error("nothing could be sent on %s: %s", key, _cause(error))
 
     def _put(self, key: str, payload: bytes, delivery: Delivery) -> None:
-        self._session.put(key, payload, congestion_control=zenoh.CongestionControl.DROP, priority=_PRIORITIES[delivery])
+        self._lines.session.put(
+            key, payload, congestion_control=zenoh.CongestionControl.DROP, priority=_PRIORITIES[delivery]
+        )
 
     def has_listener(self, key: str) -> bool:
         """Whether anybody subscribes to a key now; the first question about a key comes too early to know of others' nodes."""
         with self._closed_said():
             if key not in self._matched:
-                self._matched[key] = self._session.declare_publisher(key)
+                self._keep(partial(self._match, key))
             status: Any = self._matched[key].matching_status  # its stub says bool
             return bool(status.matching)
+
+    def _match(self, key: str, line: Line) -> zenoh.Publisher:
+        self._matched[key] = line.session.declare_publisher(key)
+        return self._matched[key]
 
     def subscribe(self, key_expression: str, on_sample: Callable[[str, bytes], None]) -> Closer:
         """Calls `on_sample(key, payload)` on zenoh's receiving thread: it must only hand over."""
 
-        def arrived(sample: zenoh.Sample) -> None:
-            on_sample(str(sample.key_expr), sample.payload.to_bytes())
+        def declare(line: Line) -> Any:
+            def arrived(sample: zenoh.Sample) -> None:
+                if line.is_live:
+                    self._lines.heard()
+                    on_sample(str(sample.key_expr), sample.payload.to_bytes())
 
-        with self._closed_said():
-            return self._keep(self._session.declare_subscriber(key_expression, Callback(arrived, indirect=False)))
+            return line.session.declare_subscriber(key_expression, Callback(arrived, indirect=False))
+
+        return self._keep(declare)
 
     # --- asking and answering --------------------------------------------------------------------------------------
 
@@ -171,14 +179,16 @@ class ZenohTransport:
             self._unanswered.add(question)
             on_query(question)
 
-        with self._closed_said():
-            return self._keep(self._session.declare_queryable(key_expression, Callback(arrived, indirect=False)))
+        return self._keep(
+            lambda line: line.session.declare_queryable(key_expression, Callback(arrived, indirect=False))
+        )
 
     def request(self, key_expression: str, payload: bytes, timeout: float, answer: Answer) -> None:
         """Asks; the first answer within `timeout` seconds counts."""
         settled = threading.Lock()  # taken by the first answer and never given back
 
         def arrived(reply: zenoh.Reply) -> None:
+            self._lines.heard()
             if (sample := reply.ok) is not None:
                 if settled.acquire(blocking=False):
                     answer(sample.payload.to_bytes(), "")
@@ -192,7 +202,7 @@ class ZenohTransport:
                 answer(None, "")
 
         with self._closed_said():
-            self._session.get(
+            self._lines.session.get(
                 key_expression,
                 Callback(arrived, ended, indirect=False),
                 payload=payload,
@@ -206,33 +216,46 @@ class ZenohTransport:
 
     def announce(self, key: str) -> Closer:
         """Shows others that this key's owner is alive, until closed or dead."""
-        with self._closed_said():
-            return self._keep(self._session.liveliness().declare_token(key))
+        return self._keep(lambda line: line.session.liveliness().declare_token(key))
 
     def watch(self, key_expression: str, on_change: Callable[[str, bool], None]) -> Closer:
         """Calls `on_change(key, alive)` for those alive now and at every change."""
 
-        def changed(sample: zenoh.Sample) -> None:
-            on_change(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+        alive: dict[str, None] = {}
 
-        with self._closed_said():
+        def declare(line: Line) -> Any:
+            for key in list(alive):  # who is there is told anew
+                del alive[key]
+                on_change(key, False)
+
+            def changed(sample: zenoh.Sample) -> None:
+                if not line.is_live:
+                    return
+                self._lines.heard()
+                key, is_alive = str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT
+                if is_alive:
+                    alive[key] = None
+                else:
+                    alive.pop(key, None)
+                on_change(key, is_alive)
+
             handler = Callback(changed, indirect=False)
-            return self._keep(self._session.liveliness().declare_subscriber(key_expression, handler, history=True))
+            return line.session.liveliness().declare_subscriber(key_expression, handler, history=True)
+
+        return self._keep(declare)
 
     def watch_link(self, on_change: Callable[[bool], None]) -> Closer:
         """Calls `on_change(connected)` now and when the host goes or comes; for the host itself there is nothing to tell."""
-        if self._hosts:
-            return _nothing
+        return _nothing if self._hosts else self._lines.on_link(on_change)
 
-        def changed(event: zenoh.TransportEvent) -> None:
-            on_change(event.kind == zenoh.SampleKind.PUT)
+    @property
+    def silence(self) -> float:
+        """[s] since something came from the host; 0 for the host itself."""
+        return 0.0 if self._hosts else self._lines.silence
 
-        with self._closed_said():
-            handler = Callback(changed, indirect=False)
-            closer = self._keep(self._session.info.declare_transport_events_listener(handler, history=True))
-            if not self._session.info.routers_zid():
-                on_change(False)
-            return closer
+    def suspect(self) -> None:
+        """The host was silent for too long: looks for another way to it, unless it speaks first."""
+        self._lines.suspect()
 
     def close(self) -> None:
         """Leaves and frees everything. A second call does nothing."""
@@ -240,30 +263,31 @@ class ZenohTransport:
             if self._closed:
                 return
             self._closed = True
-            self._closers.clear()
         if self._outgoing is not None:
             self._outgoing.close()
         self._answering.shutdown(wait=False, cancel_futures=True)
         for question in list(self._unanswered):
             question.drop()  # zenoh would wait 10 s for somebody to answer them
-        self._session.close()  # type: ignore[no-untyped-call]
+        self._lines.close()
 
     # --- inside ----------------------------------------------------------------------------------------------------
 
-    def _keep(self, declared: Any) -> Closer:
-        """The closer of something declared; what is open at the end goes with the zenoh session."""
+    def _open_again(self, stop: threading.Event) -> zenoh.Session | None:
+        door = reach(self._names, timeout=_OPENING_TIME, stop=stop)
+        if door is None:
+            return None
+        try:
+            session = _opened(door)
+        except zenoh.ZError as error:
+            _log.debug("nobody behind the door of %s: %s", door.endpoint, _cause(error))
+            return None
+        self.endpoint, self.round_trip = door.endpoint, door.round_trip
+        return session
 
-        def close() -> None:
-            with self._lock:
-                if close not in self._closers:
-                    return
-                self._closers.discard(close)
-            with contextlib.suppress(zenoh.ZError):  # the zenoh session closed meanwhile and took it along
-                declared.undeclare()
-
-        with self._lock:
-            self._closers.add(close)
-        return close
+    def _keep(self, declare: Callable[[Line], Any]) -> Closer:
+        """The closer of something declared, on this line and on those that follow."""
+        with self._closed_said():
+            return self._lines.stand(declare)
 
     @contextlib.contextmanager
     def _closed_said(self) -> Any:
@@ -313,6 +337,35 @@ class ZenohQuery:
             self._answering.submit(work)
 
 
+def _reached(names: Sequence[str], timeout: float) -> tuple[zenoh.Session, Reached]:
+    """A zenoh session with who answers first of these, and where that is. Raises as `ZenohTransport.connect` does."""
+    deadline = time.monotonic() + timeout
+    while (door := reach(names, timeout=max(deadline - time.monotonic(), 0.05))) is not None:
+        try:
+            return _opened(door), door
+        except zenoh.ZError as error:
+            if "Unable to connect" not in str(error):
+                raise BusError(
+                    f"cannot connect to '{' or '.join(names)}' ({_cause(error)}): give tcp/ADDRESS:PORT"
+                ) from error
+            if time.monotonic() > deadline:
+                break
+    raise ConnectionLost(
+        f"nobody answers at {' or '.join(names)} within {timeout:g} s: is the session running? "
+        "Start one with `elys run SCENE`"
+    )
+
+
+def _opened(door: Reached) -> zenoh.Session:
+    """A client's zenoh session with a host whose door is open. Raises ZError."""
+    config = _config("client")
+    _insert(config, "transport/link/tx/lease", _CLIENT_LEASE + int(_LEASE_ROUND_TRIPS * door.round_trip * 1000))
+    _insert(config, "connect/timeout_ms", int((_OPENING_TIME + 6.0 * door.round_trip) * 1000))
+    _insert(config, "connect/exit_on_failure", True)
+    _insert(config, "connect/endpoints", [door.endpoint])
+    return zenoh.open(config)
+
+
 def _config(mode: str) -> zenoh.Config:
     """Settings common to both sides, each for a reason given in the module's text or beside it."""
     config = zenoh.Config()
@@ -322,11 +375,12 @@ def _config(mode: str) -> zenoh.Config:
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
         "scouting/delay": 0,  # half a second of waiting for peers that nobody looks for
-        "connect/retry": {"period_init_ms": 100, "period_max_ms": 100, "period_increase_factor": 1},
+        # Never by itself: `zenoh_line.py` comes back sooner, and two that do would bring everything twice.
+        "connect/retry": {"period_init_ms": 1 << 30, "period_max_ms": 1 << 30, "period_increase_factor": 1},
         # Killed processes would leave segments behind in /dev/shm, and state frames gain little.
         "transport/shared_memory/enabled": False,
         "transport/link/rx/max_message_size": MAX_MESSAGE_SIZE,
-        "transport/link/tx/lease": _LEASE,
+        "transport/link/tx/lease": _HOST_LEASE,
         "transport/link/tx/queue/size/data": 16,
         "transport/link/tx/queue/size/data_high": 16,
         "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 1000,  # [us]
