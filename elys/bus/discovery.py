@@ -96,13 +96,13 @@ def find_sessions() -> list[SessionRecord]:
 
 
 def choose_endpoint(connect: str | None = None) -> str:
-    """Where to connect: what the user named, else the newest session on this machine.
+    """Where to connect: what the user named, else the newest session on this machine. Several have commas between them.
 
     Raises:
         ConnectionLost: nothing was named and no session runs here. BusError: what was named is no endpoint.
     """
     if connect:
-        return complete_endpoint(connect)
+        return ",".join(complete_endpoint(part.strip()) for part in connect.split(","))
     sessions = find_sessions()
     if not sessions:
         raise ConnectionLost(_NO_SESSION)
@@ -128,12 +128,14 @@ async def join_session(
 ) -> Session:
     """A session with the host that `connect` names, or with the newest one on this machine; `node` as for `Session.join`.
 
+    Of several endpoints with commas between them the first that answers counts, now and whenever the host has to be found again.
+
     Raises:
         ConnectionLost: there is none, or nobody answers within `timeout` seconds.
         ProtocolError: the host speaks another version of the protocol.
     """
     endpoint = choose_endpoint(connect)
-    transport = await asyncio.to_thread(ZenohTransport.connect, endpoint, timeout=timeout)
+    transport = await asyncio.to_thread(ZenohTransport.connect, endpoint.split(","), timeout=timeout)
     try:
         return await Session.join(transport, kind=kind, timeout=timeout, node=node)
     except BaseException:

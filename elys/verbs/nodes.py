@@ -54,14 +54,17 @@ async def joined(connect: str | None, *, kind: str, timeout: float = 5.0) -> Asy
 
 @contextlib.asynccontextmanager
 async def hosted(
-    listen: str | None, *, name: str, kind: str, scene: str, epoch: int
+    listen: str | None, *, name: str, kind: str, scene: str, epoch: int, is_chosen: bool = False
 ) -> AsyncIterator[tuple[Session, str]]:
     """A session of one's own and the endpoint it listens at, found by others of this machine without being told where.
 
+    One whose name was chosen by nobody gets another where the name is taken.
+
     Raises:
-        BusError: the endpoint cannot be listened at.
+        BusError: the endpoint cannot be listened at, or the chosen name is taken.
     """
     from elys.bus.discovery import advertise, complete_endpoint
+    from elys.bus.session_names import claimed_name
     from elys.bus.transports.zenoh import ZenohTransport
 
     open_transport = (
@@ -69,8 +72,9 @@ async def hosted(
     )
     transport = await asyncio.to_thread(open_transport)
     try:
-        session = await Session.host(transport, name=session_name(name), kind=kind, epoch=epoch)
-        withdraw = advertise(name=session.name, kind=kind, endpoint=transport.endpoint, scene=scene)
+        with claimed_name(session_name(name), is_chosen=is_chosen) as free_name:
+            session = await Session.host(transport, name=free_name, kind=kind, epoch=epoch)
+            withdraw = advertise(name=free_name, kind=kind, endpoint=transport.endpoint, scene=scene)
     except BaseException:
         await asyncio.to_thread(transport.close)
         raise
