@@ -23,7 +23,7 @@ from elys.bus.mailbox import Mailbox
 from elys.bus.messages.session import Hello, Welcome
 from elys.bus.topics import PROTOCOL_VERSION, Delivery, Encoding, Query, Topic
 from elys.bus.transports.transport import Closer, IncomingQuery, Transport
-from elys.bus.vigil import Vigil
+from elys.bus.vigil import Vigil, is_near
 from elys.common.errors import BusError, ConnectionLost, ElysError, MessageError, ProtocolError, RequestError
 
 M = TypeVar("M")
@@ -185,7 +185,9 @@ class Session:
             ConnectionLost: no answer within `timeout` seconds.
         """
         payload = codec.encode(request, query.request_encoding)
-        answer = await self._ask(topics.key_of(self.name, query, key), payload, timeout)
+        if not is_near(self.transport.endpoint):
+            payload = codec.with_packed_answer(payload)
+        answer = codec.unpacked(await self._ask(topics.key_of(self.name, query, key), payload, timeout))
         return codec.decode(answer, query.reply, query.reply_encoding)
 
     # --- who is there ----------------------------------------------------------------------------------------------
@@ -254,7 +256,10 @@ class Session:
         except Exception as error:  # a fault of this node's: it hears of it, and the asker is not left waiting
             incoming.refuse(f"the answer to {query.name} failed in {self.node.id}: {error!r}")
             raise
-        incoming.reply(codec.encode(reply, query.reply_encoding))
+        payload = codec.encode(reply, query.reply_encoding)
+        if len(payload) > codec.LONG and codec.may_be_packed(incoming.payload):
+            payload = await asyncio.to_thread(codec.packed, payload)
+        incoming.reply(payload)
 
     async def _ask(self, key: str, payload: bytes, timeout: float) -> bytes:
         future: asyncio.Future[bytes] = self._loop.create_future()

@@ -25,9 +25,14 @@ _ANSWER_TIME: Final = 5.0  # [s]
 _LOCAL: Final = ("tcp/127.", "tcp/localhost", "tcp/[::1]", "tls/127.", "tls/localhost", "tls/[::1]")
 
 
+def is_near(endpoint: str) -> bool:
+    """Whether an endpoint is of this machine, or of this process."""
+    return not endpoint or endpoint.startswith(_LOCAL)
+
+
 def patience(endpoint: str, round_trip: float) -> float:
     """[s] of silence after which a host at an endpoint counts as gone."""
-    if endpoint.startswith(_LOCAL):
+    if is_near(endpoint):
         return ON_ONE_MACHINE
     return max(GONE_AFTER, 0.5 + ROUND_TRIPS * round_trip)
 

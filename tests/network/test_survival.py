@@ -16,10 +16,8 @@ from tests.process.conftest import Command, wait_until
 
 pytestmark = pytest.mark.process
 KILLS, SOAK_KILLS = 5, 300
-SEEN, SEEN_UNDER_LOAD = (
-    1.0,
-    4.0,
-)  # [s] until death is seen, and until all is right after a heal: `make soak` has the machine alone
+# [s] until death is seen, and until all is right after a heal. `make soak` has the machine to itself.
+SEEN, SEEN_UNDER_LOAD = 1.0, 4.0
 
 
 def states_of(watcher: Command, since: int) -> int:
