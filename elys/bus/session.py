@@ -22,8 +22,9 @@ from elys.bus import codec, topics
 from elys.bus.mailbox import Mailbox
 from elys.bus.messages.session import Hello, Welcome
 from elys.bus.topics import PROTOCOL_VERSION, Delivery, Encoding, Query, Topic
+from elys.bus.transports.reaching import is_near
 from elys.bus.transports.transport import Closer, IncomingQuery, Transport
-from elys.bus.vigil import Vigil, is_near
+from elys.bus.vigil import Vigil
 from elys.common.errors import BusError, ConnectionLost, ElysError, MessageError, ProtocolError, RequestError
 
 M = TypeVar("M")

@@ -12,6 +12,7 @@ import time
 from collections.abc import Awaitable, Callable
 from typing import Final
 
+from elys.bus.transports.reaching import is_near
 from elys.bus.transports.transport import Transport
 from elys.common.errors import BusError
 
@@ -22,12 +23,6 @@ ROUND_TRIPS: Final = 1.5  # of silence more than half a second, when it is far a
 ON_ONE_MACHINE: Final = 2.0  # [s]: no cable can be cut there, and a process may wait long for its turn
 _QUESTIONS: Final = 4  # without an answer, after which no more are asked
 _ANSWER_TIME: Final = 5.0  # [s]
-_LOCAL: Final = ("tcp/127.", "tcp/localhost", "tcp/[::1]", "tls/127.", "tls/localhost", "tls/[::1]")
-
-
-def is_near(endpoint: str) -> bool:
-    """Whether an endpoint is of this machine, or of this process."""
-    return not endpoint or endpoint.startswith(_LOCAL)
 
 
 def patience(endpoint: str, round_trip: float) -> float:

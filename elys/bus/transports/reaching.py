@@ -25,6 +25,14 @@ _MEASURED: Final = struct.Struct("=68xI")  # [us] tcpi_rtt in struct tcp_info
 _DOOR: Final = re.compile(r"(?:tcp|tls)/(?:\[(?P<six>[^\]]+)\]|(?P<host>[^:\[\]]+)):(?P<port>\d+)(?:[?#].*)?")
 
 
+_LOCAL: Final = ("tcp/127.", "tcp/localhost", "tcp/[::1]", "tls/127.", "tls/localhost", "tls/[::1]")
+
+
+def is_near(endpoint: str) -> bool:
+    """Whether an endpoint is of this machine, or of this process."""
+    return not endpoint or endpoint.startswith(_LOCAL)
+
+
 @dataclass(frozen=True, slots=True)
 class Reached:
     """An endpoint that answers."""

@@ -31,7 +31,7 @@ from zenoh.handlers import Callback
 
 from elys.bus.topics import Delivery
 from elys.bus.transports.outgoing import Outgoing
-from elys.bus.transports.reaching import Reached, reach
+from elys.bus.transports.reaching import Reached, is_near, reach
 from elys.bus.transports.transport import Answer, Closer, IncomingQuery
 from elys.bus.transports.zenoh_line import Line, Lines
 from elys.common.errors import BusError, ConnectionLost
@@ -45,6 +45,9 @@ MAX_MESSAGE_SIZE: Final = 64 << 20  # [bytes] one message; what is longer is dro
 _HOST_LEASE: Final = 4000
 _CLIENT_LEASE: Final = 800
 _LEASE_ROUND_TRIPS: Final = 4
+_NEAR: Final = 0.06  # [s] within which a door answers of which the distance is worth knowing before
+_FAR: Final = 0.5  # [s] that the round trip may take where it is not known
+_OPENING_TRIPS: Final = 3  # round trips that TCP and zenoh need
 _OPENING_TIME: Final = 2.0  # [s] that zenoh may take to open a connection where a door has opened, and 6 round trips
 _ANSWERING_THREADS: Final = 4
 _REFUSAL: Final = "elys/refusal"  # encoding that tells our refusals from zenoh's own errors (a timeout)
@@ -210,6 +213,7 @@ class ZenohTransport:
                 target=zenoh.QueryTarget.ALL,
                 consolidation=zenoh.ConsolidationMode.NONE,
                 congestion_control=zenoh.CongestionControl.BLOCK,
+                priority=zenoh.Priority.INTERACTIVE_LOW,  # of the answer too: it must not wait behind states on a slow line
             )
 
     # --- who is there ----------------------------------------------------------------------------------------------
@@ -340,16 +344,22 @@ class ZenohQuery:
 def _reached(names: Sequence[str], timeout: float) -> tuple[zenoh.Session, Reached]:
     """A zenoh session with who answers first of these, and where that is. Raises as `ZenohTransport.connect` does."""
     deadline = time.monotonic() + timeout
-    while (door := reach(names, timeout=max(deadline - time.monotonic(), 0.05))) is not None:
+    door = reach(names, timeout=min(_NEAR, timeout))
+    if door is None and len(names) == 1 and not is_near(names[0]):
+        door = Reached(
+            names[0], _FAR
+        )  # a round trip is worth something there: straight in, for somebody is there mostly
+    while door is not None and time.monotonic() < deadline:
+        begun = time.monotonic()
         try:
-            return _opened(door), door
+            session = _opened(door)
+            return session, Reached(door.endpoint, min(door.round_trip, (time.monotonic() - begun) / _OPENING_TRIPS))
         except zenoh.ZError as error:
             if "Unable to connect" not in str(error):
                 raise BusError(
                     f"cannot connect to '{' or '.join(names)}' ({_cause(error)}): give tcp/ADDRESS:PORT"
                 ) from error
-            if time.monotonic() > deadline:
-                break
+        door = reach(names, timeout=deadline - time.monotonic())
     raise ConnectionLost(
         f"nobody answers at {' or '.join(names)} within {timeout:g} s: is the session running? "
         "Start one with `elys run SCENE`"

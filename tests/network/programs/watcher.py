@@ -65,9 +65,9 @@ class Watcher:
         session.on_link(lambda connected: say("link", int(connected), session.epoch))
 
     async def follow(self) -> None:
-        follow_state(self.session, self.mirror, self._state)
         await follow_scene(self.session, self.mirror, self._scene)
         say("scene", len(self.mirror.entities))
+        follow_state(self.session, self.mirror, self._state)
 
     def _state(self, frame: StateFrame) -> None:
         age = (time.time_ns() - frame.published_at) * 1e-9  # all machines of the laboratory have one clock
