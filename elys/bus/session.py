@@ -21,6 +21,7 @@ import elys
 from elys.bus import codec, topics
 from elys.bus.mailbox import Mailbox
 from elys.bus.messages.session import Hello, Welcome
+from elys.bus.rivals import require_free_name, warn_of_rivals
 from elys.bus.topics import PROTOCOL_VERSION, Delivery, Encoding, Query, Topic
 from elys.bus.transports.reaching import is_near
 from elys.bus.transports.transport import Closer, IncomingQuery, Transport
@@ -32,7 +33,6 @@ Q = TypeVar("Q")
 R = TypeVar("R")
 
 HOST_KINDS: Final = ("simulation", "replay")
-_RIVAL_TIME: Final = 1.0  # [s] for another host of the same name to say so
 _log = logging.getLogger(__name__)
 
 
@@ -80,7 +80,7 @@ class Session:
             BusError: another one hosts a session of this name where the transport reaches.
         """
         session = cls(transport, name=name, node=Node(kind, node_id(kind)), epoch=epoch)
-        await session._require_free_name()
+        await require_free_name(name, session._ask_for_life)
         session._closers.append(transport.serve(topics.key_of(name, topics.HELLO), session._welcome))
         session._show_and_watch()
         return session
@@ -350,7 +350,7 @@ class Session:
         for listener in self._node_listeners:
             listener(node, alive)
         if kind in HOST_KINDS and alive:
-            self._warn_of_rivals()
+            warn_of_rivals(self.name, [host.id for kind in HOST_KINDS for host in self.nodes_of(kind)])
         if kind in HOST_KINDS and self.node.kind not in HOST_KINDS:
             self._link_changed(bool([host for host in HOST_KINDS if self.nodes_of(host)]))
 
@@ -364,27 +364,6 @@ class Session:
                 listener(False)
         elif alive and not self.connected and self._rejoining is None:
             self._rejoining = self.start(self._rejoin())
-
-    async def _require_free_name(self) -> None:
-        try:
-            await self._ask_for_life(_RIVAL_TIME)
-        except ConnectionLost:
-            return  # nobody has it, or who had it is cut off
-        except RequestError as error:
-            _log.debug("who hosts %s refuses to say so: %s", self.name, error)
-        raise BusError(
-            f"another simulation or replay hosts a session called {self.name} there already: choose another --name"
-        )
-
-    def _warn_of_rivals(self) -> None:
-        hosts = [host.id for kind in HOST_KINDS for host in self.nodes_of(kind)]
-        if len(hosts) > 1:
-            _log.warning(
-                "%s host a session called %s here at the same time: what is seen is of the one that was greeted first; "
-                "end the other, or give it another --name",
-                " and ".join(hosts),
-                self.name,
-            )
 
     async def _ask_for_life(self, timeout: float) -> None:
         hello = Hello(protocol=PROTOCOL_VERSION, kind=self.node.kind, node=self.node.id, version=elys.__version__)

@@ -34,6 +34,7 @@ from elys.bus.transports.outgoing import Outgoing
 from elys.bus.transports.reaching import Reached, is_near, reach
 from elys.bus.transports.transport import Answer, Closer, IncomingQuery
 from elys.bus.transports.zenoh_line import Line, Lines
+from elys.bus.transports.zenoh_query import REFUSAL, ZenohQuery, cause
 from elys.common.errors import BusError, ConnectionLost
 
 DEFAULT_PORT: Final = 7447
@@ -50,7 +51,6 @@ _FAR: Final = 0.5  # [s] that the round trip may take where it is not known
 _OPENING_TRIPS: Final = 3  # round trips that TCP and zenoh need
 _OPENING_TIME: Final = 2.0  # [s] that zenoh may take to open a connection where a door has opened, and 6 round trips
 _ANSWERING_THREADS: Final = 4
-_REFUSAL: Final = "elys/refusal"  # encoding that tells our refusals from zenoh's own errors (a timeout)
 _PRIORITIES: Final = {Delivery.LATEST: zenoh.Priority.DATA, Delivery.SEQUENCED: zenoh.Priority.DATA_HIGH}
 _CLOSED: Final = "this transport is closed: open another one"
 _log = logging.getLogger(__name__)
@@ -60,14 +60,20 @@ class ZenohTransport:
     """One node's zenoh session; implements `Transport`. Make it with `listen`, `listen_on_free_port` or `connect`."""
 
     def __init__(
-        self, session: zenoh.Session, *, endpoint: str, names: Sequence[str] = (), round_trip: float = 0.0
+        self,
+        session: zenoh.Session,
+        *,
+        endpoint: str,
+        hosts: bool,
+        names: Sequence[str] = (),
+        round_trip: float = 0.0,
     ) -> None:
-        """`names` are the endpoints at which a host can be found again; none: this is one."""
+        """`names` are the endpoints at which the other side is looked for when it is gone."""
         self.endpoint = endpoint
         self.round_trip = round_trip
         self._names = names
-        self._hosts = hosts = not names
-        self._lines = Lines(session, None if hosts else self._open_again)
+        self._hosts = hosts
+        self._lines = Lines(session, self._open_again if names else None)
         # Replies wait for the asker's queue. On threads of their own they may: the loop must not.
         self._answering = ThreadPoolExecutor(_ANSWERING_THREADS, thread_name_prefix="elys-answers")
         self._unanswered: weakref.WeakSet[ZenohQuery] = weakref.WeakSet()
@@ -93,8 +99,8 @@ class ZenohTransport:
                 raise BusError(
                     f"{endpoint} is in use, perhaps by another session: stop that one, or choose another port"
                 ) from error
-            raise BusError(f"cannot listen on '{endpoint}' ({_cause(error)}): give tcp/ADDRESS:PORT") from error
-        return cls(session, endpoint=endpoint)
+            raise BusError(f"cannot listen on '{endpoint}' ({cause(error)}): give tcp/ADDRESS:PORT") from error
+        return cls(session, endpoint=endpoint, hosts=True)
 
     @classmethod
     def listen_on_free_port(cls, *, address: str = "127.0.0.1", first_port: int = DEFAULT_PORT) -> ZenohTransport:
@@ -117,7 +123,7 @@ class ZenohTransport:
         """
         names = [endpoints] if isinstance(endpoints, str) else list(endpoints)
         session, door = _reached(names, timeout)
-        return cls(session, endpoint=door.endpoint, names=names, round_trip=door.round_trip)
+        return cls(session, endpoint=door.endpoint, hosts=False, names=names, round_trip=door.round_trip)
 
     # --- publishing and subscribing --------------------------------------------------------------------------------
 
@@ -139,7 +145,7 @@ class ZenohTransport:
         try:
             self._put(key, make(), delivery)
         except zenoh.ZError as error:
-            _log.error("nothing could be sent on %s: %s", key, _cause(error))
+            _log.error("nothing could be sent on %s: %s", key, cause(error))
 
     def _put(self, key: str, payload: bytes, delivery: Delivery) -> None:
         self._lines.session.put(
@@ -195,7 +201,7 @@ class ZenohTransport:
             if (sample := reply.ok) is not None:
                 if settled.acquire(blocking=False):
                     answer(sample.payload.to_bytes(), "")
-            elif (error := reply.err) is None or str(error.encoding) != _REFUSAL:
+            elif (error := reply.err) is None or str(error.encoding) != REFUSAL:
                 return  # zenoh's own error: the end of the request follows and says it
             elif settled.acquire(blocking=False):
                 answer(None, error.payload.to_bytes().decode(errors="replace"))
@@ -283,7 +289,7 @@ class ZenohTransport:
         try:
             session = _opened(door)
         except zenoh.ZError as error:
-            _log.debug("nobody behind the door of %s: %s", door.endpoint, _cause(error))
+            _log.debug("nobody behind the door of %s: %s", door.endpoint, cause(error))
             return None
         self.endpoint, self.round_trip = door.endpoint, door.round_trip
         return session
@@ -300,45 +306,7 @@ class ZenohTransport:
         except zenoh.ZError as error:
             if self._closed:
                 raise BusError(_CLOSED) from error
-            raise BusError(f"zenoh refused ({_cause(error)})") from error
-
-
-class ZenohQuery:
-    """A question as the one who serves it sees it."""
-
-    def __init__(self, query: zenoh.Query, answer_key: str, answering: ThreadPoolExecutor) -> None:
-        self.key = str(query.key_expr)
-        self.payload = b"" if query.payload is None else query.payload.to_bytes()
-        self._query: zenoh.Query | None = query
-        self._answer_key = answer_key
-        self._answering = answering
-
-    def reply(self, payload: bytes) -> None:
-        """Answers, on a thread that may wait for the asker."""
-        self._send(lambda query: query.reply(self._answer_key, payload))
-
-    def refuse(self, reason: str) -> None:
-        """Says why there is no answer."""
-        self._send(lambda query: query.reply_err(reason.encode(), encoding=_REFUSAL))
-
-    def drop(self) -> None:
-        """Ends the question for the asker, answered or not."""
-        self._query = None
-
-    def _send(self, send: Callable[[zenoh.Query], None]) -> None:
-        # Taken here, not on the thread that answers: of two answers the first one counts, whichever thread is faster.
-        query, self._query = self._query, None
-        if query is None:
-            return  # answered already
-
-        def work() -> None:
-            try:
-                send(query)
-            except zenoh.ZError as error:
-                _log.debug("an answer on %s found nobody: %s", self.key, _cause(error))
-
-        with contextlib.suppress(RuntimeError):  # the transport is closing: nobody is left to answer
-            self._answering.submit(work)
+            raise BusError(f"zenoh refused ({cause(error)})") from error
 
 
 def _reached(names: Sequence[str], timeout: float) -> tuple[zenoh.Session, Reached]:
@@ -357,7 +325,7 @@ def _reached(names: Sequence[str], timeout: float) -> tuple[zenoh.Session, Reach
         except zenoh.ZError as error:
             if "Unable to connect" not in str(error):
                 raise BusError(
-                    f"cannot connect to '{' or '.join(names)}' ({_cause(error)}): give tcp/ADDRESS:PORT"
+                    f"cannot connect to '{' or '.join(names)}' ({cause(error)}): give tcp/ADDRESS:PORT"
                 ) from error
         door = reach(names, timeout=deadline - time.monotonic())
     raise ConnectionLost(
@@ -402,11 +370,6 @@ def _config(mode: str) -> zenoh.Config:
 
 def _insert(config: zenoh.Config, key: str, value: Any) -> None:
     config.insert_json5(key, json.dumps(value))
-
-
-def _cause(error: zenoh.ZError) -> str:
-    """What zenoh says, without the places in its sources."""
-    return str(error).split(" at /")[0].strip()
 
 
 def _nothing() -> None:

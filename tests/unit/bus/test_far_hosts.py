@@ -8,12 +8,16 @@ import threading
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 import zstandard
 
-from elys.bus import codec
+from elys.bus import codec, topics
 from elys.bus.discovery import advertise, choose_endpoint
-from elys.bus.session import Session
+from elys.bus.following import follow_state
+from elys.bus.messages.state_frame import StateFrame
+from elys.bus.mirror import SceneMirror
+from elys.bus.session import Node, Session
 from elys.bus.session_names import claimed_name
 from elys.bus.topics import Encoding
 from elys.bus.transports.loopback import LoopbackBroker
@@ -161,6 +165,42 @@ async def test_two_of_one_name_cannot_host_at_one_router(kind: str):
     await first.close()
     if router is not None:
         await asyncio.to_thread(router.close)
+
+
+async def test_who_finds_two_hosts_is_told_and_sees_the_one_that_was_greeted(caplog: pytest.LogCaptureFixture):
+    broker = LoopbackBroker()
+    host = await Session.host(broker.listen(), name="yard", kind="simulation", epoch=1)
+    joined = await Session.join(broker.connect(), kind="editor")
+    mirror, seen = SceneMirror(), []
+    follow_state(joined, mirror, seen.append)
+    rival = broker.listen()
+    rival.announce(topics.node_key("yard", "simulation", "simulation-2"))
+    other = Session(rival, name="yard", node=Node("simulation", "simulation-2"), epoch=9)
+    for session, epoch in ((other, 9), (host, 1), (other, 9)):
+        session.publish(topics.STATE, frame_of(epoch))
+    async with asyncio.timeout(20.0):
+        while not seen or "at the same time" not in caplog.text:
+            await asyncio.sleep(0.01)
+    assert {frame.epoch for frame in seen} == {1} and mirror.latest_frame.epoch == 1
+    for session in (other, joined, host):
+        await session.close()
+
+
+def frame_of(epoch: int) -> StateFrame:
+    return StateFrame(
+        epoch=epoch,
+        tick=1,
+        simulation_time=0.0,
+        published_at=0,
+        delta_sequence=0,
+        state_hash=0,
+        playing=True,
+        position=np.zeros((1, 3)),
+        rotation=np.zeros((1, 4), np.float32),
+        linear_velocity=np.zeros((1, 3), np.float32),
+        angular_velocity=np.zeros((1, 3), np.float32),
+        entity=np.ones(1, np.uint32),
+    )
 
 
 def test_several_endpoints_have_commas_between_them():

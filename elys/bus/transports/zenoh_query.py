@@ -1,0 +1,57 @@
+"""A question as zenoh brings it to the one who serves it."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Final
+
+import zenoh
+
+REFUSAL: Final = "elys/refusal"  # encoding that tells our refusals from zenoh's own errors (a timeout)
+_log = logging.getLogger(__name__)
+
+
+class ZenohQuery:
+    """A question as the one who serves it sees it."""
+
+    def __init__(self, query: zenoh.Query, answer_key: str, answering: ThreadPoolExecutor) -> None:
+        self.key = str(query.key_expr)
+        self.payload = b"" if query.payload is None else query.payload.to_bytes()
+        self._query: zenoh.Query | None = query
+        self._answer_key = answer_key
+        self._answering = answering
+
+    def reply(self, payload: bytes) -> None:
+        """Answers, on a thread that may wait for the asker."""
+        self._send(lambda query: query.reply(self._answer_key, payload))
+
+    def refuse(self, reason: str) -> None:
+        """Says why there is no answer."""
+        self._send(lambda query: query.reply_err(reason.encode(), encoding=REFUSAL))
+
+    def drop(self) -> None:
+        """Ends the question for the asker, answered or not."""
+        self._query = None
+
+    def _send(self, send: Callable[[zenoh.Query], None]) -> None:
+        # Taken here, not on the thread that answers: of two answers the first one counts, whichever thread is faster.
+        query, self._query = self._query, None
+        if query is None:
+            return  # answered already
+
+        def work() -> None:
+            try:
+                send(query)
+            except zenoh.ZError as error:
+                _log.debug("an answer on %s found nobody: %s", self.key, cause(error))
+
+        with contextlib.suppress(RuntimeError):  # the transport is closing: nobody is left to answer
+            self._answering.submit(work)
+
+
+def cause(error: zenoh.ZError) -> str:
+    """What zenoh says, without the places in its sources."""
+    return str(error).split(" at /")[0].strip()
