@@ -3,6 +3,7 @@
     python watcher.py ENDPOINT[,ENDPOINT...]
 
 It says, one a line, with its own clock [s] in front:
+    begun                        all is loaded
     joined EPOCH NODE            the handshake is done
     scene COUNT                  the whole scene is there for the first time
     link 0|1 EPOCH               the host went, or is back
@@ -100,6 +101,7 @@ class Watcher:
 
 
 async def watch(endpoint: str) -> None:
+    say("begun")
     session = await join_session(endpoint, kind="tool", timeout=30.0)
     say("joined", session.epoch, session.node.id)
     watcher = Watcher(session)
