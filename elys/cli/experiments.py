@@ -8,7 +8,7 @@ from typing import Annotated, Optional
 import typer
 
 from elys.cli.app import app, cases_app
-from elys.cli.options import Budget, Cluster, Jobs, Json, Only, Scene, Seconds
+from elys.cli.options import Budget, Cluster, Jobs, Json, Only, Scene, Seconds, Trust
 
 
 @app.command()
@@ -22,6 +22,7 @@ def pareto(
     json: Json = False,
     jobs: Jobs = 0,
     cluster: Cluster = "",
+    trust: Trust = False,
 ) -> None:
     """Speed against error: run a scene at a ladder of tick rates, substeps and strengths, and judge each."""
     from elys.verbs import pareto as verb
@@ -47,6 +48,7 @@ def calibrate(
     json: Json = False,
     jobs: Jobs = 0,
     cluster: Cluster = "",
+    trust: Trust = False,
 ) -> None:
     """Find the cheapest settings within an error budget and write them into the scene, with the evidence."""
     from elys.verbs import calibrate as verb
@@ -78,6 +80,7 @@ def sweep(
     jitter: Annotated[float, typer.Option(min=0.0, help="[m] by which a seed moves each body at most")] = 1e-3,
     jobs: Jobs = 0,
     cluster: Cluster = "",
+    trust: Trust = False,
 ) -> None:
     """Run a scene many times with other values, every combination a row of a table."""
     from elys.verbs import sweep as verb

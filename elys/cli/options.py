@@ -7,6 +7,15 @@ from typing import Annotated, Optional
 
 import typer
 
+from elys.common.trust import trust_everything
+
+
+def _trusting(is_trusting: bool) -> bool:
+    if is_trusting:
+        trust_everything()
+    return is_trusting
+
+
 Scene = Annotated[str, typer.Argument(help="a NAME.scene.json, .gltf or .glb; or the name of a sample (elys samples)")]
 Compact = Annotated[
     bool, typer.Option("--compact", help="record states to 0.5 mm and 0.01 degrees: a tenth of the size")
@@ -36,6 +45,10 @@ Threads = Annotated[
 ]
 Keep = Annotated[float, typer.Option(min=0.0, max=3600.0, help="simulated seconds that can be gone back to (0: none)")]
 At = Annotated[str, typer.Option(help="go on with a recording (.mcap) from this simulation time, as 12.5s")]
+Trust = Annotated[
+    bool,
+    typer.Option("--trust", help="run the scene's scripts: programs that may do whatever you may", callback=_trusting),
+]
 NoGuard = Annotated[bool, typer.Option("--no-guard", help="do not keep the last 5 s for when something goes wrong")]
 Json = Annotated[bool, typer.Option("--json", help="print facts as JSON")]
 DebugKinds = Annotated[

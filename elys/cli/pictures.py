@@ -8,7 +8,7 @@ from typing import Annotated, Optional
 import typer
 
 from elys.cli.app import app
-from elys.cli.options import Connect, DebugKinds
+from elys.cli.options import Connect, DebugKinds, Trust
 
 
 @app.command()
@@ -52,6 +52,7 @@ def render(
         bool,
         typer.Option(help="light from all around and a sky, as the scene has them; else lamps alone, before black"),
     ] = True,
+    trust: Trust = False,
 ) -> None:
     """Draw a scene, a recording or a running session offscreen, to a picture or a video."""
     from elys.verbs import render as verb

@@ -21,6 +21,7 @@ from elys.cli.options import (
     Threads,
     To,
     Topics,
+    Trust,
 )
 
 
@@ -85,6 +86,7 @@ def verify(
     end: To = "",
     threads: Threads = 1,
     json: Json = False,
+    trust: Trust = False,
 ) -> None:
     """Run a recorded session again and compare every tick, to the bit.
 
@@ -114,6 +116,7 @@ def fork(
     listen: Listen = None,
     threads: Threads = 1,
     json: Json = False,
+    trust: Trust = False,
 ) -> None:
     """Go on from any instant of a recording with another future, as fast as it can. With no edit it comes out the same.
 

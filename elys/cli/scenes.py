@@ -8,7 +8,7 @@ from typing import Annotated, Optional
 import typer
 
 from elys.cli.app import app
-from elys.cli.options import Json, Scene, Threads
+from elys.cli.options import Json, Scene, Threads, Trust
 
 
 @app.command()
@@ -21,6 +21,18 @@ def samples(
     from elys.verbs import facts
 
     facts.samples(name, output, json=json)
+
+
+@app.command()
+def trust(
+    folder: Annotated[Optional[Path], typer.Argument(help="trust the scripts in it; default: list the folders")] = None,  # noqa: UP045
+    forget: Annotated[bool, typer.Option("--forget", help="trust it no longer")] = False,
+    json: Json = False,
+) -> None:
+    """Let the scripts in a folder run whenever a scene has them. Scripts are programs: they may do whatever you may."""
+    from elys.verbs import trusting
+
+    trusting.trust(folder, forget=forget, json=json)
 
 
 @app.command()
@@ -47,6 +59,7 @@ def plan(
     seconds: Annotated[float, typer.Option(min=0.05, max=600.0, help="simulated seconds that are measured")] = 1.0,
     threads: Threads = 1,
     json: Json = False,
+    trust: Trust = False,
 ) -> None:
     """What a scene makes the engine do, why the rest is switched off, and what that saves."""
     from elys.verbs import plan as verb

@@ -24,6 +24,7 @@ from elys.cli.options import (
     Scene,
     Threads,
     Topics,
+    Trust,
 )
 
 
@@ -54,6 +55,7 @@ def run(
             max=65535,
         ),
     ] = 0,
+    trust: Trust = False,
     json: Json = False,
 ) -> None:
     """Simulate a scene, with an editor attached; or --headless, for a server or a script."""

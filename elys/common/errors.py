@@ -8,6 +8,7 @@
     │   └── HierarchyError    a parent would become its own descendant
     ├── StateError            the state of a simulation is not one, or not one that it can go back to
     ├── PhysicsError          a body, collider or setting that physics cannot work with: the entity, what, what to do
+    ├── ScriptError           a script cannot be read, or says what cannot be run: file, line, what to write instead
     ├── BusError
     │   ├── MessageError      a payload that is not what its topic promises
     │   ├── ProtocolError     the other side speaks another version of the protocol
@@ -54,6 +55,10 @@ class StateError(ElysError):
 
 class PhysicsError(ElysError):
     """Physics cannot work with a value."""
+
+
+class ScriptError(ElysError):
+    """A script cannot be read or run."""
 
 
 class BusError(ElysError):

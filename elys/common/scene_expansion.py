@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import logging
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -13,6 +14,7 @@ from elys.common.assets.gltf import MODEL_SUFFIXES, ImportedModel, import_model
 from elys.common.assets.heights import HEIGHT_SUFFIXES, read_height_mesh, read_heights
 from elys.common.assets.images import IMAGE_SUFFIXES, read_image
 from elys.common.assets.primitives import PRIMITIVES, is_primitive
+from elys.common.assets.scripts import read_script
 from elys.common.assets.store import AssetKind, AssetStore, is_reference
 from elys.common.assets.texture import parse_texture, split_texture
 from elys.common.components import Kind, declaration_of
@@ -22,11 +24,18 @@ from elys.common.scene_naming import Names
 from elys.common.scene_reading import read_scene
 
 # Ground may be named where it is collided with, and where it is drawn.
-_KINDS: Final[Mapping[str, AssetKind]] = {"mesh": "mesh", "heights": "heights", "clips": "clips", "skin": "skin"}
+_KINDS: Final[Mapping[str, AssetKind]] = {
+    "mesh": "mesh",
+    "heights": "heights",
+    "clips": "clips",
+    "skin": "skin",
+    "source": "script",
+}
 _HEIGHT_READERS: Final[Mapping[AssetKind, Callable[[Path, AssetStore], str]]] = {
     "heights": read_heights,
     "mesh": read_height_mesh,
 }
+_log = logging.getLogger(__name__)
 MAX_EXPANDED: Final = 1_000_000  # a few prefabs inside one another could ask for any number of entities
 
 
@@ -254,7 +263,9 @@ def _asset(job: _Expansion, value: str, field_name: str, place: _Place) -> str:
             parse_texture(value + options)
         except AssetError as error:
             _fail(place, str(error), error)
-    if field_name != "heights" and (is_primitive(value) or value.partition(":")[0].endswith(".py")):
+    if field_name == "source" and not is_reference(value):
+        return _script(job, value, place)
+    if field_name != "heights" and is_primitive(value):
         return value
     reference = value if is_reference(value) else _file_asset(job, value, field_name, place)
     if not job.assets.has(reference):
@@ -264,6 +275,17 @@ def _asset(job: _Expansion, value: str, field_name: str, place: _Place) -> str:
     if expected and kind and kind != expected:
         _fail(place, f"{value} is a {kind}, expected a {expected}")
     return reference + options
+
+
+def _script(job: _Expansion, value: str, place: _Place) -> str:
+    """The content of a script with what it imports; the name itself where there is none, and whoever runs it says so."""
+    name, _, behaviour = value.partition("#")
+    path = _path(place.directory, name, place)
+    try:
+        return read_script(path, behaviour, job.assets)
+    except AssetError as error:
+        _log.warning("%s", error)
+        return value
 
 
 def expected_kind(field_name: str) -> AssetKind | None:

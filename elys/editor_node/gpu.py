@@ -128,6 +128,12 @@ class ViewportPicture:
             self._texture.swizzle = "RGB1"  # what a renderer leaves in alpha must not let the window shine through
         self._texture.write(pixels, alignment=1)
 
+    def read(self) -> NDArray[np.uint8]:
+        """What is shown, (height, width, 4); (0, 0, 4) before the first upload."""
+        width, height = self.size
+        content = self._texture.read() if self._texture is not None else b""
+        return np.frombuffer(content, np.uint8).reshape(height, width, 4)
+
     def release(self) -> None:
         """Frees the textures."""
         for texture in (*self._outgrown, self._texture):

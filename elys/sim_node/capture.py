@@ -21,6 +21,7 @@ from elys.sim_node.ecs.columns import ComponentTable
 from elys.sim_node.ecs.query import Query
 from elys.sim_node.physics.kernels.tables import GEAR
 from elys.sim_node.physics.world import PhysicsWorld
+from elys.sim_node.scripts.runner import Scripts
 from elys.sim_node.state import ATOMS, RECORDS, Column, copied
 
 # What follows from the rest, by class. Numbers that say "something is other than before" only ever rise: to put one back would
@@ -37,6 +38,7 @@ DERIVED: Final[Mapping[str, frozenset[str]]] = {
     "Animations": frozenset({"_clips", "_samplers", "_players", "_moved"}),
 }
 _STRANGERS: Final = (AssetStore, ComponentDeclaration, Query, MethodType)
+_SELF_KEPT: Final = (PhysicsWorld, Scripts)  # that say themselves what is to be kept, and how it comes back
 _PACKAGE: Final = "elys.sim_node."
 
 
@@ -49,9 +51,9 @@ def captured(root: object, previous: Mapping[str, Any]) -> dict[str, Any]:
     values: dict[str, Any] = {}
     for path, part in _parts(root):
         ours: set[int] = set()  # arrays that were made to be kept
-        if isinstance(part, PhysicsWorld):
+        if isinstance(part, _SELF_KEPT):
             held: Mapping[str, Any] = part.saved()
-            ours = {id(held[name]) for name in ("pairs", "manifolds")}
+            ours = {id(held[name]) for name in ("pairs", "manifolds") if name in held}
         elif isinstance(part, dict):
             held = part
         else:
@@ -82,7 +84,7 @@ def restored(root: object, values: Mapping[str, Any], *, is_ours: bool) -> None:
     if not is_ours:
         _check_numbers(values)
     for part, _, wanted in plan:
-        if isinstance(part, PhysicsWorld):
+        if isinstance(part, _SELF_KEPT):
             part.load(wanted)
         elif isinstance(part, dict):
             part.update(wanted)
@@ -101,7 +103,7 @@ def _parts(root: object) -> Iterator[tuple[str, Any]]:
             continue
         seen.add(id(part))
         yield path, part
-        if isinstance(part, (PhysicsWorld, dict)):
+        if isinstance(part, (*_SELF_KEPT, dict)):
             continue
         left_out = derived_of(part)
         for name, value in vars(part).items():
@@ -176,7 +178,7 @@ def _wanted(part: Any, path: str, values: Mapping[str, Any]) -> dict[str, Any]:
     """What the values say of a part, ready to be put into it."""
     if isinstance(part, ComponentTable) and f"{path}count" not in values:
         return {}  # nobody had the component, and nobody has
-    if isinstance(part, PhysicsWorld):
+    if isinstance(part, _SELF_KEPT):
         return {name: _fitting(values.get(f"{path}{name}"), now, f"{path}{name}") for name, now in part.saved().items()}
     if isinstance(part, dict) and not any(key.startswith(path) for key in values):
         return {}

@@ -57,6 +57,7 @@ from elys.sim_node.input_intake import InputIntake
 from elys.sim_node.paused_physics import PausedPhysics
 from elys.sim_node.repetition import Cue, Repetition
 from elys.sim_node.scene_telling import SceneTelling
+from elys.sim_node.scripts.reloading import SCRIPT_FILES, ScriptFiles
 from elys.sim_node.simulation import Simulation
 from elys.sim_node.systems.apply_commands import apply_command
 from elys.sim_node.systems.apply_edits import EditableSimulation, load_scene
@@ -132,6 +133,7 @@ class SimulationNode:
         )
         self.flight = FlightRecorder(simulation, seconds=keep) if keep > 0.0 else None
         self.chronicle = Chronicle(simulation, self.flight, epoch=session.epoch, tell=self._publish_command)
+        self._script_files = ScriptFiles(simulation)
         self._markers = MarkerLog()
         self._repeated = False  # what the tick did was kept already
         self._is_whole = True  # its commands and its step are all that happened in it
@@ -163,9 +165,13 @@ class SimulationNode:
         self._publish_status()
         self._publish_frame()  # who subscribes before the first tick sees the scene as it was loaded
         async with asyncio.TaskGroup() as group:
-            heartbeat = group.create_task(self._heartbeat())
+            beside = [
+                group.create_task(self._heartbeat()),
+                group.create_task(self._script_files.follow(self._put_edit)),
+            ]
             await self._tick_until_done()
-            heartbeat.cancel()
+            for task in beside:
+                task.cancel()
         self._publish_status()
 
     async def _tick_until_done(self) -> None:
@@ -314,6 +320,9 @@ class SimulationNode:
         if len(self._waiting) >= COMMAND_LIMIT:
             raise RequestError(f"{COMMAND_LIMIT} commands are waiting already: send fewer, or wait for their answers")
         return await self._put(request)
+
+    def _put_edit(self, command: Command) -> None:
+        self._put(CommandRequest(origin=SCRIPT_FILES, command=command))
 
     def _put(self, request: CommandRequest) -> asyncio.Future[CommandReply]:
         """Puts a command before the next tick; what becomes of it."""

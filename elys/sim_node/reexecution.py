@@ -35,9 +35,11 @@ class Reexecution:
         """Becomes what an exact state tells.
 
         Raises:
-            StateError: it is damaged, or of another version. RecordingError: it cannot be read.
+            StateError: it is damaged, or of another version. RecordingError: it cannot be read. ScriptError: it has scripts that
+                may not run here.
         """
         self.simulation.restore(State.from_bytes(exact_state(self._recording.reader, kept.place)))
+        self.simulation.scripts.require_trust()
         self.instant = kept.head.instant
         self._physics.clear()
         self._keep_physics()

@@ -39,6 +39,7 @@ from elys.sim_node.physics.states import WorldEvents
 from elys.sim_node.physics.world import PhysicsWorld
 from elys.sim_node.scene.edited_values import EditedValues
 from elys.sim_node.scene.loading import load_records
+from elys.sim_node.scripts.runner import Scripts
 from elys.sim_node.state import State
 from elys.sim_node.systems.play_animations import Animated, Animations
 from elys.sim_node.systems.pull_grabbed import Hands
@@ -80,16 +81,19 @@ class Simulation:
         self.path = ""
         self.edited = EditedValues(self.world)
         self.systems: tuple[System, ...] = (
+            self.run_scripts,
             self.follow_changes,
             self.play_animations,
             self.simulate_physics,
             self.propagate_transforms,
+            self.update_scripts,
         )
         self.stage_times: dict[str, float] = {}
         self.hands = Hands(self.physics)
         self.inputs = Inputs()
         self._bodies = RigidBodies(self.world, self.physics, self.assets)
         self._animations = Animations(self.world, self.assets)
+        self.scripts = Scripts(self)
         self._changes: list[WorldChanges] = []
         self._events: list[Event] = []
         self._is_stopped = False
@@ -122,6 +126,15 @@ class Simulation:
         self.follow_changes(self.world)
 
     # Systems
+
+    def run_scripts(self, world: World) -> None:
+        """What behaviours do before physics: they hear what happened, go on where they wait, and push."""
+        self.scripts.run(world)
+
+    def update_scripts(self, world: World) -> None:
+        """What behaviours do when everything has moved."""
+        self.scripts.run_late(world)
+        self._events += self.scripts.take_events()
 
     def follow_changes(self, world: World) -> None:
         """Bodies and world transforms become what was changed by hand, by commands or by systems before this one."""

@@ -70,6 +70,7 @@ def prepare(scene: str, *, record: Path | None, threads: int = 1, at: str = "") 
     from elys.verbs.kernels import compile_with_progress
     from elys.verbs.moments import parse_moment
     from elys.verbs.recording_child import require_recordable
+    from elys.verbs.trusting import ask_about_scripts
 
     if record is not None:
         require_recordable(record)
@@ -77,6 +78,7 @@ def prepare(scene: str, *, record: Path | None, threads: int = 1, at: str = "") 
         return opened_at(required_recording(scene), parse_moment(at), goes_on=False, threads=threads)
     assets = AssetStore()
     opened = open_scene_or_sample(scene, assets)
+    ask_about_scripts(opened.records, assets)
     compile_with_progress(opened, threads=threads)
     return Simulation.load(opened, assets, threads=threads), None
 

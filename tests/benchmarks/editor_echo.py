@@ -112,9 +112,8 @@ async def _count(editor: Editor) -> list[int]:
 
 def _middle(editor: Editor) -> tuple[int, int]:
     """Red and green in the middle of the texture that the viewport shows."""
-    texture = editor._picture._texture
-    pixels = np.frombuffer(texture.read(), np.uint8).reshape(texture.height, texture.width, 4)
-    red, green = pixels[texture.height // 2, texture.width // 2, :2].tolist()
+    pixels = editor.viewports.first.picture.read()
+    red, green = pixels[len(pixels) // 2, pixels.shape[1] // 2, :2].tolist()
     return red, green
 
 

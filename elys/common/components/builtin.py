@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from elys.common.components.declaration import Component, Kind, Quat, Vec3, about, component
+from elys.common.components.declaration import Component, Kind, Quat, Values, Vec3, about, component
 
 
 @component
@@ -357,7 +357,8 @@ class Camera(Component, frozen=True):
 
 @component
 class Script(Component, frozen=True):
-    """The behaviour of an entity (placeholder: carried, saved and shown, not yet run)."""
+    """What an entity does, written in Python; see docs/scripts.md."""
 
-    source: Annotated[str, about("Python file and class, as path.py:Class.", kind=Kind.ASSET)] = ""
+    source: Annotated[str, about("Python file and class in it, as door.py#Door.", kind=Kind.ASSET)] = ""
     enabled: Annotated[bool, about("Whether the behaviour runs.")] = True
+    values: Annotated[Values, about("The script's own fields, where they are not their defaults.")] = {}

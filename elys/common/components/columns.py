@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from elys.common.components.decimals import FLOAT32_MAX, shortest_decimal, shortest_decimals
 from elys.common.components.declaration import Component, ComponentDeclaration, FieldDeclaration, Kind
-from elys.common.components.values import check_value
+from elys.common.components.values import check_value, values_from, values_text
 from elys.common.errors import ComponentError
 
 Column = NDArray[Any]
@@ -78,6 +78,8 @@ def pack_value(declaration: ComponentDeclaration, field: FieldDeclaration, value
         return field.choices.index(checked)
     if field.kind in _TEXTS:
         return strings.intern(checked)
+    if field.kind is Kind.VALUES:
+        return strings.intern(values_text(checked))
     if field.dtype == "f4":
         for number in checked if field.width > 1 else (checked,):
             if abs(number) > FLOAT32_MAX:
@@ -94,6 +96,8 @@ def unpack_value(field: FieldDeclaration, stored: Any, strings: StringTable) -> 
         return tuple(map(shortest_decimal, plain)) if field.width > 1 else shortest_decimal(plain)
     if field.kind is Kind.CHOICE:
         return field.choices[plain]
+    if field.kind is Kind.VALUES:
+        return values_from(strings.lookup(plain))
     return strings.lookup(plain) if field.kind in _TEXTS else plain
 
 
@@ -125,7 +129,7 @@ def pack_array(
         rows = np.broadcast_to(array, shape)
     except ValueError:
         raise ComponentError(f"{where} must be an array of shape {shape}, not {np.shape(array)}") from None
-    limits = {Kind.CHOICE: len(field.choices), Kind.TEXT: len(strings), Kind.ASSET: len(strings)}
+    limits = {Kind.CHOICE: len(field.choices), **dict.fromkeys((*_TEXTS, Kind.VALUES), len(strings))}
     if field.kind in limits:
         fits = np.issubdtype(array.dtype, np.integer) and bool(np.all((array >= 0) & (array < limits[field.kind])))
         expected = f"rows from 0 to {limits[field.kind] - 1}"
@@ -146,6 +150,8 @@ def unpack_values(field: FieldDeclaration, column: Column, strings: StringTable)
         return [field.choices[row] for row in plain]
     if field.kind in _TEXTS:
         return [strings.lookup(row) for row in plain]
+    if field.kind is Kind.VALUES:
+        return [values_from(strings.lookup(row)) for row in plain]
     return list(map(tuple, plain)) if field.width > 1 else plain
 
 

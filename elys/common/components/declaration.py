@@ -27,6 +27,7 @@ from elys.common.errors import ComponentError
 
 Vec3 = tuple[float, float, float]
 Quat = tuple[float, float, float, float]  # x y z w, unit length
+Values = dict[str, Any]  # by name: numbers, booleans, texts and lists of numbers
 
 
 class Kind(enum.Enum):
@@ -42,6 +43,7 @@ class Kind(enum.Enum):
     TEXT = "text"
     ASSET = "asset"  # the name of a mesh, an image, ...
     ENTITY = "entity"  # another entity's id, 0 for none
+    VALUES = "values"  # named values that only a script's file declares: a JSON object
 
 
 class Component(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -124,6 +126,7 @@ _STORAGE: Final[Mapping[Kind, tuple[str, int]]] = {
     Kind.TEXT: ("i4", 1),  # a row of the world's string table
     Kind.ASSET: ("i4", 1),  # likewise
     Kind.ENTITY: ("u4", 1),
+    Kind.VALUES: ("i4", 1),  # a row of the string table, as JSON
 }
 
 _registry: dict[str, ComponentDeclaration] = {}
@@ -168,14 +171,18 @@ def declare(struct: type[Component]) -> ComponentDeclaration:
     hints = get_type_hints(struct, include_extras=True)
     fields = []
     for info in msgspec.structs.fields(struct):
-        if info.default is msgspec.NODEFAULT:
+        default = info.default
+        if default is msgspec.NODEFAULT and info.default_factory is not msgspec.NODEFAULT:
+            default = info.default_factory()
+        if default is msgspec.NODEFAULT:
             raise ComponentError(f"{struct.__name__}.{info.name} needs a default: every component can be added empty")
-        fields.append(_declare_field(struct.__name__, info.name, hints[info.name], info.default))
+        fields.append(declare_field(struct.__name__, info.name, hints[info.name], default))
     text = (struct.__doc__ or "").strip().split("\n")[0]
     return ComponentDeclaration(name=struct.__name__, struct=struct, text=text, fields=tuple(fields))
 
 
-def _declare_field(owner: str, name: str, hint: Any, default: Any) -> FieldDeclaration:
+def declare_field(owner: str, name: str, hint: Any, default: Any) -> FieldDeclaration:
+    """One field of `owner` from its annotation; ComponentError where that does not say what it must."""
     where = f"{owner}.{name}"
     notes = [note for note in getattr(hint, "__metadata__", ()) if isinstance(note, About)]
     if get_origin(hint) is not Annotated or not notes:
@@ -208,6 +215,7 @@ def _kind_of(where: str, value_type: Any) -> Kind:
         str: Kind.TEXT,
         Vec3: Kind.VEC3,
         Quat: Kind.QUAT,
+        Values: Kind.VALUES,
     }
     if value_type in kinds:
         return kinds[value_type]

@@ -127,6 +127,8 @@ def _element(field: FieldDeclaration) -> dict[str, Any]:
             return {"enum": list(field.choices)}
         case Kind.TEXT | Kind.ASSET:
             return {"type": "string"}
+        case Kind.VALUES:
+            return {"type": "object"}
         case Kind.ENTITY:
             # By name in files, where nobody has an id yet.
             return {"type": ["string", "integer"], "minimum": 0, "maximum": 2**32 - 1}

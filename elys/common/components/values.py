@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
 from typing import Any, Final
@@ -60,6 +61,8 @@ def check_value(declaration: ComponentDeclaration, field: FieldDeclaration, valu
             if len(value) > MAX_TEXT_LENGTH:
                 raise ComponentError(f"{where} may have {MAX_TEXT_LENGTH} characters, not {len(value)}")
             return value
+        case Kind.VALUES:
+            return _named_values(where, value)
         case Kind.ENTITY:
             if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 2**32:
                 raise ComponentError(f"{where} must be an entity id (0 for none), not {_shown(value)}")
@@ -68,6 +71,39 @@ def check_value(declaration: ComponentDeclaration, field: FieldDeclaration, valu
             return _unit(where, _numbers(where, field, value))
         case Kind.VEC3 | Kind.COLOR:
             return tuple(_in_range(where, field, element) for element in _numbers(where, field, value))
+
+
+def _named_values(where: str, value: Any) -> dict[str, Any]:
+    if not isinstance(value, Mapping):
+        raise ComponentError(f"{where} must be an object of named values, not {_shown(value)}")
+    checked: dict[str, Any] = {}
+    for name, item in value.items():
+        if not isinstance(name, str) or not name.isidentifier():
+            raise ComponentError(f"{where}: {_shown(name)} is no name of a field")
+        if isinstance(item, list | tuple) and 1 <= len(item) <= 4:
+            checked[name] = tuple(_number(f"{where}.{name}", element) for element in item)
+        elif isinstance(item, bool | str) or (isinstance(item, int) and -(2**53) <= item <= 2**53):
+            checked[name] = item
+        elif isinstance(item, float):
+            checked[name] = _number(f"{where}.{name}", item)
+        else:
+            raise ComponentError(
+                f"{where}.{name} must be a number, true or false, a text or up to 4 numbers, not {_shown(item)}"
+            )
+    if len(values_text(checked)) > MAX_TEXT_LENGTH:
+        raise ComponentError(f"{where} may have {MAX_TEXT_LENGTH} characters as JSON, not {len(values_text(checked))}")
+    return checked
+
+
+def values_text(values: Mapping[str, Any]) -> str:
+    """Named values as one text, the same for the same values; "" for none."""
+    return json.dumps(values, sort_keys=True, separators=(",", ":"), ensure_ascii=False) if values else ""
+
+
+def values_from(text: str) -> dict[str, Any]:
+    """The named values that `values_text` made a text of."""
+    found: dict[str, Any] = json.loads(text) if text else {}
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in found.items()}
 
 
 def _number(where: str, value: Any) -> float:

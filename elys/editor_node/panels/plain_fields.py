@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
 from typing import Any
 
 from imgui_bundle import imgui
@@ -36,6 +38,8 @@ def edit_field(field: FieldDeclaration, value: Any, context: FieldContext, *, bu
             return edit_asset(field, value, context)
         case Kind.ENTITY:
             return edit_entity(value, context)
+        case Kind.VALUES:
+            return edit_named_values(value, context)
 
 
 def edit_switch(value: bool, context: FieldContext) -> FieldEdit:
@@ -63,6 +67,15 @@ def edit_choice(field: FieldDeclaration, value: str, context: FieldContext) -> F
         imgui.end_combo()
     else:
         context.note()
+    return edit
+
+
+def edit_named_values(value: dict[str, Any], context: FieldContext) -> FieldEdit:
+    """As JSON; what is no object is sent as it is, and refused with a sentence."""
+    edit = edit_text(json.dumps(value, ensure_ascii=False) if value else "", context)
+    if edit.changed:
+        with contextlib.suppress(ValueError):
+            edit.value = json.loads(edit.value) if edit.value.strip() else {}
     return edit
 
 

@@ -223,6 +223,16 @@ class World:
         table.write(row, self._packed(table, component))
         self._note_component(entity, table, was_present=True)
 
+    def set_fields(self, entity: Entity, component: ComponentName, values: Mapping[str, Any]) -> None:
+        """Changes some fields of a component the entity has; ComponentError for what they do not take."""
+        table, row = self._find(entity, component)
+        declaration, strings = table.declaration, self.strings
+        packed = {
+            name: pack_value(declaration, declaration.field(name), value, strings) for name, value in values.items()
+        }
+        table.write(row, packed)
+        self._note_component(entity, table, was_present=True)
+
     def add(self, entity: Entity, component: Component) -> None:
         """Gives the entity a component it has not."""
         table = self.table(type(component))

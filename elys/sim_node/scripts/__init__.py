@@ -1,0 +1,1 @@
+"""Behaviours that users write: Python classes that entities carry. See docs/scripts.md."""

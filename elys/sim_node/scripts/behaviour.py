@@ -1,0 +1,185 @@
+"""The class that scripts derive from, and how their fields are declared.
+
+from elys.script import Behaviour, about, seconds
+from typing import Annotated
+
+class Door(Behaviour):
+    \"\"\"Opens for whoever comes near.\"\"\"
+
+    rise: Annotated[float, about("How far it goes up.", unit="m", minimum=0.0)] = 2.0
+    stays_open: Annotated[float, about("Before it closes again.", unit="s", minimum=0.0)] = 1.5
+    keeper: Entity | None = None
+
+    async def on_trigger_enter(self, other):
+        await self.entity.move_to(self.home + (0.0, self.rise, 0.0), duration=0.5)
+        await seconds(self.stays_open)
+        await self.entity.move_to(self.home, duration=0.5)
+"""
+
+from __future__ import annotations
+
+import inspect
+import logging
+import random
+import types
+import typing
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, get_args, get_origin
+
+from elys.common.components.declaration import (
+    About,
+    FieldDeclaration,
+    Kind,
+    Quat,
+    Vec3,
+    about,
+)
+from elys.common.components.declaration import declare_field as declared
+from elys.common.errors import ComponentError, ScriptError
+
+if TYPE_CHECKING:
+    from elys.bus.messages.session import Event
+    from elys.sim_node.scripts.handles import EntityHandle, GameWorld, Touch
+    from elys.sim_node.scripts.waiting import Call
+
+_log = logging.getLogger("elys.script")
+# Hooks that are called with nothing but the behaviour itself, or with what happened.
+HOOKS: Final = (
+    "start",
+    "fixed_update",
+    "update",
+    "on_trigger_enter",
+    "on_trigger_stay",
+    "on_trigger_exit",
+    "on_contact",
+    "on_event",
+    "on_input",
+    "on_destroy",
+)
+
+
+class Behaviour:
+    """What an entity does. Derive from it, declare fields with defaults, and write the hooks that are needed.
+
+    Every hook may be `async`: it is begun when it is called, goes on in later ticks, and ends with its entity.
+
+    Attributes:
+        entity: the one it belongs to.
+        world: everything else: find, spawn, ask, tell.
+    """
+
+    entity: EntityHandle
+    world: GameWorld
+
+    def begin(self, call: Call) -> None:
+        """Begins an async function beside everything else: `self.begin(self.blink())`."""
+        self.entity._scripts.start_task(self, call)
+
+    @property
+    def random(self) -> random.Random:
+        """Random numbers of its own, the same in each run of the scene."""
+        if "_random" not in self.__dict__:
+            self._random = self.entity._scripts.random_of(self)
+        return self._random
+
+    def log(self, text: str) -> None:
+        """A line for the console, with the entity's name."""
+        _log.info("%s: %s", self.entity._scripts.simulation.named(self.entity.id), text)
+
+    def start(self) -> None:
+        """It begins: in the first tick in which its entity and script are there and enabled."""
+
+    def fixed_update(self, dt: float) -> None:
+        """Each tick, before physics moves anything; dt [s]."""
+
+    def update(self, dt: float) -> None:
+        """Each tick, after physics has moved everything; dt [s]."""
+
+    def on_trigger_enter(self, other: EntityHandle) -> None:
+        """Something has come into its trigger, or it has come into one."""
+
+    def on_trigger_stay(self, other: EntityHandle) -> None:
+        """It is still inside, each tick."""
+
+    def on_trigger_exit(self, other: EntityHandle) -> None:
+        """It has left, or is no more."""
+
+    def on_contact(self, other: EntityHandle, touch: Touch) -> None:
+        """It has begun to touch something."""
+
+    def on_event(self, event: Event) -> None:
+        """Something was told to all (`world.emit`), or to this entity."""
+
+    def on_input(self, player: int) -> None:
+        """A player did something in this tick; `world.input(player)` says what."""
+
+    def on_destroy(self) -> None:
+        """It ends: its entity, its script or the component is taken away. Not at the end of the run."""
+
+
+def fields_of(behaviour: type[Behaviour], names: dict[str, Any]) -> tuple[FieldDeclaration, ...]:
+    """The fields that a behaviour declares, its bases' first: annotations with defaults that a scene can hold.
+
+    Args:
+        names: the script's module, in which annotations are looked up.
+
+    Raises:
+        ScriptError: a field has no default, or a type or a default that no field can have.
+    """
+    found: dict[str, FieldDeclaration] = {}
+    for owner in reversed(behaviour.__mro__):
+        if not issubclass(owner, Behaviour) or owner is Behaviour:
+            continue
+        for name, hint in inspect.get_annotations(owner).items():
+            if name.startswith("_"):
+                continue
+            hint = _evaluated(behaviour, name, hint, names)
+            if get_origin(hint) is ClassVar or name not in owner.__dict__:
+                continue  # a variable with no default is the script's own affair
+            found[name] = _field(behaviour, name, hint, owner.__dict__[name])
+    return tuple(found.values())
+
+
+def _evaluated(behaviour: type[Behaviour], name: str, hint: Any, names: dict[str, Any]) -> Any:
+    if not isinstance(hint, str):
+        return hint
+    try:
+        return eval(hint, names)  # the script's own text, as Python itself would read it
+    except Exception as error:
+        raise ScriptError(f"{behaviour.__name__}.{name}: its type {hint!r} cannot be read: {error}") from error
+
+
+def _field(behaviour: type[Behaviour], name: str, hint: Any, default: Any) -> FieldDeclaration:
+    base, note = hint, about("")
+    if get_origin(hint) is Annotated:
+        base = get_args(hint)[0]
+        note = next((part for part in get_args(hint)[1:] if isinstance(part, About)), note)
+    if _is_entity(base):
+        base, note = int, _as_entity(note)
+        default = 0 if default is None else default
+    try:
+        return declared(behaviour.__name__, name, Annotated[base, note], _plain(base, default))
+    except ComponentError as error:
+        raise ScriptError(f"{error}, or Entity for another entity") from error
+
+
+def _is_entity(hint: Any) -> bool:
+    from elys.sim_node.scripts.handles import EntityHandle
+
+    if hint is EntityHandle:
+        return True
+    return get_origin(hint) in (typing.Union, types.UnionType) and EntityHandle in get_args(hint)
+
+
+def _as_entity(note: About) -> About:
+    return about(note.text, unit=note.unit, kind=Kind.ENTITY)
+
+
+def _plain(base: Any, default: Any) -> Any:
+    if base in (Vec3, Quat) and isinstance(default, list | tuple):
+        return tuple(map(float, default))
+    if base is float and isinstance(default, int) and not isinstance(default, bool):
+        return float(default)
+    return default
+
+
+__all__ = ["HOOKS", "Behaviour", "Literal", "fields_of"]

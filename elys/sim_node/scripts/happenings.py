@@ -1,0 +1,69 @@
+"""What the last step of physics means for scripts: who of them hears of which contact and which visit to a trigger."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from elys.sim_node.scripts.handles import EntityHandle, Touch
+from elys.sim_node.scripts.vector import Vector
+
+if TYPE_CHECKING:
+    from elys.sim_node.scripts.runner import Scripts
+
+
+class Happening(NamedTuple):
+    """A hook to be called."""
+
+    entity: int
+    hook: str
+    arguments: tuple[Any, ...]
+
+
+def visits_of(scripts: Scripts) -> Iterator[Happening]:
+    """Who came into triggers, stays there, or left; told to the trigger's script and to the visitor's."""
+    triggers = scripts.simulation.physics.events.triggers
+    for hook, visits in (
+        ("on_trigger_enter", triggers.entered),
+        ("on_trigger_stay", triggers.stayed),
+        ("on_trigger_exit", triggers.exited),
+    ):
+        entities = _listeners(scripts, hook)
+        if not len(entities) or not len(visits.trigger):
+            continue
+        sides = (visits.trigger, visits.trigger_body), (visits.entity, visits.body)
+        for mine, other in (sides, sides[::-1]):
+            for row, entity in _rows_of(mine, entities):
+                yield Happening(entity, hook, (EntityHandle(scripts, int(other[0][row])),))
+
+
+def contacts_of(scripts: Scripts) -> Iterator[Happening]:
+    """Which contacts began; told to both sides' scripts."""
+    begun = scripts.simulation.physics.events.contacts.begun
+    entities = _listeners(scripts, "on_contact")
+    if not len(entities) or not len(begun.entity_a):
+        return
+    sides = (begun.entity_a, begun.body_a, -1.0), (begun.entity_b, begun.body_b, 1.0)
+    for mine, other in (sides, sides[::-1]):
+        for row, entity in _rows_of(mine[:2], entities):
+            touch = Touch(
+                Vector(begun.point[row].tolist()),
+                Vector(begun.normal[row].tolist()) * mine[2],
+                float(begun.normal_impulse[row]),
+                float(begun.speed[row]),
+            )
+            yield Happening(entity, "on_contact", (EntityHandle(scripts, int(other[0][row])), touch))
+
+
+def _listeners(scripts: Scripts, hook: str) -> np.ndarray[Any, Any]:
+    return np.array([one.entity for one in scripts.listening(hook)], np.uint32)
+
+
+def _rows_of(sides: tuple[Any, ...], entities: np.ndarray[Any, Any]) -> Iterator[tuple[int, int]]:
+    """Rows with the entity that listens there: the collider's own, and its body's where that is another."""
+    collider, body = sides
+    for row in np.flatnonzero(np.isin(collider, entities) | np.isin(body, entities)).tolist():
+        told = dict.fromkeys((int(collider[row]), int(body[row])))
+        yield from ((row, entity) for entity in told if entity in entities)

@@ -1,0 +1,130 @@
+"""All script files that a simulation has loaded, each version once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from elys.common.assets.scripts import decode_script
+from elys.common.assets.store import AssetStore, is_reference
+from elys.common.components.declaration import FieldDeclaration
+from elys.common.errors import AssetError, ScriptError
+from elys.common.trust import is_trusted
+from elys.sim_node.scripts.behaviour import HOOKS, Behaviour, fields_of
+from elys.sim_node.scripts.modules import ScriptModules
+from elys.sim_node.scripts.program import Program
+
+_PRELUDE: Final = Path(__file__).with_name("prelude.py")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoadedScript:
+    """A behaviour's class, as one version of its files has it.
+
+    Attributes:
+        source: what the component says: a reference to content.
+        name: how sentences call it, "door.py:Door".
+        hooks: those that it writes itself.
+    """
+
+    source: str
+    name: str
+    behaviour: type[Behaviour]
+    fields: dict[str, FieldDeclaration]
+    modules: ScriptModules
+    hooks: frozenset[str]
+
+
+class ScriptLibrary:
+    """Loads behaviours from an asset store. What could not be loaded is not tried again: other content has another name."""
+
+    def __init__(self, assets: AssetStore) -> None:
+        self._assets = assets
+        self._loaded: dict[str, LoadedScript | ScriptError] = {}
+        self._prelude = ScriptModules.of_file(_PRELUDE)
+
+    def load(self, source: str) -> LoadedScript:
+        """The behaviour that a Script component names.
+
+        Raises:
+            ScriptError: there is no such file or class, or it cannot be run: file, line, what to do.
+        """
+        if source not in self._loaded:
+            try:
+                self._loaded[source] = self._read(source)
+            except ScriptError as error:
+                self._loaded[source] = error
+        found = self._loaded[source]
+        if isinstance(found, ScriptError):
+            raise ScriptError(str(found))
+        return found
+
+    def require_trusted(self, source: str) -> None:
+        """Raises ScriptError for a script that nobody has said may run."""
+        path = self._path_of(source)
+        if path.name and not is_trusted(str(path)):
+            raise ScriptError(
+                f"scripts in {path.parent} are not trusted, so nothing of them is run: if you know who wrote them, add --trust, "
+                f"or say `elys trust {path.parent}` once"
+            )
+        if not path.name and not is_trusted(""):
+            raise ScriptError(
+                "the scripts that came with it are not trusted, so nothing of them is run: if you know who wrote them, "
+                "add --trust"
+            )
+
+    def prelude(self, name: str) -> Program:
+        """An async function of prelude.py."""
+        return next(program for (called, _), program in self._prelude.programs.items() if called.endswith(f":{name}"))
+
+    def program(self, name: str, digest: str) -> Program:
+        """An async function of any version that is loaded; ScriptError if there is none."""
+        for modules in (self._prelude, *(script.modules for script in self._scripts())):
+            if (name, digest) in modules.programs:
+                return modules.programs[name, digest]
+        raise ScriptError(f"{name.replace(':', ', ')} was changed or taken away since it began")
+
+    def record(self, name: str, source: str) -> type[Any] | None:
+        """A class that the files of a script declare."""
+        found = self._loaded.get(source)
+        return found.modules.record(name) if isinstance(found, LoadedScript) else None
+
+    def name_of_record(self, kind: type[Any]) -> tuple[str, str] | None:
+        """The source and the name of a class that a loaded script declares."""
+        for script in self._scripts():
+            if (name := script.modules.name_of(kind)) is not None:
+                return script.source, name
+        return None
+
+    def _scripts(self) -> list[LoadedScript]:
+        return [script for script in self._loaded.values() if isinstance(script, LoadedScript)]
+
+    def _path_of(self, source: str) -> Path:
+        """The file that a script came from; one without a name if it came from none here."""
+        return Path(self._assets.source(source).partition("#")[0])
+
+    def _read(self, source: str) -> LoadedScript:
+        if not source:
+            raise ScriptError("its component names no script: give file.py#Class")
+        if not is_reference(source):
+            raise ScriptError(f"there is no script {source}: it is looked for beside the scene's file")
+        try:
+            bundle = decode_script(self._assets.get(source))
+        except AssetError as error:
+            raise ScriptError(str(error)) from error
+        self.require_trusted(source)
+        path = self._path_of(source)
+        places = {name: str(path.parent / name) for name in bundle.files} if path.name else {}
+        modules = ScriptModules(bundle, places)
+        behaviour = modules.behaviour()
+        fields = fields_of(behaviour, modules.names_of(behaviour))
+        hooks = frozenset(name for name in HOOKS if getattr(behaviour, name) is not getattr(Behaviour, name))
+        return LoadedScript(
+            source=source,
+            name=f"{bundle.main}:{behaviour.__name__}",
+            behaviour=behaviour,
+            fields={declared.name: declared for declared in fields},
+            modules=modules,
+            hooks=hooks,
+        )
