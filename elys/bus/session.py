@@ -74,11 +74,7 @@ class Session:
 
     @classmethod
     async def host(cls, transport: Transport, *, name: str, kind: str, epoch: int) -> Session:
-        """Opens a session as its host: answers handshakes and shows itself alive.
-
-        Raises:
-            BusError: another one hosts a session of this name where the transport reaches.
-        """
+        """Opens a session as its host: answers handshakes and shows itself alive. BusError: this name is taken at a router."""
         session = cls(transport, name=name, node=Node(kind, node_id(kind)), epoch=epoch)
         await require_free_name(name, session._ask_for_life)
         session._closers.append(transport.serve(topics.key_of(name, topics.HELLO), session._welcome))
