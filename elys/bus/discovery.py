@@ -150,8 +150,19 @@ def _is_alive(record: SessionRecord) -> bool:
         return False
     except (PermissionError, OverflowError):
         return True
+    if _has_ended(record.pid):
+        return False
     now = start_of_process(record.pid)
     return not (now and record.process_started and now != record.process_started)
+
+
+def _has_ended(pid: int) -> bool:
+    """Whether a process is dead and only waits for its parent to look."""
+    try:
+        text = Path(f"/proc/{pid}/stat").read_text()
+    except OSError:
+        return False
+    return text.rpartition(")")[2].split()[0] in ("Z", "X")
 
 
 def start_of_process(pid: int) -> str:
