@@ -317,6 +317,8 @@ def _reached(names: Sequence[str], timeout: float) -> tuple[zenoh.Session, Reach
         door = Reached(
             names[0], _FAR
         )  # a round trip is worth something there: straight in, for somebody is there mostly
+    elif door is None:
+        door = reach(names, timeout=deadline - time.monotonic())
     while door is not None and time.monotonic() < deadline:
         begun = time.monotonic()
         try:

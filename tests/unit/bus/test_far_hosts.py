@@ -72,6 +72,19 @@ def test_of_several_doors_the_earlier_one_is_preferred():
         assert [reach(order, timeout=10.0).endpoint for order in (endpoints, endpoints[::-1])] == endpoints
 
 
+def test_who_comes_before_the_host_waits_for_it():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    hosts: list[ZenohTransport] = []
+    late = threading.Timer(0.5, lambda: hosts.append(ZenohTransport.listen(endpoint)))
+    late.start()
+    joined = ZenohTransport.connect(endpoint, timeout=30.0)
+    late.join()
+    joined.close()
+    hosts[0].close()
+
+
 def test_knocking_ends_when_it_is_told_to():
     stop = threading.Event()
     threading.Timer(0.1, stop.set).start()
