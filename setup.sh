@@ -70,5 +70,12 @@ if ! have_gl; then
     install_packages $libraries || true
     have_gl || say "OpenGL is missing, so nothing can be drawn yet. Install it:  sudo apt install $libraries"
 fi
+
+# The page of `elys web` is tested in a real browser; nothing else needs one.
+have_browser() { command -v chromium || command -v chromium-browser || command -v google-chrome; }
+if ! have_browser >/dev/null; then
+    install_packages chromium || true
+    have_browser >/dev/null || say "There is no Chromium: the tests of \`elys web\` are left out. Install it:  sudo apt install chromium"
+fi
 touch .venv/.ready
 say "Ready. Try: make demo"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import shutil
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -35,5 +37,8 @@ def soak(request: pytest.FixtureRequest) -> bool:
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    if "ELYS_CONFIG_DIR" not in os.environ:  # neither keys nor settings of whoever runs the tests are used or made
+        os.environ["ELYS_CONFIG_DIR"] = tempfile.mkdtemp(prefix="elys-tests-")
+        config.add_cleanup(lambda folder=os.environ["ELYS_CONFIG_DIR"]: shutil.rmtree(folder, ignore_errors=True))
     if config.getoption("--soak"):
         settings.load_profile("soak")

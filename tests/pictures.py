@@ -22,6 +22,7 @@ from elys.verbs.nodes import joined
 from tests.benchmarks.processes import environment, running
 from tests.editor_pictures import draw_editor_pictures
 from tests.instrument_pictures import main as draw_instrument_pictures
+from tests.web_pictures import draw_web_pictures
 
 if TYPE_CHECKING:
     from elys.editor_node.node import Editor
@@ -59,6 +60,8 @@ def main() -> None:
             asyncio.run(draw_editor_pictures(PICTURES / "editor", ENDPOINT))
     if "instruments" in (sys.argv[1:] or ["instruments"]):
         draw_instrument_pictures()
+    if "web" in (sys.argv[1:] or ["web"]):
+        draw_web_pictures(PICTURES)
     if "editor-inspector" not in (sys.argv[1:] or ["editor-inspector"]):
         return
     table = (*elys, "run", "docs/examples/table.scene.json", "--headless", "--paused", "--listen", ENDPOINT)

@@ -14,6 +14,7 @@ from elys.bus.exact_keeping import BUILD_FACTS
 from elys.bus.messages.commands import Command, CommandReply, CommandRequest, StepTicks
 from elys.bus.messages.history import HistoryRequest
 from elys.bus.recorder import _OutsideRecording, record_pipe
+from elys.bus.recording_plan import PLAIN, RecordingPlan
 from elys.bus.session import Session
 from elys.bus.tap import RecordingTap
 from elys.bus.transports.loopback import LoopbackBroker
@@ -94,7 +95,7 @@ class Stage:
 
 @contextlib.asynccontextmanager
 async def recorded(
-    folder: Path, scene: str = "stack", *, keep: float = 60.0, outside: bool = True
+    folder: Path, scene: str = "stack", *, keep: float = 60.0, outside: bool = True, plan: RecordingPlan = PLAIN
 ) -> AsyncIterator[Stage]:
     """A session that is recorded until the context ends: both files are whole then."""
     assets = AssetStore()
@@ -104,7 +105,7 @@ async def recorded(
     node = SimulationNode(simulation, host, realtime=False, playing=False, keep=keep)
     stage = Stage(node, broker, folder)
     reading, writing = os.pipe()
-    thread = threading.Thread(target=record_pipe, args=(reading, stage.beside))
+    thread = threading.Thread(target=record_pipe, args=(reading, stage.beside, plan))
     thread.start()
     tap = RecordingTap(host, writing, take_snapshot=node.snapshot, assets=assets, lossless=True, exact=node.chronicle)
     node.recorder = tap
@@ -112,7 +113,7 @@ async def recorded(
     async with contextlib.AsyncExitStack() as stack:
         stack.push_async_callback(host.close)
         if outside:
-            await stack.enter_async_context(recorded_outside(stage, stage.outside))
+            await stack.enter_async_context(recorded_outside(stage, stage.outside, plan))
         try:
             yield stage
         finally:
@@ -127,10 +128,10 @@ async def recorded(
 
 
 @contextlib.asynccontextmanager
-async def recorded_outside(stage: Stage, path: Path) -> AsyncIterator[None]:
+async def recorded_outside(stage: Stage, path: Path, plan: RecordingPlan = PLAIN) -> AsyncIterator[None]:
     """Records from outside while the context lasts; when it begins an exact state is in the file."""
     session = await Session.join(stage.broker.connect(), kind="recorder")
-    recording, stop = _OutsideRecording(session, path, ()), asyncio.Event()
+    recording, stop = _OutsideRecording(session, path, (), plan), asyncio.Event()
     running = asyncio.create_task(recording.run(stop))
     async with asyncio.timeout(20.0):
         while recording._exact._last is None:

@@ -16,9 +16,9 @@ import msgspec
 import platformdirs
 
 from elys.bus import topics
+from elys.bus.access.limits import MAX_MESSAGE_SIZE
 from elys.bus.session import Session
 from elys.bus.transports.transport import Closer
-from elys.bus.transports.zenoh import MAX_MESSAGE_SIZE
 from elys.common.assets.store import PREFIX, AssetKind, AssetStore, is_reference, reference_of, references_in
 from elys.common.errors import AssetError, MessageError
 from elys.common.scene_document import EntityRecord

@@ -16,16 +16,22 @@ from typing import Final
 
 import msgspec
 
+from elys.bus.access.addresses import own_addresses
+from elys.bus.access.credentials import Credentials
+from elys.bus.access.host import own_credentials
+from elys.bus.access.keyring import load_keyring
 from elys.bus.session import Node, Session
+from elys.bus.streaming.choice import wants_stream
+from elys.bus.streaming.client import StreamClient
 from elys.bus.transports.transport import Closer
 from elys.bus.transports.zenoh import DEFAULT_PORT, ZenohTransport
 from elys.common.assets.store import replace_file
-from elys.common.errors import BusError, ConnectionLost
+from elys.common.errors import AccessError, BusError, ConnectionLost
 
 _NO_SESSION: Final = (
     "no session is running on this machine: start one with `elys run SCENE`, or name one with --connect tcp/HOST:PORT"
 )
-_ANY_ADDRESS: Final = re.compile(r"^tcp/(0\.0\.0\.0|\[::\]):")
+_ANY_ADDRESS: Final = re.compile(r"^(tcp|tls)/(0\.0\.0\.0|\[::\]):")
 _ENDPOINT: Final = re.compile(
     r"((?P<protocol>[a-z][a-z0-9-]*)/)?(?P<host>[A-Za-z0-9_.-]+|\[[0-9a-fA-F:.%a-z]+\])(:(?P<port>\d{1,6}))?"
 )
@@ -57,7 +63,7 @@ def advertise(*, name: str, endpoint: str, kind: str, scene: str) -> Closer:
     """Lets others on this machine find the session this process hosts, until closed or dead; BusError if it cannot be written."""
     record = SessionRecord(
         name=name,
-        endpoint=_ANY_ADDRESS.sub("tcp/127.0.0.1:", endpoint),
+        endpoint=loopback_endpoint(endpoint),
         pid=os.getpid(),
         kind=kind,
         scene=scene,
@@ -74,6 +80,11 @@ def advertise(*, name: str, endpoint: str, kind: str, scene: str) -> Closer:
             f"the session cannot be written down in {folder} ({error.strerror}): set ELYS_RUNTIME_DIR to a directory of yours"
         ) from error
     return lambda: path.unlink(missing_ok=True)
+
+
+def loopback_endpoint(endpoint: str) -> str:
+    """Where processes of this machine reach a host that listens at an endpoint, perhaps of every address."""
+    return _ANY_ADDRESS.sub(r"\1/127.0.0.1:", endpoint)
 
 
 def find_sessions() -> list[SessionRecord]:
@@ -102,7 +113,8 @@ def choose_endpoint(connect: str | None = None) -> str:
         ConnectionLost: nothing was named and no session runs here. BusError: what was named is no endpoint.
     """
     if connect:
-        return ",".join(complete_endpoint(part.strip()) for part in connect.split(","))
+        parts = [complete_endpoint(part.strip()) for part in connect.split(",")]
+        return ",".join(_ANY_ADDRESS.sub(r"\1/127.0.0.1:", part) for part in parts)  # every address is this machine's
     sessions = find_sessions()
     if not sessions:
         raise ConnectionLost(_NO_SESSION)
@@ -114,33 +126,77 @@ def choose_endpoint(connect: str | None = None) -> str:
     return sessions[0].endpoint
 
 
-def complete_endpoint(text: str) -> str:
-    """`HOST`, `HOST:PORT` or a whole endpoint as a whole endpoint; BusError for what can be none."""
+def complete_endpoint(text: str | None, *, tls: bool = False) -> str:
+    """`HOST`, `HOST:PORT` or a whole endpoint as a whole endpoint; BusError for what can be none. None is loopback."""
+    text = text or "127.0.0.1"
     found = _ENDPOINT.fullmatch(text)
     port = int(found["port"] or DEFAULT_PORT) if found else 0
     if found is None or not 0 < port < 1 << 16:
         raise BusError(f"'{text}' is no endpoint: give tcp/HOST:PORT, for instance tcp/127.0.0.1:{DEFAULT_PORT}")
-    return f"{found['protocol'] or 'tcp'}/{found['host']}:{port}"
+    protocol = found["protocol"] or "tcp"
+    return f"{'tls' if tls and protocol == 'tcp' else protocol}/{found['host']}:{port}"
 
 
 async def join_session(
-    connect: str | None = None, *, kind: str, timeout: float = 5.0, node: Node | None = None
+    connect: str | None = None,
+    *,
+    kind: str,
+    timeout: float = 5.0,
+    node: Node | None = None,
+    credentials: Credentials | None = None,
 ) -> Session:
     """A session with the host that `connect` names, or with the newest one on this machine; `node` as for `Session.join`.
 
     Of several endpoints with commas between them the first that answers counts, now and whenever the host has to be found again.
+    States come by a stream where the host is behind a network, see `elys.bus.streaming.choice`.
+    Without `credentials` those of the environment are shown (ELYS_KEY, ELYS_SECRET), and to hosts of this machine the user's own.
 
     Raises:
         ConnectionLost: there is none, or nobody answers within `timeout` seconds.
+        AccessError: it does not let this side in; the sentence says why.
         ProtocolError: the host speaks another version of the protocol.
     """
     endpoint = choose_endpoint(connect)
-    transport = await asyncio.to_thread(ZenohTransport.connect, endpoint.split(","), timeout=timeout)
+    endpoints = endpoint.split(",")
+    shown = credentials or Credentials.from_environment() or await asyncio.to_thread(credentials_for, endpoints[0])
+    transport = await asyncio.to_thread(ZenohTransport.connect, endpoints, timeout=timeout, credentials=shown)
     try:
-        return await Session.join(transport, kind=kind, timeout=timeout, node=node)
+        session = await Session.join(transport, kind=kind, timeout=timeout, node=node)
+        if wants_stream(kind, endpoint, session.machine):
+            session.states = StreamClient(session, transport.another)
+        return session
+    except ConnectionLost as error:
+        await asyncio.to_thread(transport.close)
+        if shown is not None and endpoint.startswith("tls/"):
+            raise AccessError(
+                f"the session at {endpoint} does not speak with {shown.user}: that key was renewed or revoked; make another with "
+                "`elys keys export` on the host's machine"
+            ) from error
+        raise
     except BaseException:
         await asyncio.to_thread(transport.close)
         raise
+
+
+def credentials_for(endpoint: str) -> Credentials | None:
+    """What this user shows hosts on this machine, unless they ask nobody; None for other machines."""
+    from elys.bus.access.refusals import is_open  # many who import this never connect
+
+    found = _ENDPOINT.fullmatch(endpoint)
+    if found is None or not is_of_this_machine(found["host"]) or is_open(endpoint):
+        return None
+    try:
+        keyring = load_keyring()
+    except AccessError as error:
+        _log.warning("%s", error)
+        return None
+    return own_credentials(keyring) if keyring is not None else None
+
+
+def is_of_this_machine(host: str) -> bool:
+    """Whether a name or address, as it stands in endpoints, is one of loopback or of an interface of this machine."""
+    text = host.strip("[]")
+    return text == "localhost" or text.startswith("127.") or text in ("::1", *own_addresses())
 
 
 def _is_alive(record: SessionRecord) -> bool:

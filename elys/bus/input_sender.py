@@ -22,6 +22,7 @@ class InputSender:
         self._session = session
         self._player = player
         self._held: set[str] = set()
+        self.sequence = 0  # of the last message
         self._lets_go = False
         self._changes: deque[tuple[str, bool]] = deque()
         self._moved: dict[str, float] = {}
@@ -66,13 +67,20 @@ class InputSender:
         self._changes.clear()
         self._moved, self._axes, self._text = {}, {}, ""
 
-    def send(self) -> bool:
-        """Call it once a frame: sends what has happened since. Whether there was anything."""
+    def send(self, *, seen_time: float = -1.0, host_time: float | None = None) -> bool:
+        """Call it once a frame: sends what has happened since. Whether there was anything.
+
+        The player saw a simulation time [s] when the host's clock said `host_time` [s since 1970], see `host_clock`.
+        """
         changes = tuple(self._changes.popleft() for _ in range(min(len(self._changes), MOST_CHANGES)))
         moved = {name: distance for name, distance in self._moved.items() if distance}
         if not (self._lets_go or changes or moved or self._axes or self._text):
             return False
+        self.sequence += 1
         message = Input(
+            sequence=self.sequence,
+            seen_time=seen_time,
+            done_at=host_time or 0.0,
             player=self._player,
             lets_go=self._lets_go,
             changes=changes,

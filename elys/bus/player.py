@@ -281,6 +281,7 @@ class Player:
             end_time=float(self.recording.time[-1]),
             entity_count=len(self._mirror.entities),
             body_count=int(self.recording.body_count[self.position]),
+            recording=str(self.recording.path.absolute()),
         )
         self.session.publish(topics.STATUS, status)
 

@@ -14,10 +14,10 @@ from typing import Final
 import msgspec
 
 from elys.bus import topics
+from elys.bus.access.limits import MAX_MESSAGE_SIZE
 from elys.bus.messages.scene import PrefabContent, PrefabRequest
 from elys.bus.session import Session
 from elys.bus.transports.transport import Closer
-from elys.bus.transports.zenoh import MAX_MESSAGE_SIZE
 from elys.common.assets.store import AssetStore
 from elys.common.errors import ElysError, RequestError
 from elys.common.scene import EntityNode, SceneDocument, expand

@@ -12,6 +12,7 @@ from elys.bus.message_sieve import MessageSieve
 from elys.bus.messages.scene import SceneDelta, Snapshot
 from elys.bus.mirror import SceneMirror
 from elys.bus.recording_plan import PLAIN, RecordingPlan, files_of, numbered_file
+from elys.bus.rerun_base import RerunBase
 from elys.bus.topics import Encoding
 from elys.bus.transports.mcap import McapWriter
 from elys.bus.transports.mcap_reading import McapReader
@@ -37,7 +38,10 @@ class Recorder:
         self._views: set[str] = set()
         self._sieve = MessageSieve(compact=plan.compact)
         self._mirror: SceneMirror | None = None  # the scene as it is, for the next file to begin with
+        self._base = RerunBase()  # likewise, and with what it can be run again
         self._begun = 0  # when the file was begun [ns]
+        self._has_frame = False  # the file
+        self._least_size = 0  # of a file, so that one that begins with much holds more than that [bytes]
         self._number = len(files_of(path)) and int(files_of(path)[-1].stem.rpartition(".")[2]) + 1
         self._writer = self._new_file()
 
@@ -51,7 +55,9 @@ class Recorder:
         if self._plan.rotates:
             if channel == topics.STATE.name and self._is_due(time_ns):
                 self._rotate(time_ns)
+            self._has_frame |= channel == topics.STATE.name
             self._follow(channel, body)
+            self._base.recorded(channel, kept, time_ns)
         self._begun = self._begun or time_ns
         self._writer.write(channel, kept, log_time=time_ns)
         self.message_count += 1
@@ -102,9 +108,9 @@ class Recorder:
 
     def _is_due(self, time_ns: int) -> bool:
         plan = self._plan
-        if self._mirror is None or not self._begun:
+        if self._mirror is None or not (self._begun and self._has_frame):
             return False
-        is_large = plan.rotate_bytes and self._writer.expected_size >= plan.rotate_bytes
+        is_large = plan.rotate_bytes and self._writer.expected_size >= max(plan.rotate_bytes, self._least_size)
         return bool(is_large or (plan.rotate_seconds and time_ns - self._begun >= plan.rotate_seconds * 1e9))
 
     def _follow(self, channel: str, body: bytes) -> None:
@@ -124,14 +130,14 @@ class Recorder:
             self._mirror = None
 
     def _rotate(self, time_ns: int) -> None:
-        """Ends the file and begins the next with the scene as it is, and all that it names."""
+        """Ends the file and begins the next with the scene as it is, all that it names, and from where it can be run again."""
         assert self._mirror is not None
         snapshot = codec.encode_body(self._mirror.to_snapshot(), Encoding.JSON)
         self._writer.close()
         last = self._files[-1]
         self._size += last.stat().st_size
         self._writer = self._new_file()
-        self._begun = time_ns
+        self._begun, self._has_frame = time_ns, False
         self._sieve = MessageSieve(compact=self._plan.compact)
         for name, values in self._facts.items():
             self._writer.add_metadata(name, values)
@@ -142,6 +148,9 @@ class Recorder:
             for reference in sorted(self._assets):
                 self._writer.attach(reference, reader.attachment(reference), media_type=_ASSET_TYPE)
         self._writer.write(topics.SNAPSHOT.name, snapshot, log_time=time_ns)
+        for message in self._base.messages:
+            self._writer.write(message.channel, message.body, log_time=message.log_time)
+        self._least_size = self._writer.expected_size + self._plan.rotate_bytes // 4
         while self._plan.keep_files and len(self._files) > self._plan.keep_files:
             oldest = self._files.pop(0)
             try:

@@ -13,6 +13,7 @@ from typing import Any
 import msgspec
 
 from elys.bus import codec, topics
+from elys.bus.access.roles import Role
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.session import Session
 from elys.bus.topics import Topic
@@ -31,6 +32,11 @@ class TopicRow(msgspec.Struct, frozen=True, kw_only=True):
     encoding: str
     recorded: bool
     text: str
+    roles: str  # who may say it and hear it, or ask and answer
+
+
+def _roles(sender: Role, receiver: Role, sends: str, receives: str) -> str:
+    return f"{sender.title} {sends}, {receiver.title} {receives}"
 
 
 class RateReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -55,6 +61,7 @@ def list_topics() -> list[TopicRow]:
             encoding=topic.encoding.value,
             recorded=topic.recorded,
             text=topic.text,
+            roles=_roles(topic.publisher, topic.reader, "says", "hears"),
         )
         for topic in topics.TOPICS
     ]
@@ -67,6 +74,7 @@ def list_topics() -> list[TopicRow]:
             encoding=query.reply_encoding.value,
             recorded=False,
             text=query.text,
+            roles=_roles(query.asker, query.answerer, "asks", "answers"),
         )
         for query in topics.QUERIES
     ]

@@ -1,86 +1,67 @@
 """The one list of what is said on the bus: every key with its message and how it is delivered.
 
-A key is `elys/{session}/{name}` or, for keyed topics, `elys/{session}/{name}/{key}`. No other module spells one.
+A key is `elys/{session}/{name}` or, for keyed topics, `elys/{session}/{name}/{key}`; questions end with the id of the node that
+asks. No other module spells one.
+
+Each topic says which role may publish and hear it, each query who may ask and who may answer. The host's router holds everybody
+to that (`access/rules.py`): what is not allowed here reaches nobody.
 """
 
 from __future__ import annotations
 
-import enum
 import functools
 import re
-from dataclasses import dataclass
-from typing import Any, Final, Generic, TypeVar
+from typing import Any, Final, TypeVar
 
+from elys.bus.access.roles import Role
 from elys.bus.messages import (
     commands,
     exact_state,
+    ghosts,
     history,
     physics,
     plan,
     scene,
     session,
     state_frame,
+    streaming,
     timeline,
     views,
 )
+from elys.bus.topic_kinds import Delivery as Delivery
+from elys.bus.topic_kinds import Encoding as Encoding
+from elys.bus.topic_kinds import Query as Query
+from elys.bus.topic_kinds import Topic as Topic
 from elys.common.errors import BusError
 
-M = TypeVar("M")
 Q = TypeVar("Q")
-R = TypeVar("R")
 
-PROTOCOL_VERSION: Final = 4
-READABLE_VERSIONS: Final = (2, 3, 4)  # of recordings: what came since has defaults
+PROTOCOL_VERSION: Final = 5
+READABLE_VERSIONS: Final = (2, 3, 4, 5)  # of recordings: what came since has defaults
 ROOT: Final = "elys"
 
-
-class Delivery(enum.Enum):
-    """What may be lost for whom."""
-
-    LATEST = "latest"  # newest wins: a slow reader loses older ones and delays nobody
-    SEQUENCED = "sequenced"  # reliable and in order
-
-
-class Encoding(enum.Enum):
-    """How a message becomes bytes, after the protocol prefix."""
-
-    JSON = "json"  # readable in every tool, exact for floats
-    MSGPACK = "msgpack"  # where pictures or arrays travel along
-    STATE = "state"  # the packed state frame
-    RAW = "raw"  # bytes as they are
+# What kind of node each role may show itself as. The host's alone are those that others take for the host.
+NODE_KINDS: Final[dict[str, Role]] = {
+    "simulation": Role.HOST,
+    "replay": Role.HOST,
+    "render": Role.EDITOR,
+    "editor": Role.VIEWER,
+    "recorder": Role.VIEWER,
+    "ghost": Role.EDITOR,
+    "tool": Role.VIEWER,
+    "streamer": Role.OWNER,  # beside the host, started by it
+}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Topic(Generic[M]):
-    """Something published."""
-
-    name: str
-    message: type[M]
-    text: str
-    delivery: Delivery
-    encoding: Encoding = Encoding.JSON
-    keyed: bool = False
-    recorded: bool = True
-    newest_of: str = ""  # field of a message: of those with one key the newest is kept for each of its values
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Query(Generic[Q, R]):
-    """Something asked and answered."""
-
-    name: str
-    request: type[Q]
-    reply: type[R]
-    text: str
-    request_encoding: Encoding = Encoding.JSON
-    reply_encoding: Encoding = Encoding.JSON
-    keyed: bool = False
+def _asker_of_command(request: commands.CommandRequest) -> Role:
+    return commands.role_for(request.command)
 
 
 STATE: Final = Topic(
     name="state",
     message=state_frame.StateFrame,
     text="poses and velocities of all bodies, each tick",
+    publisher=Role.HOST,
     delivery=Delivery.LATEST,
     encoding=Encoding.STATE,
 )
@@ -88,36 +69,44 @@ DELTA: Final = Topic(
     name="delta",
     message=scene.SceneDelta,
     text="what changed in the scene, numbered",
+    publisher=Role.HOST,
     delivery=Delivery.SEQUENCED,
 )
 STATUS: Final = Topic(
     name="status",
     message=session.SessionStatus,
     text="playing, time, speed; at changes and 4 times a second",
+    publisher=Role.HOST,
     delivery=Delivery.LATEST,
 )
 EVENTS: Final = Topic(
     name="events",
     message=session.EventBatch,
     text="what happened in a tick",
+    publisher=Role.HOST,
     delivery=Delivery.SEQUENCED,
 )
 CONTACTS: Final = Topic(
     name="contacts",
     message=physics.ContactBatch,
     text="contacts and visits to triggers that a tick began or ended",
+    publisher=Role.HOST,
     delivery=Delivery.SEQUENCED,
 )
 COMMANDS: Final = Topic(
     name="commands",
     message=commands.CommandRecord,
     text="commands as they were applied or refused",
+    publisher=Role.HOST,
     delivery=Delivery.SEQUENCED,
 )
 INPUT: Final = Topic(
     name="input",
     message=commands.Input,
     text="keys, buttons and axes of the node named by the key, for the game; `commands` tells what was applied when",
+    publisher=Role.PLAYER,
+    reader=Role.OWNER,
+    by_node=True,
     delivery=Delivery.SEQUENCED,
     keyed=True,
     recorded=False,
@@ -126,24 +115,28 @@ LOG: Final = Topic(
     name="log",
     message=session.LogLine,
     text="lines of every node for the console",
+    publisher=Role.EDITOR,
     delivery=Delivery.SEQUENCED,
 )
 PROFILE: Final = Topic(
     name="profile",
     message=session.TickProfile,
     text="what a tick cost, by stage",
+    publisher=Role.HOST,
     delivery=Delivery.LATEST,
 )
 DIAGNOSTICS: Final = Topic(
     name="diagnostics",
     message=physics.Diagnostics,
     text="energy, momentum, overlap, errors of joints and of the solver, each tick; only while somebody listens or records",
+    publisher=Role.HOST,
     delivery=Delivery.LATEST,
 )
 DEBUG_LINES: Final = Topic(
     name="debug_lines",
     message=physics.DebugLines,
     text="how physics sees the world, in lines of the kind named by the key (boxes, contacts, ...); only while somebody listens",
+    publisher=Role.HOST,
     delivery=Delivery.LATEST,
     encoding=Encoding.MSGPACK,
     keyed=True,
@@ -153,6 +146,9 @@ VIEW_REQUEST: Final = Topic(
     name="view/request",
     message=views.ViewRequest,
     text="asks the render node named by the key for a picture",
+    publisher=Role.VIEWER,
+    largest=4 << 20,  # with everything that is selected and hidden
+    reader=Role.EDITOR,
     delivery=Delivery.LATEST,
     keyed=True,
     recorded=False,
@@ -162,8 +158,19 @@ VIEW_FRAME: Final = Topic(
     name="view/frame",
     message=views.ViewFrame,
     text="a picture for the view named by the key",
+    publisher=Role.EDITOR,
+    largest=64 << 20,
     delivery=Delivery.LATEST,
     encoding=Encoding.MSGPACK,
+    keyed=True,
+    recorded=False,
+)
+GHOST: Final = Topic(
+    name="ghost",
+    message=ghosts.Ghost,
+    text="a recorded run that can be seen beside the session, by its id; at changes and twice a second",
+    publisher=Role.EDITOR,
+    delivery=Delivery.LATEST,
     keyed=True,
     recorded=False,
 )
@@ -171,6 +178,54 @@ RENDER_PROFILE: Final = Topic(
     name="render_profile",
     message=plan.RenderProfile,
     text="what a picture of the view named by the key cost, by stage, and its passes; only while somebody listens",
+    publisher=Role.EDITOR,
+    largest=1 << 20,
+    delivery=Delivery.LATEST,
+    keyed=True,
+    recorded=False,
+)
+STREAM_FRAME: Final = Topic(
+    name="stream/frame",
+    message=bytes,
+    text="states for one viewer behind a network, as far as its link carries them; the key is STREAM.LANE",
+    publisher=Role.OWNER,  # the process that the host starts
+    largest=16 << 20,
+    delivery=Delivery.LATEST,
+    encoding=Encoding.RAW,
+    keyed=True,
+    recorded=False,
+)
+STREAM_ACK: Final = Topic(
+    name="stream/ack",
+    message=bytes,
+    text="what the viewer of the stream named by the key has",
+    publisher=Role.VIEWER,
+    reader=Role.OWNER,
+    largest=1 << 10,
+    by_node=True,
+    delivery=Delivery.LATEST,
+    encoding=Encoding.RAW,
+    keyed=True,
+    recorded=False,
+)
+STREAM_INTEREST: Final = Topic(
+    name="stream/interest",
+    message=streaming.StreamInterest,
+    text="what matters to the viewer of the stream named by the key",
+    publisher=Role.VIEWER,
+    reader=Role.OWNER,
+    by_node=True,
+    delivery=Delivery.LATEST,
+    encoding=Encoding.MSGPACK,
+    keyed=True,
+    recorded=False,
+)
+STREAM_REPORT: Final = Topic(
+    name="stream/report",
+    message=streaming.StreamReport,
+    text="how old, how exact and how lossy the stream named by the key is, told by its viewer once a second",
+    publisher=Role.VIEWER,
+    by_node=True,
     delivery=Delivery.LATEST,
     keyed=True,
     recorded=False,
@@ -181,18 +236,32 @@ HELLO: Final = Query(
     request=session.Hello,
     reply=session.Welcome,
     text="the handshake of versions",
+    asker=Role.VIEWER,
+    answerer=Role.HOST,
+)
+CLOCK: Final = Query(
+    name="clock",
+    request=session.ClockRequest,
+    reply=session.ClockReply,
+    text="what the host's clock says, for ages and round trips; see docs/clock.md",
+    asker=Role.VIEWER,
+    answerer=Role.HOST,
 )
 SNAPSHOT: Final = Query(
     name="snapshot",
     request=scene.SnapshotRequest,
     reply=scene.Snapshot,
     text="the whole scene as it is",
+    asker=Role.VIEWER,
+    answerer=Role.HOST,
 )
 EXACT: Final = Query(
     name="exact",
     request=exact_state.ExactRequest,
     reply=exact_state.ExactReply,
     text="all that decides how a simulation goes on, at one instant, for recordings",
+    asker=Role.VIEWER,
+    answerer=Role.HOST,
     reply_encoding=Encoding.MSGPACK,
 )
 COMMAND: Final = Query(
@@ -200,42 +269,59 @@ COMMAND: Final = Query(
     request=commands.CommandRequest,
     reply=commands.CommandReply,
     text="asks for a change; answered with accepted or why not",
+    asker=Role.EDITOR,
+    answerer=Role.HOST,
+    largest=64 << 20,  # a whole scene
+    asker_for=_asker_of_command,
 )
 PLAN: Final = Query(
     name="plan",
     request=plan.PlanRequest,
     reply=plan.PhysicsPlan,
     text="which stages a step of physics has, and why the others are off",
+    asker=Role.VIEWER,
+    answerer=Role.HOST,
 )
 TOUCHING: Final = Query(
     name="touching",
     request=physics.TouchingRequest,
     reply=physics.Touching,
     text="all contacts that go on; the topic contacts tells what begins and ends from then on",
+    asker=Role.VIEWER,
+    answerer=Role.HOST,
 )
 HISTORY: Final = Query(
     name="history",
     request=history.HistoryRequest,
     reply=history.HistoryReply,
     text="what somebody can undo and redo here, and as whom",
+    asker=Role.VIEWER,
+    answerer=Role.HOST,
 )
 PREFAB: Final = Query(
     name="prefab",
     request=scene.PrefabRequest,
     reply=scene.PrefabContent,
     text="what stands in a prefab's file, which is on the host's disk",
+    asker=Role.VIEWER,
+    answerer=Role.HOST,
 )
 MARKERS: Final = Query(
     name="markers",
     request=timeline.MarkersRequest,
     reply=timeline.Markers,
     text="what stands out on the timeline: collisions, triggers, errors, edits",
+    asker=Role.VIEWER,
+    answerer=Role.HOST,
 )
 PICK: Final = Query(
     name="pick",
     request=views.PickRequest,
     reply=views.PickReply,
     text="asks the render node named by the key what is seen at a pixel",
+    asker=Role.VIEWER,
+    answerer=Role.EDITOR,
+    largest=4 << 20,  # with everything that is hidden
     keyed=True,
 )
 THUMBNAIL: Final = Query(
@@ -243,8 +329,50 @@ THUMBNAIL: Final = Query(
     request=views.ThumbnailRequest,
     reply=views.Thumbnail,
     text="asks the render node named by the key for a small picture of entities that are in no scene",
+    asker=Role.EDITOR,
+    answerer=Role.EDITOR,
+    largest=64 << 20,
     request_encoding=Encoding.MSGPACK,
     reply_encoding=Encoding.MSGPACK,
+    keyed=True,
+)
+GHOST_PART: Final = Query(
+    name="ghost_part",
+    request=ghosts.GhostPartRequest,
+    reply=ghosts.GhostPart,
+    text="asks the ghost named by the key where its bodies are for a while",
+    asker=Role.VIEWER,
+    answerer=Role.EDITOR,
+    reply_encoding=Encoding.MSGPACK,
+    keyed=True,
+)
+GHOST_SCENE: Final = Query(
+    name="ghost_scene",
+    request=ghosts.GhostSceneRequest,
+    reply=scene.Snapshot,
+    text="asks the ghost named by the key what its scene is at a time",
+    asker=Role.VIEWER,
+    answerer=Role.EDITOR,
+    keyed=True,
+)
+GHOST_ASSET: Final = Query(
+    name="ghost_asset",
+    request=bytes,
+    reply=bytes,
+    text="asks the ghost named by the key for the bytes of a reference",
+    asker=Role.VIEWER,
+    answerer=Role.EDITOR,
+    request_encoding=Encoding.RAW,
+    reply_encoding=Encoding.RAW,
+    keyed=True,
+)
+GHOST_CHANGE: Final = Query(
+    name="ghost_change",
+    request=ghosts.GhostChange,
+    reply=ghosts.Ghost,
+    text="asks the ghost named by the key to be another colour, to run at another time, or to go away",
+    asker=Role.EDITOR,
+    answerer=Role.EDITOR,
     keyed=True,
 )
 ASSET: Final = Query(
@@ -252,6 +380,8 @@ ASSET: Final = Query(
     request=bytes,
     reply=bytes,
     text="the bytes whose content hash is the key",
+    asker=Role.VIEWER,
+    answerer=Role.HOST,
     request_encoding=Encoding.RAW,
     reply_encoding=Encoding.RAW,
     keyed=True,
@@ -261,9 +391,21 @@ ASSET_OFFER: Final = Query(
     request=bytes,
     reply=bytes,
     text="gives the host the bytes whose content hash is the key; none asks whether it has them; answered with has or wants",
+    asker=Role.EDITOR,
+    answerer=Role.HOST,
+    largest=64 << 20,
     request_encoding=Encoding.RAW,
     reply_encoding=Encoding.RAW,
     keyed=True,
+)
+
+STREAM_ASK: Final = Query(
+    name="stream/ask",
+    request=streaming.StreamRequest,
+    reply=streaming.StreamOffer,
+    text="asks for states as a link carries them, instead of the topic state",
+    asker=Role.VIEWER,
+    answerer=Role.HOST,
 )
 
 TOPICS: Final[tuple[Topic[Any], ...]] = (
@@ -280,10 +422,16 @@ TOPICS: Final[tuple[Topic[Any], ...]] = (
     DEBUG_LINES,
     VIEW_REQUEST,
     VIEW_FRAME,
+    GHOST,
     RENDER_PROFILE,
+    STREAM_FRAME,
+    STREAM_ACK,
+    STREAM_INTEREST,
+    STREAM_REPORT,
 )
 QUERIES: Final[tuple[Query[Any, Any], ...]] = (
     HELLO,
+    CLOCK,
     SNAPSHOT,
     EXACT,
     PREFAB,
@@ -294,8 +442,13 @@ QUERIES: Final[tuple[Query[Any, Any], ...]] = (
     TOUCHING,
     PICK,
     THUMBNAIL,
+    GHOST_PART,
+    GHOST_SCENE,
+    GHOST_ASSET,
+    GHOST_CHANGE,
     ASSET,
     ASSET_OFFER,
+    STREAM_ASK,
 )
 # Made only while somebody listens: to listen to them costs whoever makes them.
 ON_DEMAND: Final[frozenset[Topic[Any]]] = frozenset({DIAGNOSTICS, DEBUG_LINES, RENDER_PROFILE})
@@ -306,6 +459,29 @@ _CHUNK = re.compile(r"[A-Za-z0-9_.-]+\Z")
 def key_of(session_name: str, topic: Topic[Any] | Query[Any, Any], key: str = "") -> str:
     """The key a message travels on. Keyed topics take "*" for every key."""
     return _joined(session_name, topic.name, key if topic.keyed else None)
+
+
+def asked_key(session_name: str, query: Query[Any, Any], key: str = "", *, asker: str = "*") -> str:
+    """The key a question of the node `asker` travels on; "*" is everybody, for who answers."""
+    if asker != "*":
+        _require_chunk("the id of a node", asker)
+    return f"{key_of(session_name, query, key)}/{asker}"
+
+
+def parts_of_question(query: Query[Any, Any], full_key: str) -> tuple[str, str]:
+    """The key and the asker's id in what `asked_key` made; "" for what it does not carry."""
+    parts = full_key.split("/")[3:]
+    return (parts[0] if query.keyed and parts else ""), (parts[-1] if len(parts) > query.keyed else "")
+
+
+def greeting_key(session_name: str, asker: str) -> str:
+    """Where a node greets the host of a session, or of any if it is named "*"."""
+    return f"{ROOT}/{session_name}/{HELLO.name}/{asker}"
+
+
+def role_to_ask(query: Query[Q, Any], request: Q) -> Role:
+    """What somebody must at least be to ask this."""
+    return query.asker if query.asker_for is None else max(query.asker, query.asker_for(request))
 
 
 @functools.lru_cache(maxsize=4096)  # the same few in each tick

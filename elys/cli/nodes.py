@@ -8,13 +8,35 @@ from typing import Annotated, Optional
 import typer
 
 from elys.cli.app import node_app
-from elys.cli.options import At, Connect, Frames, From, Keep, Listen, NoGuard, Recording, Scene, Threads, To
+from elys.cli.options import (
+    Address,
+    At,
+    Connect,
+    DebugKinds,
+    Frames,
+    From,
+    Ghost,
+    Insecure,
+    Keep,
+    Listen,
+    NoGuard,
+    Recording,
+    Scene,
+    Threads,
+    Tls,
+    To,
+    listening,
+    shows_credentials,
+)
 
 
 @node_app.command("simulation")
 def node_simulation(
     scene: Scene,
     listen: Listen = None,
+    tls: Tls = False,
+    insecure: Insecure = False,
+    address: Address = [],  # noqa: B006
     steps: Annotated[int, typer.Option(min=0)] = 0,
     record: Annotated[Optional[Path], typer.Option()] = None,  # noqa: UP045
     recording_plan: Annotated[str, typer.Option()] = "{}",
@@ -32,7 +54,7 @@ def node_simulation(
 
     nodes.simulation(
         scene,
-        listen=listen,
+        listen=listening(listen, tls=tls, insecure=insecure, addresses=address),
         step_limit=steps,
         record=record,
         realtime=not fast,
@@ -47,6 +69,7 @@ def node_simulation(
 
 
 @node_app.command("render")
+@shows_credentials
 def node_render(connect: Connect = None) -> None:
     """A render node that draws views for others."""
     from elys.verbs import nodes
@@ -55,6 +78,7 @@ def node_render(connect: Connect = None) -> None:
 
 
 @node_app.command("editor")
+@shows_credentials
 def node_editor(
     connect: Connect = None,
     frames: Frames = 0,
@@ -70,14 +94,43 @@ def node_editor(
 def node_player(
     recording: Recording,
     listen: Listen = None,
+    tls: Tls = False,
+    insecure: Insecure = False,
+    address: Address = [],  # noqa: B006
     paused: Annotated[bool, typer.Option("--paused")] = False,
     rate: Annotated[float, typer.Option(min=0.01, max=100.0)] = 1.0,
     loop: Annotated[bool, typer.Option("--loop")] = False,
     start: From = "",
     end: To = "",
+    ghost: Ghost = [],  # noqa: B006
 ) -> None:
     """A player that serves a recording."""
     from elys.verbs import nodes
     from elys.verbs.playback import Playback
 
-    nodes.player(recording, Playback(paused, rate, loop, start, end), listen=listen)
+    nodes.player(
+        recording,
+        Playback(paused, rate, loop, start, end, tuple(map(str, ghost))),
+        listen=listening(listen, tls=tls, insecure=insecure, addresses=address),
+    )
+
+
+@node_app.command("ghost")
+def node_ghost(
+    recording: Recording,
+    connect: Connect = None,
+    color: Annotated[str, typer.Option(help="RRGGBB")] = "",
+    now: Annotated[bool, typer.Option("--now", help="let it begin now, and not at the same simulation time")] = False,
+) -> None:
+    """A recording shown beside a session as a ghost."""
+    from elys.verbs import ghosts
+
+    ghosts.ghost(recording, connect=connect, color=color, starts_now=now)
+
+
+@node_app.command("view")
+def node_view(connect: Connect = None, debug: DebugKinds = "", frames: Frames = 0) -> None:
+    """A viewer's window."""
+    from elys.verbs import nodes
+
+    nodes.view(connect, debug=debug, frame_limit=frames)

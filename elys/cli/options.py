@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import functools
+import inspect
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import TYPE_CHECKING, Annotated, Any, Optional, TypeVar, cast
 
 import typer
 
@@ -15,6 +18,9 @@ def _trusting(is_trusting: bool) -> bool:
         trust_everything()
     return is_trusting
 
+
+if TYPE_CHECKING:
+    from elys.bus.access.listening import Listening as Listening_
 
 Scene = Annotated[str, typer.Argument(help="a NAME.scene.json, .gltf or .glb; or the name of a sample (elys samples)")]
 Compact = Annotated[
@@ -36,9 +42,29 @@ Connect = Annotated[
         "default: the one running on this machine"
     ),
 ]
+Secret = Annotated[
+    str,
+    typer.Option(
+        help="who this is to the host: USER:SECRET, or better @FILE or the variable ELYS_SECRET", show_default=False
+    ),
+]
+KeyFile = Annotated[
+    Optional[Path],  # noqa: UP045
+    typer.Option(
+        "--key", help="who this is to the host: an .elyskey file (elys keys export), or the variable ELYS_KEY"
+    ),
+]
 Listen = Annotated[
     Optional[str],  # noqa: UP045
     typer.Option(help="endpoint to listen at, tcp/HOST:PORT; default: loopback, the first free port from 7447"),
+]
+Tls = Annotated[
+    bool, typer.Option("--tls", help="encrypt, and ask for certificates (elys keys export) instead of secrets")
+]
+Insecure = Annotated[bool, typer.Option("--insecure", help="ask nobody who he is: all who reach the port may do all")]
+Address = Annotated[
+    list[str],
+    typer.Option("--address", help="name or address under which others reach this machine, if it does not know it"),
 ]
 Threads = Annotated[
     int, typer.Option("--threads", min=1, max=64, help="threads for large steps of physics; what comes out is the same")
@@ -55,9 +81,19 @@ DebugKinds = Annotated[
     str,
     typer.Option(
         "--debug",
-        help="draw over it: aabb, obb, contacts, joints, trajectories, velocity, axes, grid, labels, islands, sleeping; "
-        "several with commas",
+        help="draw over it: aabb, obb, contacts, joints, trajectories, velocity, axes, grid, labels, islands, sleeping, "
+        "divergence; several with commas",
     ),
+]
+Ghost = Annotated[
+    list[Path],
+    typer.Option(
+        "--ghost",
+        help="recording (.mcap) of another run, shown see-through at the same instants; may be given several times",
+    ),
+]
+FullFrames = Annotated[
+    bool, typer.Option("--full-frames", help="every bit of every state, also over a network that may not carry them")
 ]
 Frames = Annotated[int, typer.Option(help="end after so many frames (0: never)", min=0, hidden=True)]
 
@@ -70,3 +106,40 @@ Only = Annotated[
 ]
 Jobs = Annotated[int, typer.Option(min=0, max=512, help="runs side by side (0: one for each processor)")]
 Cluster = Annotated[str, typer.Option(help="run on a Dask cluster: endpoint of its scheduler, tcp://HOST:PORT")]
+
+
+def listening(listen: str | None, *, tls: bool, insecure: bool, addresses: list[str]) -> Listening_:
+    """What the options of a verb that hosts say, together. Raises BusError for what is no endpoint."""
+    from elys.bus.access.listening import Listening as Where
+    from elys.bus.discovery import complete_endpoint
+
+    endpoint = complete_endpoint(listen, tls=tls) if listen or tls else None
+    return Where(endpoint=endpoint, insecure=insecure, addresses=tuple(addresses))
+
+
+V = TypeVar("V", bound=Callable[..., Any])
+
+
+def shows_credentials(verb: V) -> V:
+    """Gives a verb that connects the options --secret and --key.
+
+    They go into the environment, where `discovery.join_session` and the processes that the verb starts find them.
+    """
+    own = inspect.signature(verb, eval_str=True)
+    added = (
+        inspect.Parameter("secret", inspect.Parameter.KEYWORD_ONLY, default="", annotation=Secret),
+        inspect.Parameter("key", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=KeyFile),
+    )
+
+    @functools.wraps(verb)
+    def with_credentials(*arguments: Any, secret: str = "", key: Path | None = None, **options: Any) -> Any:
+        from elys.bus.access.credentials import remember
+
+        remember(secret=secret, key_file=key)
+        return verb(*arguments, **options)
+
+    parameters = [*own.parameters.values(), *added]
+    setattr(with_credentials, "__signature__", own.replace(parameters=parameters))  # noqa: B010
+    with_credentials.__annotations__ = {p.name: p.annotation for p in parameters}
+    del with_credentials.__wrapped__  # typer would look there for annotations
+    return cast(V, with_credentials)

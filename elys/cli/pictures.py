@@ -8,10 +8,11 @@ from typing import Annotated, Optional
 import typer
 
 from elys.cli.app import app
-from elys.cli.options import Connect, DebugKinds, Trust
+from elys.cli.options import Connect, DebugKinds, Ghost, Trust, shows_credentials
 
 
 @app.command()
+@shows_credentials
 def render(
     output: Annotated[
         Path,
@@ -47,6 +48,7 @@ def render(
         list[str],
         typer.Option(help="entity that --debug is about, with all below it; may be given several times; default: all"),
     ] = [],  # noqa: B006
+    ghost: Ghost = [],  # noqa: B006
     stamp: Annotated[bool, typer.Option("--stamp", help="write tick and simulation time onto the pictures")] = False,
     environment: Annotated[
         bool,
@@ -73,4 +75,5 @@ def render(
         debug=debug,
         debug_of=debug_of,
         stamp=stamp,
+        ghosts=ghost,
     )

@@ -9,9 +9,12 @@ import typer
 
 from elys.cli.app import app
 from elys.cli.options import (
+    Address,
     Compact,
     Connect,
     From,
+    Ghost,
+    Insecure,
     Json,
     KeepFiles,
     Limit,
@@ -19,13 +22,17 @@ from elys.cli.options import (
     Recording,
     Rotate,
     Threads,
+    Tls,
     To,
     Topics,
     Trust,
+    listening,
+    shows_credentials,
 )
 
 
 @app.command()
+@shows_credentials
 def record(
     output: Annotated[Path, typer.Option("--output", "-o", help="the .mcap to write")],
     connect: Connect = None,
@@ -57,18 +64,27 @@ def record(
 def play(
     recording: Recording,
     listen: Listen = None,
+    tls: Tls = False,
+    insecure: Insecure = False,
+    address: Address = [],  # noqa: B006
     paused: Annotated[bool, typer.Option("--paused", help="start paused")] = False,
     rate: Annotated[float, typer.Option(help="simulated seconds per second", min=0.01, max=100.0)] = 1.0,
     loop: Annotated[bool, typer.Option("--loop", help="start again at the end")] = False,
     start: From = "",
     end: To = "",
+    ghost: Ghost = [],  # noqa: B006
     editor: Annotated[bool, typer.Option("--edit", help="open the editor on it as well")] = False,
 ) -> None:
     """Serve a recording as if it were running: attach with `elys view` or `elys edit`."""
     from elys.verbs import replay
     from elys.verbs.playback import Playback
 
-    replay.play(recording, Playback(paused, rate, loop, start, end), listen=listen, editor=editor)
+    replay.play(
+        recording,
+        Playback(paused, rate, loop, start, end, tuple(map(str, ghost))),
+        listen=listening(listen, tls=tls, insecure=insecure, addresses=address),
+        editor=editor,
+    )
 
 
 @app.command()
@@ -114,6 +130,9 @@ def fork(
         bool, typer.Option("--repeat/--no-repeat", help="do again what was done in the recording from there on")
     ] = True,
     listen: Listen = None,
+    tls: Tls = False,
+    insecure: Insecure = False,
+    address: Address = [],  # noqa: B006
     threads: Threads = 1,
     json: Json = False,
     trust: Trust = False,
@@ -131,7 +150,7 @@ def fork(
         output=output,
         seconds=seconds,
         repeats=repeat,
-        listen=listen,
+        listen=listening(listen, tls=tls, insecure=insecure, addresses=address),
         threads=threads,
         json=json,
     )
@@ -145,6 +164,9 @@ def diff(
         Optional[Path],  # noqa: UP045
         typer.Option(help="out.png or out.html: how far bodies are from one another over time (extra 'lab')"),
     ] = None,
+    view: Annotated[
+        bool, typer.Option("--view", help="watch both afterwards, the second as ghost of the first")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Tell when, where and by how much two recorded runs part.
@@ -153,7 +175,7 @@ def diff(
     """
     from elys.verbs import diff as verb
 
-    raise typer.Exit(verb.diff(a, b, plot=plot, json=json))
+    raise typer.Exit(verb.diff(a, b, plot=plot, view=view, json=json))
 
 
 @app.command()

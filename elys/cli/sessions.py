@@ -9,11 +9,15 @@ import typer
 
 from elys.cli.app import app
 from elys.cli.options import (
+    Address,
     At,
     Compact,
     Connect,
     DebugKinds,
     Frames,
+    FullFrames,
+    Ghost,
+    Insecure,
     Json,
     Keep,
     KeepFiles,
@@ -23,8 +27,11 @@ from elys.cli.options import (
     Rotate,
     Scene,
     Threads,
+    Tls,
     Topics,
     Trust,
+    listening,
+    shows_credentials,
 )
 
 
@@ -37,6 +44,9 @@ def run(
     realtime: Annotated[bool, typer.Option("--realtime", help="headless: keep to real time even with --steps")] = False,
     paused: Annotated[bool, typer.Option("--paused", help="start paused")] = False,
     listen: Listen = None,
+    tls: Tls = False,
+    insecure: Insecure = False,
+    address: Address = [],  # noqa: B006
     name: Annotated[str, typer.Option(help="name of the session; default: the scene's")] = "",
     threads: Threads = 1,
     no_guard: NoGuard = False,
@@ -70,7 +80,7 @@ def run(
         record=record,
         realtime=realtime,
         paused=paused,
-        listen=listen,
+        listen=listening(listen, tls=tls, insecure=insecure, addresses=address),
         name=name,
         threads=threads,
         guarded=not no_guard,
@@ -83,14 +93,16 @@ def run(
 
 
 @app.command()
-def edit(connect: Connect = None) -> None:
+@shows_credentials
+def edit(connect: Connect = None, full_frames: FullFrames = False) -> None:
     """Attach an editor to a running session or a replay; where none runs, choose in the editor what to open."""
     from elys.verbs import attach
 
-    attach.edit(connect)
+    attach.edit(connect, full_frames=full_frames)
 
 
 @app.command()
+@shows_credentials
 def view(
     connect: Connect = None,
     debug: DebugKinds = "",
@@ -106,12 +118,28 @@ def view(
     bit_rate: Annotated[
         float, typer.Option(help="[Mbit/s] that h264 may take; 0: as much as it needs", min=0.0, max=1000.0)
     ] = 0.0,
+    full_frames: FullFrames = False,
+    ghost: Ghost = [],  # noqa: B006
+    ghost_now: Annotated[
+        bool, typer.Option("--ghost-now", help="let ghosts begin now, and not at the same simulation time")
+    ] = False,
     frames: Frames = 0,
 ) -> None:
     """Watch a running session or a replay in a window."""
     from elys.verbs import attach
 
-    attach.view(connect, frame_limit=frames, debug=debug, age=age, thin=thin, encoding=encoding, bit_rate=bit_rate)
+    attach.view(
+        connect,
+        frame_limit=frames,
+        debug=debug,
+        age=age,
+        thin=thin,
+        encoding=encoding,
+        bit_rate=bit_rate,
+        full_frames=full_frames,
+        ghosts=ghost,
+        ghosts_start_now=ghost_now,
+    )
 
 
 @app.command()
@@ -145,6 +173,7 @@ def sessions(json: Json = False) -> None:
 
 
 @app.command()
+@shows_credentials
 def top(
     connect: Connect = None,
     once: Annotated[bool, typer.Option("--once", help="print the figures once and end")] = False,
@@ -157,6 +186,7 @@ def top(
 
 
 @app.command()
+@shows_credentials
 def foxglove(
     connect: Connect = None,
     port: Annotated[int, typer.Option(help="port to listen at; 0: any that is free", min=0, max=65535)] = 8765,
@@ -167,6 +197,59 @@ def foxglove(
     from elys.verbs import foxglove as verb
 
     verb.foxglove(connect, host=host, port=port, patience=patience)
+
+
+@app.command()
+@shows_credentials
+def web(
+    connect: Connect = None,
+    host: Annotated[
+        str, typer.Option(help="address to listen at; default: this machine alone. 0.0.0.0: every network it is in")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="port to listen at; 0: the first free from 8090", min=0, max=65535)] = 0,
+    role: Annotated[str, typer.Option(help="what anybody may at most: viewer, player, editor or owner")] = "owner",
+    name: Annotated[
+        list[str], typer.Option(help="name under which browsers reach this machine, if it does not know it itself")
+    ] = [],  # noqa: B006
+    cert: Annotated[Optional[Path], typer.Option(help="certificate (PEM): everything is encrypted")] = None,  # noqa: UP045
+    cert_key: Annotated[Optional[Path], typer.Option(help="its private key (PEM), if not in the same file")] = None,  # noqa: UP045
+    insecure: Annotated[
+        bool, typer.Option("--insecure", help="ask nobody for a secret: whoever reaches the port is let in")
+    ] = False,
+    fps: Annotated[float, typer.Option(help="pictures a second for each browser at most", min=0.1, max=60.0)] = 30.0,
+    bit_rate: Annotated[
+        float,
+        typer.Option(help="[Mbit/s] that a browser's H.264 may take; 0: as much as it needs", min=0.0, max=1000.0),
+    ] = 0.0,
+    browsers: Annotated[int, typer.Option(help="how many may look at once", min=1, max=64)] = 32,
+) -> None:
+    """Show a running session, or a replay, in a browser, and steer it from there.
+
+    Prints an address for each role: open it in a browser of this machine. A render node draws; one is started if there is none.
+
+    \b
+    From elsewhere, through a tunnel, with the same address there:
+      ssh -L 8090:localhost:8090 HOST
+    Directly, encrypted:
+      elys web --host 0.0.0.0 --cert cert.pem --cert-key key.pem
+    A recording:
+      elys play run.mcap      and beside it      elys web
+    """
+    from elys.verbs import web as verb
+
+    verb.web(
+        connect,
+        host=host,
+        port=port,
+        names=tuple(name),
+        cert=cert,
+        cert_key=cert_key,
+        insecure=insecure,
+        role=role,
+        fps=fps,
+        bit_rate=bit_rate,
+        browsers=browsers,
+    )
 
 
 @app.command()

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from elys.cli.app import topic_app
-from elys.cli.options import Connect, Json
+from elys.cli.options import Connect, Json, shows_credentials
 
 
 @topic_app.command("list")
@@ -19,6 +19,7 @@ def topic_list(json: Json = False) -> None:
 
 
 @topic_app.command("echo")
+@shows_credentials
 def topic_echo(
     topic: Annotated[str, typer.Argument(help="name of a topic (elys topic list)")],
     connect: Connect = None,
@@ -31,6 +32,7 @@ def topic_echo(
 
 
 @topic_app.command("hz")
+@shows_credentials
 def topic_hz(
     topic: Annotated[str, typer.Argument(help="name of a topic; default: all")] = "",
     connect: Connect = None,

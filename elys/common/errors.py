@@ -13,6 +13,7 @@
     │   ├── MessageError      a payload that is not what its topic promises
     │   ├── ProtocolError     the other side speaks another version of the protocol
     │   ├── ConnectionLost    nobody answers at the endpoint
+    │   ├── AccessError       the host lets nobody in as who this is, or a key is none
     │   └── RequestError      the other side answered, and refused
     │       └── EditConflict  because somebody else has changed the same meanwhile
     ├── RecordingError        a recording is not one, or is damaged beyond repair
@@ -75,6 +76,10 @@ class ProtocolError(BusError):
 
 class ConnectionLost(BusError):
     """Nobody answers."""
+
+
+class AccessError(BusError):
+    """Who this is is not let in."""
 
 
 class RequestError(BusError):

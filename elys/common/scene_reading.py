@@ -207,7 +207,8 @@ def check_fields(component: str, values: Mapping[str, Any], where: str) -> None:
             _fail(f"{where}.{name}", reason if len(reason) <= 200 else f"{reason[:197]}...")
         except ValueError:  # a whole number too long to be shown
             _fail(f"{where}.{name}", "the number is too large")
-        for number in checked if isinstance(checked, tuple) else (checked,):
+        numbers = checked if isinstance(checked, tuple) else (checked,)
+        for number in numbers if field.kind is not Kind.CURVE else ():  # which are checked already
             if field.dtype == "f4" and abs(number) > FLOAT32_MAX:
                 _fail(f"{where}.{name}", f"must fit 32 bits (3.4e38), not {number:g}")
         _plain_text(value, f"{where}.{name}")

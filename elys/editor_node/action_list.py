@@ -10,13 +10,15 @@ from elys.editor_node.camera_views import CameraViews
 from elys.editor_node.game_layer import GameLayer
 from elys.editor_node.language import LANGUAGES
 from elys.editor_node.model import EditorModel
+from elys.editor_node.other_run_actions import other_run_actions
 from elys.editor_node.panels import changes, history_list
 from elys.editor_node.panels.assets import AssetsPanel
 from elys.editor_node.panels.inspector import InspectorPanel
 from elys.editor_node.panels.preferences_window import change_font_scale, change_language
 from elys.editor_node.preferences import Theme
+from elys.editor_node.tool_actions import tool_actions
 from elys.editor_node.tree_actions import tree_actions
-from elys.editor_node.ui import Tool, Tools, Ui
+from elys.editor_node.ui import Ui
 from elys.editor_node.viewport_actions import camera_actions, game_actions, look_actions
 from elys.editor_node.viewport_layer import ViewportLayer
 from elys.editor_node.workspace import Workspace
@@ -38,8 +40,9 @@ def add_actions(
         *_asset_actions(workspace.assets),
         *tree_actions(ui, workspace.hierarchy),
         *_time_actions(ui.model),
+        *other_run_actions(ui, workspace.ghosts, workspace.fork_dialog),
         *game_actions(game),
-        *_tool_actions(ui.tools),
+        *tool_actions(ui.tools),
         *_view_actions(ui, workspace, viewport),
         *camera_actions(camera_views),
         *look_actions(lambda: workspace.viewports.current.look),
@@ -234,43 +237,6 @@ def _time_actions(model: EditorModel) -> tuple[Action, ...]:
             keys=("Ctrl+Shift+K",),
             run=line.keep_last,
             is_possible=lambda: line.is_live,
-        ),
-    )
-
-
-def _tool_actions(tools: Tools) -> tuple[Action, ...]:
-    def take(tool: Tool, label: str, key: str) -> Action:
-        return Action(
-            name=f"tool.{tool}",
-            label=label,
-            keys=(key,),
-            run=lambda: setattr(tools, "tool", tool),
-            is_on=lambda: tools.tool == tool,
-        )
-
-    return (
-        take("select", "Select", "Q"),
-        take("move", "Move", "W"),
-        take("rotate", "Rotate", "E"),
-        take("scale", "Scale", "R"),
-        take("grab", "Drag bodies", "G"),
-        Action(
-            name="tool.local",
-            label="Along the entity's own axes",
-            run=lambda: setattr(tools, "is_local", not tools.is_local),
-            is_on=lambda: tools.is_local,
-        ),
-        Action(
-            name="tool.median",
-            label="Turn and scale about the middle",
-            run=lambda: setattr(tools, "pivot", "active" if tools.pivot == "median" else "median"),
-            is_on=lambda: tools.pivot == "median",
-        ),
-        Action(
-            name="tool.snap",
-            label="Snap",
-            run=lambda: setattr(tools, "snaps", not tools.snaps),
-            is_on=lambda: tools.snaps,
         ),
     )
 

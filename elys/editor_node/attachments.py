@@ -10,6 +10,7 @@ from typing import Final, Protocol
 
 from elys.bus.discovery import SessionRecord, complete_endpoint, find_sessions, join_session
 from elys.bus.log import SessionLogHandler, log_to_session
+from elys.bus.messages.ghosts import Color
 from elys.bus.session import Session
 from elys.common.errors import BusError, ElysError
 from elys.editor_node.language import tr
@@ -37,6 +38,14 @@ class Openers(Protocol):
     async def play(self, recording: str) -> str:
         """Starts a player of a recording; its endpoint. ElysError says why not."""
 
+    async def fork(self, recording: str, time: float, record: str) -> str:
+        """Starts a simulation that goes on from a time [s] of a recording, recorded to `record` unless that is empty; its
+        endpoint. ElysError says why not.
+        """
+
+    async def show_ghost(self, recording: str, endpoint: str, color: Color, starts_now: bool) -> None:
+        """Starts what shows a recording as ghost in the session at an endpoint. ElysError says why not."""
+
     async def draw(self, endpoint: str) -> None:
         """Starts a render node for the session at an endpoint. ElysError says why not."""
 
@@ -53,19 +62,23 @@ class Attachments:
         join: Join | None = None,
         on_change: Callable[[], None] = lambda: None,
         on_leave: Callable[[], None] = lambda: None,
+        on_failure: Callable[[str], None] = lambda reason: None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """`on_leave` is called before a session is left for good."""
+        """`on_leave` is called before a session is left for good, `on_failure` with why something beside it failed."""
         self.seat = seat
         self.openers = openers
         self.doing = ""  # what is under way, for the person to read
+        self.doing_beside = ""  # likewise, of what leaves the session as it is
         self.error = ""  # why the last wish was not fulfilled
+        self.forked_from = ""  # endpoint of the replay of which the session is a fork, begun here
         self.endpoint = str(getattr(seat.transport, "endpoint", "")) if seat.session is not None else ""
         self.sessions: tuple[SessionRecord, ...] = ()  # that run on this machine, as far as somebody looks
         self._preferences = preferences
         self._join = join or (lambda endpoint: join_session(endpoint, kind=seat.node.kind, node=seat.node))
         self._on_change = on_change
         self._on_leave = on_leave
+        self._on_failure = on_failure
         self._clock = clock
         self._work: asyncio.Task[None] | None = None
         self._looking: asyncio.Task[None] | None = None
@@ -120,6 +133,44 @@ class Attachments:
         """Starts a player of a recording, and attaches to it."""
         self._open(tr("Opening {name}", name=recording), recording, "play", self._preferences.recent_recordings)
 
+    def fork(self, recording: str, time: float, *, record: str = "") -> None:
+        """Starts a simulation that goes on from a time [s] of the recording that is attached to, and attaches to it."""
+        openers = self._openers_or_refusal()
+        if openers is None:
+            return
+        replay = self.endpoint
+
+        async def work() -> None:
+            await self._connect(await openers.fork(recording, time, record), forked_from=replay)
+
+        self._begin(tr("Going on from {time} s", time=f"{time:.3f}"), work())
+
+    def back_to_recording(self) -> None:
+        """Leaves a fork, which goes on, and attaches to the replay of which it is one."""
+        if self.forked_from:
+            self._begin(tr("Connecting to {endpoint}", endpoint=self.forked_from), self._connect(self.forked_from))
+
+    def show_ghost(self, recording: str, *, color: Color, starts_now: bool = False) -> None:
+        """Starts what shows a recording beside the session, for all who see it."""
+        openers = self._openers_or_refusal()
+        if openers is None or not self.is_attached:
+            return
+
+        async def work() -> None:
+            try:
+                await openers.show_ghost(recording, self.endpoint, color, starts_now)
+                remember(self._preferences.recent_recordings, recording)
+            except ElysError as error:
+                self.error = str(error)
+                self._on_failure(self.error)
+            finally:
+                self.doing_beside = ""
+                self._on_change()
+
+        self.doing_beside, self.error = tr("Opening {name}", name=recording), ""
+        self.seat.start(work())
+        self._on_change()
+
     def retry(self) -> None:
         """Knocks anew at the endpoint of the session whose host is gone; attaches to whoever answers there."""
         self._begin(tr("Connecting to {endpoint}", endpoint=self.endpoint), self._connect(self.endpoint))
@@ -156,16 +207,21 @@ class Attachments:
     # --- inside ----------------------------------------------------------------------------------------------------
 
     def _open(self, doing: str, name: str, how: str, recent: list[str]) -> None:
-        if self.openers is None:
-            self._refuse(tr("this editor cannot start other processes: start one with `elys run` and connect to it"))
+        openers = self._openers_or_refusal()
+        if openers is None:
             return
-        opener: Callable[[str], Awaitable[str]] = getattr(self.openers, how)
+        opener: Callable[[str], Awaitable[str]] = getattr(openers, how)
 
         async def work() -> None:
             await self._connect(await opener(name))
             remember(recent, name)
 
         self._begin(doing, work())
+
+    def _openers_or_refusal(self) -> Openers | None:
+        if self.openers is None:
+            self._refuse(tr("this editor cannot start other processes: start one with `elys run` and connect to it"))
+        return self.openers
 
     def _begin(self, doing: str, work: Awaitable[None]) -> None:
         self.cancel()
@@ -189,12 +245,12 @@ class Attachments:
         self.error = reason
         self._on_change()
 
-    async def _connect(self, endpoint: str) -> None:
+    async def _connect(self, endpoint: str, *, forked_from: str = "") -> None:
         session = await self._join(endpoint)
         if self.is_attached:
             self._on_leave()
             self._let_go()
-        self._own, self.endpoint = session, endpoint
+        self._own, self.endpoint, self.forked_from = session, endpoint, forked_from
         self._log_handler = log_to_session(session)
         self.seat.attach(session)
         remember(self._preferences.recent_endpoints, endpoint)

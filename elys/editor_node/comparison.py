@@ -22,7 +22,7 @@ class _Findings:
     """Of each field which elements differ between entities, and whether any is not its default."""
 
     def __init__(self, common: Sequence[str]) -> None:
-        self.mixed = {name: [[False] * f.width for f in declaration_of(name).fields] for name in common}
+        self.mixed = {name: [[False] * f.elements for f in declaration_of(name).fields] for name in common}
         self.changed = {name: [False] * len(declaration_of(name).fields) for name in common}
 
 

@@ -20,6 +20,7 @@ from elys.common.components import (
 )
 from elys.common.errors import ComponentError
 from elys.editor_node.expressions import Entry
+from elys.editor_node.language import tr
 from elys.editor_node.rotations import degrees_from, rotation_from
 
 NUMBERS: Final = (Kind.FLOAT, Kind.INT, Kind.VEC3, Kind.COLOR, Kind.QUAT)
@@ -116,6 +117,8 @@ def shown_value(field: FieldDeclaration, value: Any) -> str:
     """A value as a sentence says it."""
     if field.kind is Kind.QUAT:
         return ", ".join(f"{angle:.6g}°" for angle in degrees_from(value))
+    if field.kind is Kind.CURVE:
+        return tr("{count} keys", count=len(value))
     if isinstance(value, tuple):
         return f"{', '.join(f'{element:.6g}' for element in value)}{f' {field.unit}' if field.unit else ''}"
     if isinstance(value, float):

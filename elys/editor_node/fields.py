@@ -11,6 +11,7 @@ from imgui_bundle import imgui
 from elys.common.assets.store import PREFIX, AssetKind, is_reference
 from elys.common.assets.texture import split_texture
 from elys.common.components import FieldDeclaration
+from elys.editor_node.curve_editing import CurveView
 from elys.editor_node.expressions import Entry
 from elys.editor_node.language import tr
 from elys.editor_node.rotations import Degrees
@@ -99,6 +100,15 @@ class PickState:
 
 
 @dataclass(slots=True)
+class CurveState:
+    """The curve that a person was at last."""
+
+    path: str = ""
+    chosen: int = -1  # key; -1 for none
+    view: CurveView | None = None  # that stays while something is held
+
+
+@dataclass(slots=True)
 class FieldContext:
     """What a widget needs besides the value."""
 
@@ -107,6 +117,7 @@ class FieldContext:
     mixed: tuple[bool, ...]  # for each element whether the selected entities differ
     typing: NumberTyping
     picking: PickState
+    curves: CurveState
     refuse: Callable[[str], None]  # tells beside the field why what was typed is no value
     angles: Degrees = (0.0, 0.0, 0.0)  # of a rotation, as they stand in its fields
 

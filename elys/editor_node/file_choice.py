@@ -1,4 +1,4 @@
-"""Which file: the folders and scenes of a folder, for a dialog to show."""
+"""Which file: the folders and files of a folder, for a dialog to show."""
 
 from __future__ import annotations
 
@@ -21,15 +21,16 @@ class FileEntry:
 
 
 class FileChoice:
-    """A folder that is looked at, and the path that is chosen or typed (`text`)."""
+    """A folder that is looked at, and the path that is chosen or typed (`text`); files with these suffixes are shown."""
 
-    def __init__(self) -> None:
+    def __init__(self, suffixes: tuple[str, ...] = SUFFIXES) -> None:
+        self._suffixes = suffixes
         self.folder = Path()
         self.text = ""
         self.entries: list[FileEntry] = []
 
     def look_at(self, folder: Path) -> None:
-        """Shows what is in a folder: the one above, folders, then scenes, each by name. One that cannot be read is empty."""
+        """Shows what is in a folder: the one above, folders, then files, each by name. One that cannot be read is empty."""
         self.folder = folder.absolute()
         try:
             found = sorted(self.folder.iterdir(), key=lambda path: path.name.casefold())
@@ -37,7 +38,7 @@ class FileChoice:
             found = []
         visible = [path for path in found if not path.name.startswith(".")]
         folders = [FileEntry(path.name, path, True) for path in visible if path.is_dir()]
-        files = [FileEntry(path.name, path, False) for path in visible if path.name.lower().endswith(SUFFIXES)]
+        files = [FileEntry(path.name, path, False) for path in visible if path.name.lower().endswith(self._suffixes)]
         self.entries = [FileEntry("..", self.folder.parent, True), *folders, *[f for f in files if f.path.is_file()]]
 
     def choose(self, entry: FileEntry) -> None:

@@ -8,13 +8,10 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final
 
-import elys
 from elys.bus import topics
-from elys.bus.messages.session import Hello
+from elys.bus.host_clock import HostClock
 from elys.bus.messages.state_frame import StateFrame
-from elys.bus.topics import PROTOCOL_VERSION
 from elys.bus.transports.transport import Closer
-from elys.common.errors import BusError
 from elys.editor_node.seat import Seat
 
 INTERVAL: Final = 1.0  # [s] between two pings
@@ -32,14 +29,14 @@ class LinkMeter:
         clock: Callable[[], float] = time.monotonic,
         interval: float = INTERVAL,
     ) -> None:
-        self.round_trip: float | None = None  # [s] of the last ping; None before the first, and when none came back
+        self._host_clock = HostClock(seat, clock=clock)
         self._seat = seat
         self._on_change = on_change
         self._clock = clock
         self._interval = interval
         self._looked_at = -PATIENCE
         self._measuring: asyncio.Task[None] | None = None
-        self._arrived_at: float | None = None
+        self._published_at: float | None = None  # [s] by the host's clock
         self._last_tick = -1
         self._skips: deque[tuple[float, int]] = deque()  # when [s], how many frames
 
@@ -55,11 +52,19 @@ class LinkMeter:
             self._measuring = self._seat.start(self._measure())
 
     @property
+    def round_trip(self) -> float | None:
+        """The shortest [s] of the last pings; None before the first, and while none comes back."""
+        return self._host_clock.round_trip
+
+    @property
     def age(self) -> float | None:
-        """How old [s] the newest state is: since it came, and half a round trip; no clocks need to agree."""
-        if self._arrived_at is None:
-            return None
-        return self._clock() - self._arrived_at + (self.round_trip or 0.0) / 2.0
+        """How old [s] the newest state is by the host's clock; None before that is known."""
+        return self._host_clock.age_of(self._published_at) if self._published_at is not None else None
+
+    @property
+    def age_error(self) -> float:
+        """The most [s] by which `age` is wrong; infinite before anything is known."""
+        return self._host_clock.error
 
     @property
     def dropped_per_second(self) -> float:
@@ -73,35 +78,21 @@ class LinkMeter:
         close = self._listen()
         try:
             while self._clock() - self._looked_at < PATIENCE:
-                await self._ping()
+                await self._host_clock.ping()
                 self._on_change()
                 await asyncio.sleep(self._interval)
         finally:
             close()
-            self.round_trip = self._arrived_at = None
+            self._published_at = None
+            self._host_clock.forget()
             self._skips.clear()
 
     def _listen(self) -> Closer:
         self._last_tick = -1
         return self._seat.subscribe(topics.STATE, self._frame_arrived)
 
-    async def _ping(self) -> None:
-        """The host answers a greeting at any time, and changes nothing for it."""
-        if not self._seat.connected:
-            self.round_trip = None
-            return
-        node = self._seat.node
-        hello = Hello(protocol=PROTOCOL_VERSION, kind=node.kind, node=node.id, version=elys.__version__)
-        start = self._clock()
-        try:
-            await self._seat.request(topics.HELLO, hello, timeout=PATIENCE)
-        except BusError:
-            self.round_trip = None
-        else:
-            self.round_trip = self._clock() - start
-
     def _frame_arrived(self, frame: StateFrame, _: str) -> None:
-        now = self._arrived_at = self._clock()
+        now, self._published_at = self._clock(), frame.published_at * 1e-9
         skipped = frame.tick - self._last_tick - 1
         if frame.playing and self._last_tick >= 0 and skipped > 0:
             self._skips.append((now, skipped))

@@ -34,6 +34,7 @@ from elys.bus.messages.session import LogLevel, LogLine, SessionStatus
 from elys.bus.session import Session
 from elys.common.errors import BusError, ConnectionLost
 from elys.editor_node.console_log import ConsoleLog
+from elys.editor_node.ghost_list import GhostList
 from elys.editor_node.history import History, Outcome
 from elys.editor_node.language import tr
 from elys.editor_node.operations import Operations
@@ -72,6 +73,12 @@ class EditorModel:
         self.console = ConsoleLog()
         self.selection = Selection()
         self.timeline = Timeline(self, clock=clock)
+        self.ghosts = GhostList(
+            session,
+            say=lambda text: self.say("error", text),
+            request_redraw=request_redraw,
+            clock=clock,
+        )
         self.scene = EditorScene(session, on_change=self._scene_changed, on_state=self._state_arrived)
         self.set_values = SetValues(self.scene.mirror)
         self.prefabs = PrefabValues(self.scene, session, on_change=lambda: self.request_redraw(0.0), clock=clock)

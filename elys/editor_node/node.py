@@ -8,7 +8,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
 
+from elys.bus.access.keyring import configuration_directory
+from elys.bus.messages.streaming import MOST_NAMED, StreamInterest
 from elys.bus.session import Session
+from elys.bus.state_source import tell_interest
 from elys.editor_node.action_list import add_actions
 from elys.editor_node.actions import Actions
 from elys.editor_node.application import Application
@@ -28,7 +31,6 @@ from elys.editor_node.panels.viewport import ViewportPanel
 from elys.editor_node.preferences import (
     Preferences,
     SessionState,
-    configuration_directory,
     keep_session,
     load_preferences,
     save_preferences,
@@ -99,7 +101,13 @@ class Editor:
         redraw = self.application.request_redraw
         self.seat = Seat(session)
         self.attachments = Attachments(
-            self.seat, self.preferences, openers=openers, join=join, on_change=redraw, on_leave=self._keep_session
+            self.seat,
+            self.preferences,
+            openers=openers,
+            join=join,
+            on_change=redraw,
+            on_leave=self._keep_session,
+            on_failure=lambda reason: self.model.say("error", reason),
         )
         # As with preferences: tests and pictures leave nothing behind and find nothing.
         recovery = None if self._directory is None else Recovery(state_directory())
@@ -236,6 +244,7 @@ class Editor:
         self.workspace.frame_time = self.application.frame_time
         self.workspace.assets.begin_frame()
         self.workspace.draw(elapsed)
+        self._tell_interest()
         scene = f"{self.model.status.scene} - " if self.model.status is not None else ""
         title = f"{'* ' if self.model.file.is_dirty else ''}{scene}ELYS"
         if title != self._title:
@@ -244,6 +253,12 @@ class Editor:
         self.application.request_redraw(max(0.0, self.viewports.next_deadline - time.monotonic()))
         if self.widgets.is_typing:
             self.application.request_redraw(TEXT_CURSOR_BLINK)
+
+    def _tell_interest(self) -> None:
+        """What the stream of states shall see to first: what is selected, then what stands in the tree, then what is near."""
+        lines = tuple(self.model.scene.tree.entities[:MOST_NAMED])
+        camera = self.viewports.used.camera.view
+        tell_interest(self.seat, StreamInterest(cameras=(camera,), chosen=self.model.selection.entities, open=lines))
 
     def _link_changed(self, connected: bool) -> None:
         if connected:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -29,6 +28,7 @@ from elys.common.math.poses import local_pose
 from elys.common.scene import ComponentChanges, EntityRecord, SceneSettings
 from elys.editor_node.asset_uses import Use
 from elys.editor_node.edits import records_of
+from elys.editor_node.free_names import FreeNames
 from elys.editor_node.ground import falls
 from elys.editor_node.history import History, Outcome
 from elys.editor_node.primitives import PRIMITIVES, primitive_record
@@ -68,7 +68,7 @@ class Operations:
         above = set(scene.ancestors_of(parent)) | {parent}
         moving = [entity for entity in self.tops(entities) if entity not in above]
         if index >= 0:
-            before = scene.children_of(parent)[:index]
+            before = set(scene.children_of(parent)[:index])
             index -= sum(entity in before for entity in moving)
         else:
             moving = [entity for entity in moving if scene.parent_of(entity) != parent]
@@ -199,13 +199,14 @@ class Operations:
             local_from_world = matrix.inverse_affine(self._scene.world_from_local(parent))
             point = np.asarray(matrix.transform_points(local_from_world, point), dtype=np.float64)
         x, y, z = (round(float(value), 4) for value in point)
-        record = primitive_record(kind, name=self._free_name(kind, parent), position=(x, y, z))
+        record = primitive_record(kind, name=FreeNames(self._scene).take(parent, kind), position=(x, y, z))
         return self._spawn(sentence("Add {what}", what=record.name), (Spawn(records=(record,), parent=parent),))
 
     def spawn_records(self, label: str, records: Sequence[EntityRecord]) -> Done | None:
         """Makes entities at the top, whose content the host has, and selects them; roots get names that no sibling has."""
+        names = FreeNames(self._scene)
         free = tuple(
-            _renamed(record, self._free_name(record.name, 0)) if record.parent < 0 else record for record in records
+            _renamed(record, names.take(0, record.name)) if record.parent < 0 else record for record in records
         )
         return self._spawn(label, (Spawn(records=free),) if free else ())
 
@@ -225,14 +226,13 @@ class Operations:
 
     def duplicate(self) -> Done | None:
         """Copies the selected entities with all below them, each beside its original, and selects the copies."""
-        # From the last on, so that a copy does not shift the places of those that are still to be copied.
-        commands: list[Edit] = []
-        for entity in reversed(self.tops(self._selection)):
+        names, commands = FreeNames(self._scene), list[Edit]()
+        for entity in self.tops(self._selection):
             parent, index = self._scene.place_of(entity)
             records, _ = records_of(self._scene, entity)
-            name = self._free_name(records[0].name, parent)
-            renamed = (_renamed(records[0], name), *records[1:])
+            renamed = (_renamed(records[0], names.take(parent, records[0].name)), *records[1:])
             commands.append(Spawn(records=renamed, parent=parent, index=index + 1))
+        commands.reverse()  # from the last on, so that a copy does not shift the places of those that are still to be copied
         return self._spawn(
             sentence("Duplicate {what}", what=self._described(self.tops(self._selection))), tuple(commands)
         )
@@ -267,17 +267,6 @@ class Operations:
         if len(entities) == 1:
             return self._scene.name_of(entities[0]) or "an entity"
         return sentence("{count} entities", count=len(entities))
-
-    def _free_name(self, name: str, parent: int) -> str:
-        """`name`, or with the first number behind it that no sibling has."""
-        taken = {self._scene.name_of(child) for child in self._scene.children_of(parent)}
-        if name not in taken:
-            return name
-        stem = re.sub(r" \d+$", "", name)
-        number = 2
-        while f"{stem} {number}" in taken:
-            number += 1
-        return f"{stem} {number}"
 
 
 def _renamed(record: EntityRecord, name: str) -> EntityRecord:

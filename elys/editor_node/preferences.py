@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import os
 from pathlib import Path
 from typing import Final, Literal
 
 import msgspec
-import platformdirs
 
 from elys.bus.messages.views import Debug, Shows
 
@@ -88,12 +86,6 @@ class Preferences(msgspec.Struct, kw_only=True):
     layouts: dict[str, Layout] = {}  # those a person gave a name
     sessions: dict[str, SessionState] = {}  # by the names of sessions, the one seen last at the end
     scenes: dict[str, SceneLook] = {}  # by their files, the one seen last at the end
-
-
-def configuration_directory() -> Path:
-    """Where the editor keeps what outlives it; ELYS_CONFIG_DIR names another place."""
-    directory = os.environ.get("ELYS_CONFIG_DIR")
-    return Path(directory) if directory else platformdirs.user_config_path("elys")
 
 
 def load_preferences(path: Path) -> Preferences:

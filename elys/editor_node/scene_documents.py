@@ -13,11 +13,11 @@ from typing import Final, Protocol
 import msgspec
 
 from elys.bus import topics
+from elys.bus.access.limits import MAX_MESSAGE_SIZE
 from elys.bus.asset_service import offer_assets
 from elys.bus.messages.commands import Command, CommandReply, LoadScene, NoteSaved
 from elys.bus.messages.scene import SnapshotRequest
 from elys.bus.session import Session
-from elys.bus.transports.zenoh import MAX_MESSAGE_SIZE
 from elys.common.assets.store import AssetStore
 from elys.common.errors import BusError, ElysError, SceneError
 from elys.common.scene import OpenedScene, open_scene

@@ -10,23 +10,23 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Final
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from elys.bus.following import follow_scene, follow_state
+from elys.bus.live_values import live_components, live_value
 from elys.bus.messages.scene import ComponentRemoved, ComponentSet, Despawned, Reparented, SettingsSet, Spawned
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.mirror import MirrorUpdate, SceneMirror, WorldPose
 from elys.bus.session import Session
+from elys.bus.tree.filter import parse_filter
+from elys.bus.tree.order import Order
+from elys.bus.tree.rows import TreeRows
 from elys.common.assets.primitives import PRIMITIVES
-from elys.common.components import Collider, Component, MeshRenderer, RigidBody, Transform
+from elys.common.components import Collider, Component, MeshRenderer, Transform
 from elys.common.math import matrix
-from elys.common.math.poses import local_pose
 from elys.common.scene import SceneSettings
-from elys.editor_node.entity_filter import parse_filter
 from elys.editor_node.entity_marks import EntityMarks
-from elys.editor_node.tree_rows import Order, TreeRows
 
 _GAP: Final = 0.005  # [m] between a new body and what it is put on
 _VALUE_CHANGES: Final = (ComponentSet, ComponentRemoved, SettingsSet)
@@ -162,18 +162,11 @@ class EditorScene:
     def component_of(self, entity: int, component: str) -> Component | None:
         """A component as it is now: of a body that moves, where the newest state frame says."""
         value = self.echo_of(entity, component)
-        if isinstance(value, Transform | RigidBody) and (row := self.mirror.frame_row(entity)) >= 0:
-            return self._live(entity, value, row)
-        return value
+        return live_value(self.mirror, entity, value) if value is not None else None
 
     def components_of(self, entity: int) -> dict[str, Component]:
         """All its components as they are now."""
-        components = dict(self.mirror.entities[entity].components)
-        if (row := self.mirror.frame_row(entity)) >= 0:
-            for name, value in components.items():
-                if isinstance(value, Transform | RigidBody):
-                    components[name] = self._live(entity, value, row)
-        return components
+        return live_components(self.mirror, entity)
 
     def world_pose(self, entity: int) -> WorldPose:
         """Where it is now."""
@@ -302,21 +295,6 @@ class EditorScene:
     def _frame_kept(self, frame: StateFrame) -> None:
         self.version += 1
         self._on_state()
-
-    def _live(self, entity: int, value: Transform | RigidBody, row: int) -> Component:
-        frame = self.mirror.latest_frame
-        assert frame is not None
-        if isinstance(value, RigidBody):
-            return msgspec.structs.replace(
-                value,
-                linear_velocity=tuple(frame.linear_velocity[row].tolist()),
-                angular_velocity=tuple(frame.angular_velocity[row].tolist()),
-            )
-        position, rotation = tuple(frame.position[row].tolist()), tuple(frame.rotation[row].tolist())
-        parent = self.parent_of(entity)
-        if parent:
-            position, rotation = local_pose(*self.world_pose(parent), position, rotation)
-        return msgspec.structs.replace(value, position=position, rotation=rotation)
 
 
 def _collider_reach(collider: Component | None) -> float:

@@ -52,10 +52,11 @@ class Seat(Session):
     def attach(self, session: Session) -> None:
         """Takes part in `session` from now on, which must have been joined as this seat's `node`."""
         self.detach()
-        self._session = session
+        self._session, self.node = session, session.node  # its id tells as whom it was joined
         self.transport, self.name, self.nodes, self.refused = (
             session.transport, session.name, session.nodes, session.refused
         )  # fmt: skip
+        self.states = session.states  # of which the session's own subscriptions make use
         for held in self._held:
             held.end = held.begin(session)
         session.on_link(lambda connected: self._hear_link(session, connected))
@@ -68,7 +69,7 @@ class Seat(Session):
 
     def detach(self) -> Session | None:
         """Leaves the session, which goes on; returns it, to be closed."""
-        session, self._session = self._session, None
+        session, self._session, self.states = self._session, None, None
         if session is None:
             return None
         self._attached.clear()
@@ -160,6 +161,7 @@ class Seat(Session):
 class _Nowhere:
     """Carries nothing: the transport of no session."""
 
+    user = ""
     endpoint = ""
     silence = 0.0
     round_trip = 0.0

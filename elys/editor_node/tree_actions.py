@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Protocol
 
+from elys.bus.tree.rows import TreeRows
 from elys.editor_node import related_entities
 from elys.editor_node.actions import Action
 from elys.editor_node.entity_marks import Mark
-from elys.editor_node.tree_rows import TreeRows
 from elys.editor_node.ui import Ui
 
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Protocol
 
 import msgspec
 import numpy as np
@@ -18,6 +17,7 @@ from elys.bus.messages.session import LogLevel
 from elys.common.errors import AssetError, BusError, SceneError
 from elys.common.math import matrix
 from elys.common.scene import EntityRecord
+from elys.editor_node.free_names import free_names
 from elys.editor_node.history import History, Outcome
 from elys.editor_node.language import tr
 from elys.editor_node.operations import Done, Operations
@@ -25,8 +25,6 @@ from elys.editor_node.scene_clipboard import Fragment, copy_text, read_fragment
 from elys.editor_node.scene_mirror import EditorScene
 from elys.editor_node.selection import Selection
 from elys.editor_node.sentences import sentence, tr_sentence
-
-PLACED_AT_MOST: Final = 1000  # roots that a host puts at an index; more come last
 
 
 class Say(Protocol):
@@ -155,8 +153,6 @@ class TreeEdits:
         parent, index = scene.place_of(primary) if primary else (0, -2)
         records = with_free_names(scene, parent, fragment.records)
         tops = sum(record.parent < 0 for record in records)
-        if tops > PLACED_AT_MOST:
-            index = -2
         label = sentence("Paste {what}", what=records[0].name if tops == 1 else f"{tops} entities")
         done = self._history.perform(label, (Spawn(records=records, parent=parent, index=index + 1),))
         outcome = await done
@@ -196,21 +192,6 @@ class TreeEdits:
 def described(scene: EditorScene, entities: Sequence[int]) -> str:
     """Entities in a word."""
     return f"'{scene.name_of(entities[0])}'" if len(entities) == 1 else tr("{count} entities", count=len(entities))
-
-
-def free_names(scene: EditorScene, parent: int, names: Iterable[str]) -> list[str]:
-    """The names, or with the first numbers behind them that no child of `parent` has, nor another of them."""
-    taken = {scene.name_of(child) for child in scene.children_of(parent)}
-    free = []
-    for name in names:
-        stem, number = re.sub(r" \d+$", "", name), 2
-        found = name
-        while found in taken:
-            found = f"{stem} {number}"
-            number += 1
-        taken.add(found)
-        free.append(found)
-    return free
 
 
 def with_free_names(scene: EditorScene, parent: int, records: Sequence[EntityRecord]) -> tuple[EntityRecord, ...]:

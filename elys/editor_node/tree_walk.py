@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import Final
 
 from elys.bus.mirror import SceneMirror
+from elys.bus.tree.rows import TreeRows
 from elys.editor_node.selection import Selection
-from elys.editor_node.tree_rows import TreeRows
 
 TYPE_AHEAD_PAUSE: Final = 1.0  # [s] after which a letter begins another name
 

@@ -31,6 +31,7 @@ DEBUG_LABELS: Final[dict[Debug, str]] = {
     "labels": "Names",
     "islands": "Islands",
     "sleeping": "Who sleeps",
+    "divergence": "Distances to other runs",
 }
 
 

@@ -28,6 +28,8 @@ from elys.editor_node.panels import (
 )
 from elys.editor_node.panels.assets import AssetsPanel
 from elys.editor_node.panels.command_palette import CommandPalette
+from elys.editor_node.panels.fork_dialog import ForkDialog
+from elys.editor_node.panels.ghosts import GhostsWindow
 from elys.editor_node.panels.hierarchy import HierarchyPanel
 from elys.editor_node.panels.hierarchy_menus import draw_add_menu
 from elys.editor_node.panels.keys_help import draw_help
@@ -50,6 +52,7 @@ _TIME_MENU: Final = (
     *("time.play", "game.play", "time.step", "time.step_back", "time.start", "time.end", "time.resume"),
     *("time.previous_marker", "time.next_marker", "time.bookmark"),
     *("time.loop", "time.loop_start", "time.loop_end", "time.forget_loop", "time.keep_last"),
+    *("time.fork", "time.back_to_recording"),
 )
 _FOCUS_FRAMES: Final = 4  # until then docked windows take their places, each new one in front
 
@@ -100,6 +103,8 @@ class Workspace:
         }
         self.start_page = StartPage()
         self.link = LinkWindow()
+        self.ghosts = GhostsWindow()
+        self.fork_dialog = ForkDialog()
         self.tour = tour.Tour()
         self.preferences = PreferencesWindow(capture, lambda: ui.model.request_redraw(0.0))
         self.palette = CommandPalette(ui, show_entity=self._show_entity)
@@ -129,6 +134,8 @@ class Workspace:
         self.save_dialog.draw(self.ui)
         self.layouts.draw_dialog(self.ui)
         self.link.draw(self.ui)
+        self.ghosts.draw(self.ui)
+        self.fork_dialog.draw(self.ui)
         self.preferences.draw(self.ui)
         self.palette.draw(self.ui)
         self.ui.watches.end_frame()
@@ -329,6 +336,8 @@ class Workspace:
         draw_camera_menu(self.ui)
         draw_show_menu(self.ui)
         draw_debug_menu(self.ui)
+        action_item(self.ui, "view.ghost")
+        action_item(self.ui, "view.ghosts")
         if imgui.begin_menu(tr_label("Layout")):
             self.layouts.draw_items(self.ui)
             imgui.end_menu()

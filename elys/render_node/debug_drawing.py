@@ -10,7 +10,7 @@ what is drawn, joints from their components and contacts as they began.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from typing import Any, Final, NamedTuple, get_args
 
 import numpy as np
@@ -25,7 +25,9 @@ from elys.common.errors import ElysError
 from elys.common.math import quaternion
 from elys.render_node import marks
 from elys.render_node.data_colors import entity_colors
+from elys.render_node.ghost_worlds import ShownGhost
 from elys.render_node.marks import Label, Lines, Marks
+from elys.render_node.parting_marks import parting_marks
 from elys.render_node.render_world import RenderWorld
 from elys.render_node.scene_tables import Rows
 from elys.render_node.trails import ContactLog, Trails, trail_lines
@@ -126,9 +128,10 @@ class DebugDrawing:
         *,
         hidden: tuple[int, ...] = (),
         notes: tuple[str, ...] = (),
+        ghosts: Sequence[ShownGhost] = (),
     ) -> Marks:
         """What is to be drawn over the world as it is placed, of some entities and what is below them, or of all; but of nobody
-        who is switched off, or `hidden` with all below.
+        who is switched off, or `hidden` with all below. `ghosts` are the other runs that are seen with it.
         """
         if not kinds:
             return Marks(notes=notes)
@@ -138,6 +141,9 @@ class DebugDrawing:
         for kind in DEBUG_KINDS:
             if kind in kinds and kind in _MAKERS:
                 _MAKERS[kind](self, scope, parts, labels)
+        if ghosts and "divergence" in kinds:
+            lines, lengths, told = parting_marks(ghosts, self._mirror.entities, scope.has)
+            parts, labels, notes = parts + lines, labels + lengths, notes + told
         return Marks(lines=Lines.joined(parts), labels=tuple(labels), notes=notes, grid="grid" in kinds)
 
     def _told(self, kind: Debug, scope: _Scope) -> _PhysicsLines | None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Callable
+from typing import Final, NamedTuple
 
+from elys.bus.input_echo import InputEcho
 from elys.bus.input_sender import InputSender
 from elys.bus.session import Session
 from elys.render_node.play_control import PlayControl
@@ -12,10 +14,27 @@ from elys.render_node.window import Window
 NOTE: Final = "keys and mouse play the game - Escape gives them back"
 
 
-class GameInput:
-    """Lends a window's keys and mouse to the game."""
+class Seen(NamedTuple):
+    """What the player has before the eyes."""
 
-    def __init__(self, session: Session, window: Window, play: PlayControl) -> None:
+    tick: int = -1
+    time: float = -1.0  # [s] of simulation; below 0: nothing yet
+
+
+class GameInput:
+    """Lends a window's keys and mouse to the game. `seen` tells what is on the screen when something is done."""
+
+    def __init__(
+        self,
+        session: Session,
+        window: Window,
+        play: PlayControl,
+        *,
+        seen: Callable[[], Seen] = Seen,
+        host_time: Callable[[], float | None] = lambda: None,
+    ) -> None:
+        self._seen, self._host_time = seen, host_time
+        self._echo = InputEcho(session)
         self._window = window
         self._play = play
         self._sender = InputSender(session)
@@ -30,10 +49,21 @@ class GameInput:
         """What is told on the picture of it."""
         return (NOTE,) if self.is_on else ()
 
+    @property
+    def latency(self) -> tuple[str, ...]:
+        """How long it takes until something counts, and until it is seen, once that is known."""
+        told = [
+            f"{what} after {seconds * 1e3:.0f} ms"
+            for what, seconds in (("applied", self._echo.until_applied), ("seen", self._echo.until_seen))
+            if seconds is not None
+        ]
+        return (f"keys {', '.join(told)}",) if told else ()
+
     def start(self) -> None:
         """Lends them, and lets time go on; where there is a recording or the past, which nobody plays, it does nothing."""
         if self._is_possible():
             self._window.player = self._sender
+            self._echo.start()
             if not self._play.is_playing:
                 self._play.toggle()
 
@@ -45,9 +75,16 @@ class GameInput:
         self._window.gave_back = False
         if has_ended:
             self._sender.let_go_of_all()
-        if self.is_on or has_ended:
-            self._sender.send()
+            self._echo.stop()
+        seen = self._seen()
+        if (self.is_on or has_ended) and self._send(seen) and self.is_on:
+            self._echo.sent(self._sender.sequence)
+        if self.is_on:
+            self._echo.shown(seen.tick)
         return has_ended
+
+    def _send(self, seen: Seen) -> bool:
+        return self._sender.send(seen_time=seen.time, host_time=self._host_time())
 
     def _is_possible(self) -> bool:
         status = self._play.status

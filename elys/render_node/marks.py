@@ -123,6 +123,12 @@ def crosses(points: NDArray[np.floating[Any]], size: float) -> Floats:
     return np.asarray(np.stack([middle - arms, middle + arms], axis=2).reshape(-1, 2, 3), np.float64)
 
 
+def age_text(age: float, round_trip: float | None) -> str:
+    """How old what is seen is [s], and how long the way to the host and back [s], as they stand on pictures."""
+    way = f"   round trip {round_trip * 1e3:.1f} ms" if round_trip is not None else ""
+    return f"{age * 1e3:.0f} ms old{way}"
+
+
 def stamp_text(tick: int, time: float) -> str:
     """Tick and simulation time [s], as they stand on pictures."""
     return f"tick {tick}   {time:.3f} s"

@@ -17,6 +17,7 @@ from typing import Final
 from elys.bus import topics
 from elys.bus.asset_service import AssetClient, open_asset_cache
 from elys.bus.following import follow_scene, follow_state
+from elys.bus.ghost_following import GhostFollower
 from elys.bus.messages.plan import RenderProfile, StagePlan
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.messages.views import (
@@ -32,6 +33,7 @@ from elys.bus.messages.views import (
 )
 from elys.bus.mirror import MirrorUpdate, SceneMirror
 from elys.bus.session import Node, Session
+from elys.bus.state_source import tell_interest
 from elys.common.assets import AssetStore
 from elys.common.components import Camera
 from elys.common.errors import ElysError, RequestError
@@ -40,6 +42,7 @@ from elys.render_node.data_colors import data_pixels, depth_unit_of
 from elys.render_node.debug_drawing import DebugDrawing
 from elys.render_node.debug_listening import DebugListener
 from elys.render_node.drawable_assets import DrawableAssets
+from elys.render_node.ghost_worlds import GhostWorlds, ShownGhost
 from elys.render_node.gpu import Context, offscreen_context
 from elys.render_node.pass_plan import told_passes
 from elys.render_node.quality import Quality, interactive_quality
@@ -101,8 +104,13 @@ class SceneFollower:
         self.drawing = DebugDrawing(self.mirror)
         self._debug = DebugListener(session, self.drawing, self._lines_arrived)
         self._wanted: frozenset[Debug] = frozenset()
+        self.ghosts: list[ShownGhost] = []  # of other runs what is seen, as the world is placed
+        self.ghost_revision = 0  # rises when they change by themselves
+        self._ghost_tracks = GhostFollower(session, self._ghosts_changed)
+        self._ghost_worlds = GhostWorlds(self._asset_arrived)
         self.changed = asyncio.Event()
         self.revision = 0  # rises with every change
+        self.edits = 0  # how often the scene was changed, not by motion
         self.arrived_count = 0  # of meshes and images
         self.state_arrived_at = 0.0  # [s] by the monotonic clock
         self._closed = False
@@ -120,6 +128,8 @@ class SceneFollower:
         """Brings the world up to date and to the moment `now` [s]; None for the newest state."""
         self.world.read_scene(self._reader)
         self.world.place(now)
+        if self._ghost_tracks.tracks or self.ghosts:
+            self.ghosts = self._ghost_worlds.shown(self._ghost_tracks.tracks, self.world)
 
     def camera(self, through: int, aspect: float) -> ViewCamera:
         """Of the entity `through` as it stands in the newest state, if it has a camera; else as `ViewRequest.through` says."""
@@ -144,6 +154,8 @@ class SceneFollower:
         if self._retrying is not None:
             self._retrying.cancel()
         self._debug.close()
+        self._ghost_tracks.close()
+        self._ghost_worlds.close()
         self._reader.close()
         self.world.assets.close()
 
@@ -151,6 +163,12 @@ class SceneFollower:
     def tick(self) -> int:
         """Of what is shown: of the newest state, or of the snapshot of a scene that has not moved since."""
         return self.world.tick if self.world.tick >= 0 else self.mirror.tick
+
+    @property
+    def simulation_time(self) -> float:
+        """Of the same [s]."""
+        newest = self.world.timeline.newest
+        return newest.simulation_time if newest is not None else self.mirror.simulation_time
 
     def touch(self) -> None:
         """Says that a new picture would differ."""
@@ -162,6 +180,11 @@ class SceneFollower:
         if update.reset and newest is not None and newest.epoch != self.mirror.epoch:
             self.world.forget_state()
             self.drawing.forget()
+        self.edits += 1
+        self.touch()
+
+    def _ghosts_changed(self) -> None:
+        self.ghost_revision += 1
         self.touch()
 
     def _lines_arrived(self, _: str) -> None:
@@ -170,9 +193,9 @@ class SceneFollower:
             self.touch()
 
     def _state_arrived(self, frame: StateFrame) -> None:
-        self.state_arrived_at = time.monotonic()
+        first, self.state_arrived_at = self._session.arrival
         # Of another run than the scene that is here: its ids mean other things.
-        if frame.epoch == self.mirror.epoch and self.world.take_state(frame, self.state_arrived_at):
+        if frame.epoch == self.mirror.epoch and self.world.take_state(frame, self.state_arrived_at, first=first):
             if "trajectories" in self._wanted:
                 self.drawing.take_state(frame)
             self.touch()
@@ -228,7 +251,7 @@ class _ViewServer:
 
     def requested(self, request: ViewRequest, _: str) -> None:
         """Notes what somebody wants to see."""
-        if self._desk.take(request, time.monotonic()):
+        if self._desk.take(request, self._session.arrival.last):
             self._follower.changed.set()
 
     def node_changed(self, node: Node, alive: bool) -> None:
@@ -246,7 +269,9 @@ class _ViewServer:
         entity, position = self._renderer.pick(
             world, sane_camera(request.camera), width, height, request.x, request.y, passed_over=request.passed_over
         )
-        return PickReply(entity=entity, position=position, tick=self._follower.tick)
+        found = self._follower.mirror.entities.get(entity)
+        name = found.name if found is not None else ""
+        return PickReply(entity=entity, position=position, tick=self._follower.tick, name=name)
 
     async def thumbnail(self, request: ThumbnailRequest, _: str) -> Thumbnail:
         """A small picture of entities that are in no scene."""
@@ -263,12 +288,14 @@ class _ViewServer:
         while True:
             now = time.monotonic()
             follower.want_debug(desk.debug_kinds())
-            for view in desk.due(now, follower.revision, gliding=self._is_gliding(now)):
+            for view in desk.due(now, follower.revision, gliding=self._is_gliding(now), edits=follower.edits):
                 self._draw(view, renderer)
                 await asyncio.sleep(0)  # messages and questions between two pictures
             desk.forget_silent(now)
+            tell_interest(self._session, desk.interest())
             follower.changed.clear()
-            pause = desk.pause(time.monotonic(), follower.revision, gliding=self._is_gliding(now))
+            gliding = self._is_gliding(now)
+            pause = desk.pause(time.monotonic(), follower.revision, gliding=gliding, edits=follower.edits)
             try:
                 async with asyncio.timeout(pause):
                     await follower.changed.wait()
@@ -277,20 +304,22 @@ class _ViewServer:
 
     def _draw(self, view: View, renderer: Renderer) -> None:
         start = time.perf_counter()
-        request, revision = view.request, self._follower.revision
+        request, revision, edits = view.request, self._follower.revision, self._follower.edits
         try:
             self._follower.refresh(self._moment())
             camera = sane_camera(request.camera or self._follower.camera(request.through, view.width / view.height))
+            view.camera = camera
             put = self._draw_into(view, renderer, camera)
         except ElysError as error:
             _log.error("view %s cannot be drawn: %s", request.view, error)
-            view.answered(revision, time.monotonic())
+            view.answered(revision, time.monotonic(), edits=edits)
             return
         frame = ViewFrame(
             view=request.view,
             sequence=request.sequence,
             tick=self._follower.tick,
             state_published_at=self._follower.world.state_published_at,
+            simulation_time=self._follower.simulation_time,
             camera=camera,
             width=view.width,
             height=view.height,
@@ -303,7 +332,7 @@ class _ViewServer:
             answer_time=(time.monotonic() - view.asked_at) * 1e3,
         )
         self._session.publish(topics.VIEW_FRAME, frame, key=request.view)
-        view.answered(revision, time.monotonic())
+        view.answered(revision, time.monotonic(), edits=edits)
         if self._session.has_listener(topics.RENDER_PROFILE, key=request.view):
             self._publish_profile(frame, renderer, is_light=request.shows == "shaded")
         if self._measure is not None:
@@ -328,7 +357,10 @@ class _ViewServer:
         """Draws what a view shows, and puts it where it is wanted."""
         request, world = view.request, self._follower.world
         if request.shows == "shaded":
-            marks = self._follower.drawing.marks(world, request.debug, request.debug_entities, hidden=request.hidden)
+            ghosts = self._follower.ghosts
+            marks = self._follower.drawing.marks(
+                world, request.debug, request.debug_entities, hidden=request.hidden, ghosts=ghosts
+            )
             picture = renderer.draw(
                 world,
                 camera,
@@ -338,6 +370,7 @@ class _ViewServer:
                 hidden=request.hidden,
                 grid=request.grid,
                 marks=marks,
+                ghosts=ghosts,
             )
             return view.put(picture)
         values = renderer.draw_data(world, camera, view.width, view.height, request.shows, hidden=request.hidden)

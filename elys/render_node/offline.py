@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -11,6 +11,7 @@ from typing import Any, Final, Self, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from elys.bus.ghost_track import GhostTrack
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.messages.views import Debug, Shows, ViewCamera
 from elys.bus.mirror import SceneMirror
@@ -19,6 +20,7 @@ from elys.render_node.data_colors import data_pixels, depth_unit_of
 from elys.render_node.debug_drawing import DebugDrawing
 from elys.render_node.drawable_assets import DrawableAssets
 from elys.render_node.film import VideoWriter as VideoWriter
+from elys.render_node.ghost_worlds import GhostWorlds, ShownGhost
 from elys.render_node.gpu import Context, offscreen_context
 from elys.render_node.lettering import write_on
 from elys.render_node.marks import LETTERS, NO_MARKS, Marks, stamp_text
@@ -49,12 +51,15 @@ class Overlay:
     entities: tuple[int, ...] = ()
     stamp: bool = False
 
-    def marks(self, world: RenderWorld) -> Marks:
-        """The debug drawing of a world as it is placed."""
-        return NO_MARKS if self.drawing is None else self.drawing.marks(world, self.kinds, self.entities)
+    def marks(self, world: RenderWorld, ghosts: list[ShownGhost]) -> Marks:
+        """The debug drawing of a world, and of the ghosts beside it, as they are placed."""
+        if self.drawing is None:
+            return NO_MARKS
+        return self.drawing.marks(world, self.kinds, self.entities, ghosts=ghosts)
 
 
 NOTHING_OVER: Final = Overlay()
+NO_GHOSTS: Final[Mapping[str, GhostTrack]] = {}
 
 
 class OfflineRenderer:
@@ -75,6 +80,7 @@ class OfflineRenderer:
         quality: Quality = FULL,
         environment: bool = True,
         overlay: Overlay = NOTHING_OVER,
+        ghosts: Mapping[str, GhostTrack] = NO_GHOSTS,
         context: Context | None = None,
         tile_edge: int = TILE_EDGE,
     ) -> None:
@@ -88,6 +94,8 @@ class OfflineRenderer:
         self.mirror = mirror
         self.world = RenderWorld(DrawableAssets(fetch), environment=environment, exact_bounds=True)
         self.overlay = overlay
+        self._tracks, self._ghost_worlds = ghosts, GhostWorlds()
+        self._ghosts: list[ShownGhost] = []  # of pictures of light
         self._shows = shows
         self._reader = SceneReader(mirror)
         self._owns_context = context is None
@@ -110,6 +118,7 @@ class OfflineRenderer:
     def close(self) -> None:
         """Frees everything."""
         self._reader.close()
+        self._ghost_worlds.close()
         self.world.assets.close()
         if self._owns_context:
             self._context.release()
@@ -129,6 +138,8 @@ class OfflineRenderer:
             renderer.settle(self.world)
             self._settled = (renderer, self.world.scene_version)
         self.world.place(simulation_time=time)
+        if self._tracks and self._shows == "shaded":
+            self._ghosts = self._ghost_worlds.shown(self._tracks, self.world, settled=True)
         return self.world
 
     def picture(self, *, camera: ViewCamera | None = None, time: float | None = None) -> NDArray[np.uint8]:
@@ -205,11 +216,18 @@ class OfflineRenderer:
         return drawn
 
     def _draw_shaded(self, pixels: NDArray[np.uint8], camera: ViewCamera) -> None:
-        renderer, marks = self._renderer(self._quality), self.overlay.marks(self.world)
+        renderer, marks = self._renderer(self._quality), self.overlay.marks(self.world, self._ghosts)
         parts, glow = self._parts(renderer, camera, marks)
         for part in parts:
             target = renderer.draw(
-                self.world, camera, self.width, self.height, marks=marks, region=part.drawn, glow=glow
+                self.world,
+                camera,
+                self.width,
+                self.height,
+                marks=marks,
+                ghosts=self._ghosts,
+                region=part.drawn,
+                glow=glow,
             )
             _put(pixels, part, renderer.read_pixels(target))
 
@@ -241,7 +259,9 @@ class OfflineRenderer:
         parts = parts_of(self.width, self.height, edge=self._tile_edge, reach=reach)
         if len(parts) == 1:
             return parts, None
-        return parts, renderer.gather_glow(self.world, camera, self.width, self.height, parts, marks=marks)
+        return parts, renderer.gather_glow(
+            self.world, camera, self.width, self.height, parts, marks=marks, ghosts=self._ghosts
+        )
 
     def _camera(self) -> ViewCamera:
         aspect = self.width / self.height

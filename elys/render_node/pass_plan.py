@@ -12,6 +12,7 @@ from elys.render_node.drawable_assets import DrawableAssets
 from elys.render_node.passes.backdrop import GridPass, SkyPass
 from elys.render_node.passes.bloom import BloomPass
 from elys.render_node.passes.finishing import FxaaPass, OutlinePass
+from elys.render_node.passes.ghosts import GhostPass
 from elys.render_node.passes.marks import LetterPass, LinePass
 from elys.render_node.passes.occlusion import OcclusionPass
 from elys.render_node.passes.shading import OpaquePass, TransparentPass
@@ -79,6 +80,7 @@ def told_passes(plan: PicturePlan) -> tuple[PlannedPass, ...]:
         ),
         PlannedPass("grid", GridPass.is_needed(plan), "for who edits" if plan.grid else "nobody edits"),
         PlannedPass("transparent", TransparentPass.is_needed(plan), _why_seen(plan.transparent, "see-through thing")),
+        PlannedPass("ghosts", GhostPass.is_needed(plan), _why_ghosts(plan)),
         PlannedPass(
             "fog",
             picture.fog_density > 0.0,
@@ -99,6 +101,13 @@ def _why_seen(calls: list[DrawCall], noun: str) -> str:
         return f"no {noun} is seen"
     plural = noun if count == 1 else noun.replace("thing", "things", 1)
     return f"{count} {plural} seen, in {len(calls)} draw call{'s' if len(calls) != 1 else ''}"
+
+
+def _why_ghosts(plan: PicturePlan) -> str:
+    calls = [call for ghost in plan.ghosts for call in (*ghost.plan.opaque, *ghost.plan.transparent)]
+    if not calls:
+        return "no other run is shown, or none has parted from this one in view"
+    return f"of other runs {_why_seen(calls, 'thing')}"
 
 
 def _why_marked(count: int, noun: str) -> str:

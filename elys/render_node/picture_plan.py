@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from elys.bus.messages.ghosts import Color
 from elys.common.scene import PictureSettings
 from elys.render_node.batch_terms import GLOWING
 from elys.render_node.camera import View, frustum_planes
 from elys.render_node.crowd import Crowd
 from elys.render_node.draw_calls import DrawCall, RowCollector
+from elys.render_node.ghost_worlds import ShownGhost
 from elys.render_node.gpu import INSTANCE_DTYPE, PLAIN_INSTANCE_DTYPE
 from elys.render_node.lamp_shadows import LampShadows, fit_lamp_shadows
 from elys.render_node.marks import NO_MARKS, Marks
@@ -46,11 +49,19 @@ class PicturePlan:
     grid: bool
     surroundings: Surroundings
     marks: Marks
+    ghosts: tuple[GhostPlan, ...] = ()
 
     @property
     def picture(self) -> PictureSettings:
         """What the scene asks of its pictures."""
         return self.world.settings.picture
+
+
+class GhostPlan(NamedTuple):
+    """What is drawn of a ghost: nothing but its `opaque` and `transparent`, all of it in one colour."""
+
+    plan: PicturePlan
+    color: Color
 
 
 class ShadowState(NamedTuple):
@@ -134,6 +145,16 @@ def plan_picture(
         marks=marks,
         surroundings=world.surroundings(None if sun is None else -sun.direction),
     )
+
+
+def plan_ghosts(view: View, ghosts: Sequence[ShownGhost]) -> tuple[GhostPlan, ...]:
+    """What a picture in this view shows of ghosts; those of which nothing has parted are not in it."""
+    plans = (
+        GhostPlan(plan_picture(ghost.world, view, hidden=ghost.left_out), ghost.color)
+        for ghost in ghosts
+        if len(ghost.parting.entity)
+    )
+    return tuple(ghost for ghost in plans if ghost.plan.opaque or ghost.plan.transparent)
 
 
 def _depth(view: View, relative_centre: NDArray[np.float32]) -> NDArray[np.float32]:

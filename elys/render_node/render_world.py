@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.messages.views import ViewCamera
 from elys.common.components import Camera, Environment, Light
+from elys.common.components.curve import repeated_value_at
 from elys.common.math import quaternion
 from elys.common.math.aabb import transform_bounds
 from elys.common.scene import SceneSettings
@@ -82,6 +83,7 @@ class RenderWorld:
         self._bodies = self._animated = np.zeros(0, np.uint32)
         self._assets_version = -1
         self._placed = (-1, -1.0)
+        self._seen_time = 0.0  # [s] of the simulation, of what is placed
         self._rests = False  # placed as the newest frame says, not on the way there
         self._preferred_camera = 0
         self._rebuild()
@@ -104,13 +106,19 @@ class RenderWorld:
         self.set_scene(read[0], only_moved=read[1])
         return True
 
-    def take_state(self, frame: StateFrame, now: float = 0.0) -> bool:
-        """Takes where bodies are, as it came at `now` [s]; False if it told nothing new."""
-        if not self.timeline.take(frame, now):
+    def take_state(self, frame: StateFrame, now: float = 0.0, *, first: float | None = None) -> bool:
+        """Takes where bodies are, as it came at `now` [s], see `Timeline.take`; False if it told nothing new."""
+        if not self.timeline.take(frame, now, first=first):
             return False
-        if not (np.array_equal(frame.entity, self._bodies) and np.array_equal(frame.local_entity, self._animated)):
-            self._place_anew()
+        self._place_others()
         return True
+
+    def take_pair(self, before: StateFrame, after: StateFrame) -> None:
+        """Takes the frames between which everything is to be placed, as of a ghost; one twice where it is the only one."""
+        self.timeline.lay(before, after)
+        self._rests = False
+        if not (np.array_equal(after.entity, self._bodies) and np.array_equal(after.local_entity, self._animated)):
+            self._place_anew()
 
     def forget_state(self) -> None:
         """Lets everything stand as the scene says, as when another host took over."""
@@ -122,12 +130,16 @@ class RenderWorld:
         simulation time [s]; without either, exactly where the newest frame says.
         """
         self.place_if_assets_came()
-        newest = self.timeline.newest
-        if newest is None:
+        if self.timeline.newest is None:
             return
+        if now is None:
+            self.timeline.show_latest()
         fraction = 1.0 if now is None else self.timeline.fraction(now)
         if simulation_time is not None:
             fraction = self.timeline.fraction_at(simulation_time)
+        self._seen_time = self.timeline.time_at(fraction)
+        self._place_others()
+        newest = self.timeline.newest
         moment = (newest.published_at, fraction)
         if moment == self._placed:
             return
@@ -137,6 +149,14 @@ class RenderWorld:
             return  # everything stands where it was placed last
         self.standing.lead(fraction)
         self.pose_version += 1
+
+    def _place_others(self) -> None:
+        """Sees to it that those stand who are in the frame that is gone to."""
+        newest = self.timeline.newest
+        if newest is not None and not (
+            np.array_equal(newest.entity, self._bodies) and np.array_equal(newest.local_entity, self._animated)
+        ):
+            self._place_anew()
 
     def place_if_assets_came(self) -> None:
         """Takes the size of meshes that have come since."""
@@ -159,6 +179,11 @@ class RenderWorld:
     def tick(self) -> int:
         """Of the newest state, -1 before there is any."""
         return self.timeline.newest.tick if self.timeline.newest is not None else -1
+
+    @property
+    def seen_time(self) -> float | None:
+        """The simulation time [s] at which everything is placed; None before there is any state."""
+        return self.timeline.time_at(self.standing.fraction) if self.timeline.newest is not None else None
 
     @property
     def state_published_at(self) -> int:
@@ -334,6 +359,10 @@ class RenderWorld:
         backward = linear[:, 2].astype(np.float64)
         length = np.linalg.norm(backward)
         direction = -backward / length if length > 0 else np.array((0.0, 0.0, -1.0))
+        if light.over_time:
+            factor = repeated_value_at(light.over_time, self._seen_time)
+            # Between two keys a curve may fall below the values of both.
+            light = msgspec.structs.replace(light, intensity=light.intensity * max(factor, 0.0))
         return PlacedLight(light=light, position=position, direction=direction)
 
 

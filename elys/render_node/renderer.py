@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from elys.bus.messages.views import ViewCamera
 from elys.render_node.camera import Region, View
 from elys.render_node.frame_block import frame_block
+from elys.render_node.ghost_worlds import ShownGhost
 from elys.render_node.gpu import BLOCK_BINDINGS, Context, Format, Framebuffer
 from elys.render_node.marks import NO_MARKS, Marks
 from elys.render_node.passes.backdrop import GridPass, SkyPass
@@ -23,13 +24,14 @@ from elys.render_node.passes.bloom import BloomPass, Glow
 from elys.render_node.passes.data import DataKind, DataPass
 from elys.render_node.passes.environment import EnvironmentPass, mirror_tiles
 from elys.render_node.passes.finishing import FxaaPass, OutlinePass, TonemapPass
+from elys.render_node.passes.ghosts import GhostPass
 from elys.render_node.passes.marks import LetterPass, LinePass
 from elys.render_node.passes.occlusion import OcclusionPass
 from elys.render_node.passes.picking import PickingPass
 from elys.render_node.passes.shading import OpaquePass, TransparentPass
 from elys.render_node.passes.shadow import LampShadowPass, ShadowPass
 from elys.render_node.picture_parts import Part
-from elys.render_node.picture_plan import PicturePlan, plan_picture
+from elys.render_node.picture_plan import PicturePlan, plan_ghosts, plan_picture
 from elys.render_node.quality import FULL, Quality
 from elys.render_node.render_world import RenderWorld
 from elys.render_node.resources import Resources
@@ -78,6 +80,7 @@ class Renderer:
         self._sky = SkyPass(self.resources, quality)
         self._grid = GridPass(self.resources, quality)
         self._transparent = TransparentPass(self.resources, quality)
+        self._ghosts = GhostPass(self.resources, quality)
         self._occlusion = OcclusionPass(self.resources)
         self._bloom = BloomPass(self.resources)
         self._fxaa = FxaaPass(self.resources)
@@ -99,6 +102,7 @@ class Renderer:
         hidden: tuple[int, ...] = (),
         grid: bool = False,
         marks: Marks = NO_MARKS,
+        ghosts: Sequence[ShownGhost] = (),
         target: Framebuffer | None = None,
         region: Region | None = None,
         glow: Glow | None = None,
@@ -113,6 +117,7 @@ class Renderer:
         with self._timed("plan"):
             view = View.of(camera, width, height)
             whole = self._plan(world, view, selection=selection, hidden=hidden, grid=grid, marks=marks)
+            whole = replace(whole, ghosts=plan_ghosts(view, ghosts)) if ghosts else whole
             self.planned = whole
         plan, targets = self._draw_light(whole, region)
         picture = target if target is not None else targets.picture
@@ -144,6 +149,7 @@ class Renderer:
         parts: Sequence[Part],
         *,
         marks: Marks = NO_MARKS,
+        ghosts: Sequence[ShownGhost] = (),
     ) -> Glow | None:
         """What bright light spreads over a picture that is drawn in parts; None where the scene wants none.
 
@@ -153,6 +159,7 @@ class Renderer:
         for part in parts:
             view = View.of(camera, width, height)
             whole = self._plan(world, view, selection=(), hidden=(), grid=False, marks=marks)
+            whole = replace(whole, ghosts=plan_ghosts(view, ghosts)) if ghosts else whole
             if not self._bloom.is_needed(whole):
                 return None
             glow = glow if glow is not None else Glow(self.context, width, height)
@@ -199,6 +206,9 @@ class Renderer:
         with self._timed("transparent"):
             if self._transparent.is_needed(plan):
                 self._transparent.draw(plan, targets.drawn)
+        if self._ghosts.is_needed(plan):
+            with self._timed("ghosts"):
+                self._ghosts.draw(plan, targets.drawn)
         with self._timed("marks"):
             if self._lines.is_needed(plan):
                 self._lines.draw(plan, targets.drawn)

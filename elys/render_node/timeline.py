@@ -1,8 +1,9 @@
-"""Two state frames and what lies between them: pictures are drawn at times at which no tick was."""
+"""State frames and what lies between them: pictures are drawn at times at which no tick was, see `playout.py`."""
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from typing import Any, Final
 
 import numpy as np
@@ -10,12 +11,10 @@ from numpy.typing import NDArray
 
 from elys.bus.messages.state_frame import LOCAL_COLUMNS, WEIGHT_COLUMNS, StateFrame
 from elys.common.math import quaternion
+from elys.render_node.playout import Playout
 from elys.render_node.rotation_path import FAST_TURN, rotations_between
 
 LONGEST_LOOKAHEAD: Final = 0.1  # [s] of wall clock for which things go on as they did when the next frame comes late
-LONGEST_DELAY: Final = 0.5  # [s] by which a frame waits more than others; beyond, somebody has set a clock
-DELAY_FOLLOWING: Final = 0.01  # of a longer delay, from frame to frame
-SHORTEST_WAY: Final = 0.3  # of an interval, for what is left of the way to a frame that came very late
 LONGEST_GAP: Final = 0.5  # [s] of simulation between two frames; over longer ones things jump instead of gliding
 PROBED: Final = 64  # bodies that are looked at before all are compared
 KEPT_SEARCHES: Final = 3  # those who are asked for in turns
@@ -23,36 +22,64 @@ KEPT_SEARCHES: Final = 3  # those who are asked for in turns
 _ANIMATED: Final = tuple(name for name, _, _ in (*LOCAL_COLUMNS, *WEIGHT_COLUMNS))
 
 
-class Timeline:
-    """The newest two frames. By default a picture shows what was one frame ago, moving towards the newest one.
+class _Entry:
+    """A state and the moments of the host's clock [s] between which things go there from the one before."""
 
-    When the next frame comes late things go on as they did, for one interval and LONGEST_LOOKAHEAD at most. When it comes at
-    last they go on from where they are seen, to be where it says when they would be had it come in time: frames that only
-    waited on their way do not disturb an even motion.
+    __slots__ = ("end", "frame", "start")
+
+    def __init__(self, frame: StateFrame, start: float, end: float) -> None:
+        self.frame, self.start, self.end = frame, start, end
+
+
+class Timeline:
+    """The state frames between which things are seen, and some that came early. A picture shows what was a steady while ago.
+
+    When the next frame comes late things go on as they did, for one interval and LONGEST_LOOKAHEAD at most, then stand. When it
+    comes at last they go on from where they are seen, and are some per cent faster until they are as late as before: time does
+    not jump. It never goes back but where the host's does, or where a pause ends what was bridged.
     """
 
     def __init__(self) -> None:
-        self.newest: StateFrame | None = None
+        self.newest: StateFrame | None = None  # towards which things go
         self._previous: StateFrame | None = None
-        self._arrived = 0.0  # [s]
-        self._first_fraction = 0.0  # where things were seen when the newest frame came
-        self._delay = 0.0  # [s] from the sender's clock to this one's, of frames that do not wait
-        self._reached = 0.0  # [s] when things are where the newest frame says
-        self._interval = 1.0 / 60.0  # [s] in which the newest frame came after the one before
-        self.is_still = False  # the newest frame shows every body where the one before did
+        self._entries: deque[_Entry] = deque()  # from the frame before on; the last is the one that came last
+        self._playout = Playout()
+        self._seen = 0.0  # [s] of simulation
+        self._moment = 0.0  # [s] of the host's clock
+        self._still: tuple[StateFrame | None, StateFrame | None, bool] = (None, None, False)
         self._found: list[tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.intp] | slice, NDArray[np.bool_]]]
         self._fastest: tuple[StateFrame | None, StateFrame | None, float, float] = (None, None, 0.0, 0.0)
         self._found = []  # who was looked for in which table, and where they stand
 
     @property
     def interval(self) -> float:
-        """Seconds of wall clock between the newest two frames."""
-        return self._interval
+        """Seconds of wall clock between two frames, as they come now."""
+        return self._playout.interval
+
+    @property
+    def delay(self) -> float:
+        """How long [s] after they can be here at the earliest frames are to be seen."""
+        return self._playout.delay
 
     @property
     def previous(self) -> StateFrame | None:
         """The frame before the newest, where things glide from it."""
         return self._previous
+
+    @property
+    def latest(self) -> StateFrame | None:
+        """The frame that came last, which may be seen later only."""
+        return self._entries[-1].frame if self._entries else None
+
+    @property
+    def is_still(self) -> bool:
+        """Whether the newest frame shows every body where the one before did."""
+        newest, previous = self.newest, self._previous
+        if newest is None or previous is None:
+            return False
+        if self._still[0] is not previous or self._still[1] is not newest:
+            self._still = (previous, newest, _same_poses(previous, newest))
+        return self._still[2]
 
     @property
     def gap(self) -> float:
@@ -73,60 +100,139 @@ class Timeline:
             known = self._fastest = (previous, newest, before, _largest(newest.angular_velocity))
         return math.sqrt(3.0) * (known[2] + known[3]) / 2.0 * self.gap > FAST_TURN
 
-    def take(self, frame: StateFrame, now: float) -> bool:
-        """Keeps a frame that arrived at `now` [s]; False for one that is older than what is here already."""
-        newest = self.newest
-        if (
-            newest is not None
-            and frame.epoch == newest.epoch
-            and frame.tick == newest.tick
-            and frame.playing == newest.playing
-        ):
-            if frame.published_at <= newest.published_at:
+    # --- taking ----------------------------------------------------------------------------------------------------
+
+    def take(self, frame: StateFrame, now: float, *, first: float | None = None) -> bool:
+        """Keeps a frame that arrived at `now` [s]; False for one that is older than what is here already.
+
+        Those that it overtook came from `first` on, if they waited here for somebody to take them.
+        """
+        last = self._entries[-1] if self._entries else None
+        if last is not None and frame.epoch == last.frame.epoch and frame.tick == last.frame.tick:
+            if frame.playing == last.frame.playing and frame.published_at <= last.frame.published_at:
                 return False
-            self.newest = frame  # a pause's edit: the same tick, told again
-            self._previous, self.is_still = None, False
-            return True
-        seen_time = self.seen_time(now)
-        self._previous = newest if newest is not None and self._follows(newest, frame) else None
-        self._first_fraction = 0.0
-        delay = now - frame.published_at * 1e-9
-        is_known = self._previous is not None and self._delay <= delay <= self._delay + LONGEST_DELAY
-        # Creeps up where all frames have become slower.
-        self._delay = self._delay + DELAY_FOLLOWING * (delay - self._delay) if is_known else delay
-        if self._previous is not None:
-            # By the sender's clock: messages that waited arrive in bunches.
-            between = (frame.published_at - self._previous.published_at) * 1e-9
-            self._interval = min(max(between, 1e-3), 0.25)
-            gap = frame.simulation_time - self._previous.simulation_time
-            self._first_fraction = min(max((seen_time - self._previous.simulation_time) / gap, 0.0), 1.0)
-        self.is_still = self._previous is not None and _same_poses(self._previous, frame)
-        in_time = frame.published_at * 1e-9 + self._delay + self._interval
-        self._reached = max(in_time, now + SHORTEST_WAY * self._interval)
-        self.newest, self._arrived = frame, now
+            if frame.playing <= last.frame.playing:
+                self._take_again(last, frame, now)
+                return True
+        self._advance(now)
+        stamp = frame.published_at * 1e-9
+        if last is not None and frame.epoch != last.frame.epoch:
+            self._playout.forget()
+        if last is None or not self._follows(last, frame):
+            self._playout.begin(stamp, frame.simulation_time, came=now)
+            self._start_at(_Entry(frame, stamp, stamp))
+        else:
+            ticks = max(frame.tick - last.frame.tick, 1)
+            first = now if first is None else first
+            start, end = self._playout.follow(stamp, frame.simulation_time, ticks=ticks, first=first, came=now)
+            if end <= last.end:  # the host's clock was set back: what is left until then is not waited for
+                last.start = last.end = start
+                self._start_at(last)
+            self._entries.append(_Entry(frame, max(start, last.end), end))
+        if not frame.playing:
+            self._stop()
+        self._advance(now)
         return True
+
+    def lay(self, before: StateFrame, after: StateFrame) -> None:
+        """Takes the two frames between which things are seen, whatever was told before; one twice where it is the only one."""
+        self.newest, self._previous = after, before if before is not after else None
 
     def forget(self) -> None:
         """Starts anew, as after the host has changed."""
         self.newest = self._previous = None
-        self.is_still = False
+        self._entries.clear()
+        self._playout.forget()
+
+    def show_latest(self) -> None:
+        """Shows what came last at once, without waiting for what may be late."""
+        if self._entries:
+            self._seen, self._moment = self._entries[-1].frame.simulation_time, self._entries[-1].end
+            self._look_up()
+
+    def _take_again(self, last: _Entry, frame: StateFrame, now: float) -> None:
+        """The same tick, told again: time stands from here on, or somebody edited while it stood."""
+        self._advance(now)
+        is_seen = self._seen >= last.frame.simulation_time
+        was_playing, last.frame = last.frame.playing, frame
+        if is_seen and not was_playing:
+            self._start_at(last)
+        if not frame.playing:
+            self._stop()
+
+    def _stop(self) -> None:
+        """Time stands after the last frame: what was bridged has not come to pass."""
+        self._playout.pause()
+        self._seen = min(self._seen, self._entries[-1].frame.simulation_time)
+        self._look_up()
+
+    def _start_at(self, entry: _Entry) -> None:
+        self._entries.clear()
+        self._entries.append(entry)
+        self._seen, self._moment = entry.frame.simulation_time, entry.end
+        self._look_up()
+
+    def _follows(self, last: _Entry, after: StateFrame) -> bool:
+        before = last.frame
+        gap = after.simulation_time - before.simulation_time
+        if before.epoch != after.epoch or gap <= 0.0 or not (after.playing or before.playing):
+            return False
+        # Of a fast simulation states are far apart, and come as often as others.
+        passed = (after.published_at - before.published_at) * 1e-9
+        slope = self._playout.slope
+        return gap <= LONGEST_GAP or (slope > 0.0 and gap <= 2.0 * passed / slope)
+
+    # --- time ------------------------------------------------------------------------------------------------------
+
+    def _advance(self, now: float) -> None:
+        """Goes on to what is to be seen at `now`."""
+        if len(self._entries) < 2:
+            return
+        last, before = self._entries[-1], self._entries[-2]
+        length = max(last.end - last.start, 1e-6)
+        ahead = min(length, LONGEST_LOOKAHEAD) if last.frame.playing else 0.0
+        self._moment = moment = self._playout.moment(now, end=last.end + ahead)
+        gap = last.frame.simulation_time - before.frame.simulation_time
+        if moment >= last.end:
+            time = last.frame.simulation_time + gap * (moment - last.end) / length
+        else:
+            time = self._time_of(moment)
+        highest = last.frame.simulation_time + gap * ahead / length
+        self._seen = max(self._seen, min(time, highest))
+        self._look_up()
+
+    def _time_of(self, moment: float) -> float:
+        """The simulation time [s] that was at a moment of the host's clock before the last frame's."""
+        before = self._entries[0].frame.simulation_time
+        for entry in self._entries:
+            if moment < entry.end:
+                share = max(moment - entry.start, 0.0) / max(entry.end - entry.start, 1e-6)
+                return before + share * (entry.frame.simulation_time - before)
+            before = entry.frame.simulation_time
+        return before
+
+    def _look_up(self) -> None:
+        """Finds the two frames between which it is, and forgets what is over."""
+        entries = self._entries
+        while len(entries) > 2 and entries[1].frame.simulation_time <= self._seen:
+            entries.popleft()
+        self.newest = entries[min(1, len(entries) - 1)].frame
+        self._previous = entries[0].frame if len(entries) > 1 else None
 
     def fraction(self, now: float) -> float:
         """How far things have gone from the frame before (0) to the newest (1), or beyond while the next one is late."""
-        if self._previous is None:
+        self._advance(now)
+        gap = self.gap
+        if self.newest is None or gap <= 0.0:
             return 1.0
-        if now < self._reached:
-            share = max(now - self._arrived, 0.0) / (self._reached - self._arrived)
-            return self._first_fraction + (1.0 - self._first_fraction) * share
-        return min(1.0 + (now - self._reached) / self._interval, self._last_fraction)
+        return (self._seen - self.newest.simulation_time) / gap + 1.0
 
     def seen_time(self, now: float) -> float:
         """The simulation time [s] of what is seen at `now`; 0 before there is anything."""
         if self.newest is None:
             return 0.0
-        if self._previous is None:
-            return self.newest.simulation_time
-        return self.time_at(self.fraction(now))
+        self._advance(now)
+        return self._seen
 
     def time_at(self, fraction: float) -> float:
         """The simulation time [s] of a fraction of the way; 0 before there is anything."""
@@ -142,17 +248,27 @@ class Timeline:
             return newest.tick if newest is not None else -1
         return before.tick
 
+    def seen_stamp(self, now: float) -> float:
+        """What the host's clock said [s since 1970] when it was as is seen at `now`; 0 before there is anything."""
+        if self.newest is None:
+            return 0.0
+        self._advance(now)
+        return self._moment
+
     def seen_age(self, now: float) -> float:
-        """How long ago [s] what is seen at `now` was so: since the newest frame came, and what of the way to it is left."""
-        return max(now - self._arrived + (1.0 - self.fraction(now)) * self._interval, 0.0)
+        """How long ago [s] that was, without the way of the quickest frame: of that `bus.host_clock` knows."""
+        return self._playout.age_of(self.seen_stamp(now), now) if self.newest is not None else 0.0
 
     def is_moving(self, now: float) -> bool:
         """Whether a picture a little later would differ even if no frame came."""
-        return self._previous is not None and not self.is_still and self.fraction(now) < self._last_fraction - 1e-9
-
-    @property
-    def _last_fraction(self) -> float:
-        return 1.0 + min(1.0, LONGEST_LOOKAHEAD / self._interval)
+        self._advance(now)
+        entries = self._entries
+        if len(entries) < 2 or (len(entries) == 2 and self.is_still):
+            return False
+        last, gap = entries[-1], entries[-1].frame.simulation_time - entries[-2].frame.simulation_time
+        length = max(last.end - last.start, 1e-6)
+        ahead = min(1.0, LONGEST_LOOKAHEAD / length) if last.frame.playing else 0.0
+        return self._seen < last.frame.simulation_time + gap * (ahead - 1e-6)
 
     def fraction_at(self, simulation_time: float) -> float:
         """The same at a time [s] of the simulation."""
@@ -233,11 +349,6 @@ class Timeline:
         if before is None or fraction >= 1.0 or not _same_weights(before, self.newest):
             return weight
         return np.asarray(before.weight + (weight - before.weight) * np.float32(fraction))
-
-    @staticmethod
-    def _follows(before: StateFrame, after: StateFrame) -> bool:
-        gap = after.simulation_time - before.simulation_time
-        return before.epoch == after.epoch and after.playing and 0.0 < gap <= LONGEST_GAP
 
 
 def _largest(numbers: NDArray[np.floating[Any]]) -> float:

@@ -12,6 +12,7 @@ import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
 
+from elys.bus.messages.streaming import StreamInterest
 from elys.bus.messages.views import Debug, SharedRing, ViewCamera, ViewRequest
 from elys.bus.picture_ring import RingWriter
 from elys.common.errors import BusError
@@ -42,6 +43,7 @@ class View:
     """One view: its newest request and what became of it."""
 
     def __init__(self, request: ViewRequest) -> None:
+        self.camera: ViewCamera | None = None  # of the picture drawn last
         self.request = request
         self.width, self.height = 1, 1
         self._ring: RingWriter | None = None
@@ -50,6 +52,7 @@ class View:
         self._is_answered = True
         self._shown: tuple[object, ...] | None = None
         self._shown_revision = -1
+        self._shown_edits = -1
         self.asked_at = 0.0
         self.drawn_at = -1.0
 
@@ -69,8 +72,13 @@ class View:
         waits = self.request.newer_than_tick >= 0 and self._wanted() == self._shown
         return not waits or gliding or revision != self._shown_revision
 
-    def answered(self, revision: int, now: float) -> None:
+    def waits_for_rate(self, edits: int) -> bool:
+        """Whether it is drawn no sooner than a while after its last picture: what somebody has edited is shown at once."""
+        return edits == self._shown_edits
+
+    def answered(self, revision: int, now: float, *, edits: int = 0) -> None:
         """Notes that the request's picture has been sent."""
+        self._shown_edits = edits
         self._is_answered, self.drawn_at = True, now
         self._shown, self._shown_revision = self._wanted(), revision
 
@@ -157,19 +165,31 @@ class ViewDesk:
         view.ask(request, now)
         return True
 
-    def due(self, now: float, revision: int, *, gliding: bool) -> list[View]:
-        """The views to draw now, the one that has waited longest first."""
+    def due(self, now: float, revision: int, *, gliding: bool, edits: int = 0) -> list[View]:
+        """The views to draw now, the one that has waited longest first; `edits` counts changes of the scene by hand."""
         ready = [view for view in self._views.values() if view.is_due(revision, gliding=gliding)]
-        ready = [view for view in ready if now - view.drawn_at >= MIN_INTERVAL]
+        ready = [view for view in ready if now - view.drawn_at >= MIN_INTERVAL or not view.waits_for_rate(edits)]
         return sorted(ready, key=lambda view: view.drawn_at)
 
     def debug_kinds(self) -> frozenset[Debug]:
         """What debug drawing any view shows."""
         return frozenset(kind for view in self._views.values() for kind in view.request.debug)
 
-    def pause(self, now: float, revision: int, *, gliding: bool) -> float:
+    def interest(self) -> StreamInterest:
+        """What is looked at, for the stream of states."""
+        views = [view for view in self._views.values() if view.camera is not None]
+        return StreamInterest(
+            cameras=tuple(view.camera for view in views if view.camera is not None),
+            aspect=max((view.width / view.height for view in views), default=1.0),
+            chosen=tuple({entity: None for view in views for entity in view.request.selection}),
+        )
+
+    def pause(self, now: float, revision: int, *, gliding: bool, edits: int = 0) -> float:
         """Seconds until a view may be drawn that is only held back by its rate; else until silent ones are to be looked for."""
-        held = [view.drawn_at for view in self._views.values() if view.is_due(revision, gliding=gliding)]
+        due = [view for view in self._views.values() if view.is_due(revision, gliding=gliding)]
+        if any(not view.waits_for_rate(edits) for view in due):
+            return 0.0
+        held = [view.drawn_at for view in due]
         return max(0.0, min(held) + MIN_INTERVAL - now) if held else SILENCE / 10
 
     def forget(self, name: str) -> None:

@@ -2,7 +2,7 @@
 
 left drag orbit   middle drag pan   wheel zoom   F frame all   C the scene's camera   space play / pause   Esc quit
 P lends keys and mouse to the game, Esc gives them back
-1 to 9, 0 and G debug drawing, see DEBUG_KEYS   A tick, time, age and frame rate
+1 to 9, 0, G and D debug drawing, see DEBUG_KEYS   A tick, time, age and frame rate
 """
 
 from __future__ import annotations
@@ -14,11 +14,15 @@ from collections import deque
 from collections.abc import Collection, Mapping
 from typing import Final
 
+from elys.bus.host_clock import HostClock
+from elys.bus.messages.streaming import StreamInterest
 from elys.bus.messages.views import Debug, ViewCamera
 from elys.bus.session import Session
-from elys.render_node.game_input import GameInput
+from elys.bus.state_source import stream_report, tell_interest
+from elys.bus.streaming.measures import stream_text
+from elys.render_node.game_input import GameInput, Seen
 from elys.render_node.gpu import Framebuffer, window_context
-from elys.render_node.marks import stamp_text
+from elys.render_node.marks import age_text, stamp_text
 from elys.render_node.node import SceneFollower
 from elys.render_node.orbit import Orbit
 from elys.render_node.play_control import SILENCE, PlayControl
@@ -48,7 +52,14 @@ DEBUG_KEYS: Final[Mapping[Key, Debug]] = {
     "9": "islands",
     "0": "sleeping",
     "g": "grid",
+    "d": "divergence",
 }
+
+
+def stream_notes(session: Session) -> tuple[str, ...]:
+    """How the stream of states does, in a line; nothing where full states come."""
+    report = stream_report(session)
+    return () if report is None else (stream_text(report),)
 
 
 async def run_view(
@@ -87,10 +98,12 @@ class _Viewer:
         self._renderer = renderer
         self._orbit: Orbit | None = None  # None: looks through the scene's camera
         self._play = PlayControl(session)
-        self._game = GameInput(session, window, self._play)
         self._debug: frozenset[Debug] = frozenset()
         self.tells_age = False
         self._shown_at: deque[float] = deque(maxlen=RATE_PICTURES)  # [s] of the last pictures
+        self._host_clock = HostClock(session)
+        session.start(self._host_clock.run())
+        self._game = GameInput(session, window, self._play, seen=self._seen, host_time=self._host_clock.host_time)
         self._is_dirty = True
         self._drawn: tuple[object, ...] | None = None
         window.on_event = self._on_event
@@ -127,10 +140,18 @@ class _Viewer:
             if bodies.tick >= 0
             else stamp_text(mirror.tick, mirror.simulation_time)
         )
-        age = f"{world.timeline.seen_age(now) * 1e3:.0f} ms old" if bodies.tick >= 0 else "no state yet"
+        age = age_text(self._age(now), self._host_clock.round_trip) if bodies.tick >= 0 else "no state yet"
         shown = self._shown_at
         rate = (len(shown) - 1) / (shown[-1] - shown[0]) if len(shown) > 1 and shown[-1] > shown[0] else 0.0
-        return what, f"{age}   {rate:.0f} pictures/s", *self._game.note
+        notes = (*stream_notes(self._session), *self._game.latency, *self._game.note)
+        return what, f"{age}   {rate:.0f} pictures/s", *notes
+
+    def _seen(self) -> Seen:
+        world = self._follower.world
+        if world.tick < 0:
+            return Seen()
+        fraction = world.standing.fraction
+        return Seen(world.timeline.tick_at(fraction), world.timeline.time_at(fraction))
 
     def title(self) -> str:
         """Scene, tick, and how old what is shown is."""
@@ -141,10 +162,15 @@ class _Viewer:
             return f"ELYS  {name}  ·  {LOST}"
         state, status = "playing" if self._play.is_playing else "paused", self._play.status
         tick = status.tick if status is not None else follower.mirror.tick
-        timeline = follower.world.timeline
-        is_aging = state == "playing" and timeline.newest is not None
-        age = f"  ·  {timeline.seen_age(now) * 1e3:.0f} ms old" if is_aging else ""
+        is_aging = state == "playing" and follower.world.timeline.newest is not None
+        age = f"  ·  {self._age(now) * 1e3:.0f} ms old" if is_aging else ""
         return f"ELYS  {name}  ·  tick {tick}  ·  {state}{age}"
+
+    def _age(self, now: float) -> float:
+        """How long ago [s] it was as is seen, by the host's clock; before that is known, since it could have been here."""
+        timeline = self._follower.world.timeline
+        age = self._host_clock.age_of(timeline.seen_stamp(now), now)
+        return age if age is not None else timeline.seen_age(now)
 
     def _draw_if_changed(self, now: float, *, always: bool) -> bool:
         width, height = self._window.framebuffer_size
@@ -152,13 +178,20 @@ class _Viewer:
             return False
         self._follower.refresh(now)
         world = self._follower.world
-        told = (int(now / NOTE_TIME) if self.tells_age else 0, self._follower.revision if self._debug else 0)
+        told = (
+            int(now / NOTE_TIME) if self.tells_age else 0,
+            self._follower.revision if self._debug else 0,
+            self._follower.ghost_revision,
+        )
         what = (world.scene_version, world.pose_version, self._follower.arrived_count, width, height, *told)
         if not (self._is_dirty or what != self._drawn or always):
             return False
         target = Framebuffer.of_window(self._renderer.context, width, height)
-        marks = self._follower.drawing.marks(world, self._debug, notes=self.notes(now))
-        self._renderer.draw(world, self._camera(width / height), width, height, marks=marks, target=target)
+        ghosts = self._follower.ghosts
+        marks = self._follower.drawing.marks(world, self._debug, notes=self.notes(now), ghosts=ghosts)
+        camera = self._camera(width / height)
+        tell_interest(self._session, StreamInterest(cameras=(camera,), aspect=width / height))
+        self._renderer.draw(world, camera, width, height, marks=marks, ghosts=ghosts, target=target)
         self._window.swap()
         self._shown_at.append(time.monotonic())
         self._drawn, self._is_dirty = what, False

@@ -14,6 +14,7 @@ from elys.common.errors import DisplayError
 from elys.common.input_names import KEY_NAMES, MOUSE_NAMES
 
 NULL_PLATFORM_VARIABLE: Final = "ELYS_NULL_PLATFORM"  # "1": windows that need no display server and show nothing
+CLICK: Final = 3.0  # [points] by which a pointer may go between down and up
 
 
 def _is_null() -> bool:
@@ -34,7 +35,7 @@ if _is_null():
 import glfw  # noqa: E402  reads the environment when it is imported
 
 Button = Literal["left", "middle", "right"]
-Key = Literal["f", "c", "a", "g", "p", "space", "escape", "0", "1", "2", "3", "4", "5", "6", "7", "8", "9"]
+Key = Literal["f", "c", "a", "d", "g", "p", "space", "escape", "0", "1", "2", "3", "4", "5", "6", "7", "8", "9"]
 _BUTTONS: Final[Mapping[int, Button]] = {
     glfw.MOUSE_BUTTON_LEFT: "left",
     glfw.MOUSE_BUTTON_MIDDLE: "middle",
@@ -44,6 +45,7 @@ _KEYS: Final[Mapping[int, Key]] = {
     glfw.KEY_F: "f",
     glfw.KEY_C: "c",
     glfw.KEY_A: "a",
+    glfw.KEY_D: "d",
     glfw.KEY_G: "g",
     glfw.KEY_P: "p",
     glfw.KEY_0: "0",
@@ -72,6 +74,14 @@ class Dragged:
 
 
 @dataclass(frozen=True, slots=True)
+class Clicked:
+    """The left button went down and up at one place; `x`, `y` in the window's width and height, right and down."""
+
+    x: float
+    y: float
+
+
+@dataclass(frozen=True, slots=True)
 class Scrolled:
     """The wheel was turned; away from the person is positive."""
 
@@ -85,7 +95,7 @@ class KeyPressed:
     key: Key
 
 
-WindowEvent = Dragged | Scrolled | KeyPressed
+WindowEvent = Dragged | Clicked | Scrolled | KeyPressed
 
 
 class Window:
@@ -96,6 +106,7 @@ class Window:
         self.is_null = _is_null()
         self.on_event: Callable[[WindowEvent], None] = lambda event: None
         self._pointer = (0.0, 0.0)
+        self._pressed_at: tuple[float, float] | None = None  # where the left button went down
         self._player: InputSender | None = None
         self.gave_back = False  # a player was here and is no more; whoever hears of it makes it false again
         _initialise()
@@ -202,6 +213,12 @@ class Window:
     def _button(self, _: Any, button: int, action: int, __: int) -> None:
         if self._player is not None and 0 <= button < len(MOUSE_NAMES):
             (self._player.press if action == glfw.PRESS else self._player.let_go)(MOUSE_NAMES[button])
+        elif self._player is None and button == glfw.MOUSE_BUTTON_LEFT:
+            at, pressed = glfw.get_cursor_pos(self._window), self._pressed_at
+            self._pressed_at = at if action == glfw.PRESS else None
+            if action == glfw.RELEASE and pressed is not None and max(map(abs, _difference(at, pressed))) <= CLICK:
+                width, height = glfw.get_window_size(self._window)
+                self.on_event(Clicked(at[0] / max(width, 1), at[1] / max(height, 1)))
 
     def _scrolled(self, _: Any, x: float, y: float) -> None:
         if self._player is None:
@@ -238,6 +255,10 @@ def probe_display() -> str:
     finally:
         glfw.destroy_window(window)
         glfw.terminate()
+
+
+def _difference(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
+    return a[0] - b[0], a[1] - b[1]
 
 
 _PLATFORMS: Final = {

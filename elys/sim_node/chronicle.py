@@ -1,6 +1,8 @@
 """What a simulation has done, beat by beat, told to who records it so that it can be run again.
 
-    instant 0 ─ beat ─▶ 1 ─ beat ─▶ 2 ...      a beat: commands, and then a step, or while time stands still none
+    instant 0 ─ beat ─▶ 1 ─ beat ─▶ 2 ...      a beat: commands, and then a step or none
+
+None follows while time stands still, and where an edit was made between two steps.
 
 Instants are counted over the whole run of a host. Of beats that are steps and nothing else nothing is said: the numbers of the
 others tell how many there were. What commands and steps do not explain, an exact state does.
@@ -16,10 +18,10 @@ from typing import Final, NamedTuple
 import msgspec
 import zstandard
 
+from elys.bus.access.limits import MAX_MESSAGE_SIZE
 from elys.bus.exact_keeping import BUILD_FACTS, LINEAGE, ExactListener
 from elys.bus.messages.commands import Command, CommandRecord, Resume
 from elys.bus.messages.exact_state import ExactHead, ExactReply, ExactRequest
-from elys.bus.transports.zenoh import MAX_MESSAGE_SIZE
 from elys.common.errors import RequestError
 from elys.sim_node.build_facts import build_facts
 from elys.sim_node.flight_recorder import FlightRecorder

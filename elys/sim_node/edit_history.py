@@ -297,10 +297,11 @@ class EditHistory:
 
     def _doomed(self, edits: Iterable[Edit]) -> Iterable[Part]:
         """What has a stamp of the entities that edits end."""
-        for edit in edits:
+        for edit in edits if self._stamps else ():
             if isinstance(edit, Despawn):
                 for entity in self._scene.below(edit.entity):
-                    yield from ((entity, part) for part in self._stamps.get(entity, ()))
+                    for part in self._stamps.get(entity, ()):
+                        yield entity, part
 
     def _sentence(self, entity: int, part: str, who: str, rest: str) -> str:
         whose = f"{self._scene.named(entity)}'s" if entity else "the scene's"

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from elys.bus.course import Course, read_course
+from elys.bus.course import Course, build_of, read_course
 from elys.bus.messages.state_frame import INSTANTS
 from elys.bus.recording import Recording
 from elys.common.errors import RecordingError
+from elys.sim_node.build_facts import build_facts, differences
 from elys.sim_node.reexecution import Reexecution, simulation_for
 from elys.sim_node.simulation import Simulation
 
@@ -46,8 +47,21 @@ def fork_point(
             progress(again.simulation.time - kept.head.time, seconds - kept.head.time)
     if again.problem:
         raise RecordingError(f"{recording.path} cannot be run again up to there: {again.problem}")
+    _require_same(recording, again, seconds)
     again.simulation.name = recording.mirror_at(recording.position_at(seconds)).scene
     return ForkPoint(again.simulation, course, again.instant, last_instant)
+
+
+def _require_same(recording: Recording, again: Reexecution, seconds: float) -> None:
+    """Raises RecordingError where a simulation has not become what is recorded of its instant."""
+    frame = recording.frame(recording.position_at(seconds))
+    if (frame.instant - again.instant) % INSTANTS or again.simulation.state_hash() == frame.state_hash:
+        return
+    other = differences(build_of(recording), build_facts())
+    raise RecordingError(
+        f"{recording.path} comes out as something else by {seconds:g} s when it is run again, so nothing can go on from there: "
+        + (f"here is another build or kind of machine ({', '.join(other)})" if other else "`elys verify` tells where")
+    )
 
 
 def _is_there(again: Reexecution, seconds: float) -> bool:

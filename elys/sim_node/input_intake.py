@@ -1,6 +1,7 @@
 """What players do, on its way from the bus to a tick's start; and who is gone holds nothing any more.
 
 Input is not answered, as there is so much of it: what is refused is told on `commands`, once a second for each who sends it.
+What a player did long ago, on a way that was cut for a while, counts no more; only that keys were let go does.
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Final
 
+import msgspec
+
 from elys.bus import topics
 from elys.bus.messages.commands import CommandRecord, CommandRequest, Input, Release
 from elys.bus.session import Node, Session
@@ -19,6 +22,9 @@ from elys.sim_node.inputs import check_input
 from elys.sim_node.simulation import Simulation
 
 MOST_WAITING: Final = 64  # messages of a node between two ticks: a frame sends one
+LONGEST_LATE: Final = (
+    1.0  # [s] between what a player saw and the tick, above which what was pressed then is not pressed now
+)
 REFUSAL_INTERVAL: Final = 1.0  # [s] between two refusals told of the same node
 _log = logging.getLogger(__name__)
 
@@ -42,6 +48,7 @@ class InputIntake:
         self._put = put
         self._wake = wake
         self._is_rewound = is_rewound
+        self._last: dict[tuple[str, int], int] = {}  # sequence of the last message, by who sent it for which player
         self._waiting: Counter[str] = Counter()  # messages by who sent them
         self._gone: set[str] = set()  # nodes that were here
         self._told_at: dict[str, float] = {}  # [s] when a refusal was told last
@@ -79,10 +86,27 @@ class InputIntake:
                     f"at most {MOST_WAITING} messages of input can be sent in a tick: merge them in order"
                 )
             check_input(command)
+            self._take_sequence(command, node)
         except RequestError as error:
             self._refuse(node, command, str(error))
-        else:
-            self._put(CommandRequest(origin=node, command=command))
+            return
+        late = time.time() - command.done_at if command.done_at > 0.0 else 0.0
+        if late > LONGEST_LATE:
+            self._refuse(node, command, f"what was done {late:.1f} s ago is too late: of it only letting go counts")
+            command = _let_go_in(command)
+        self._put(CommandRequest(origin=node, command=command))
+
+    def _take_sequence(self, command: Input, node: str) -> None:
+        """Refuses what came before; where some is missing, as when the way lost it, all is let go that it may have let go."""
+        if not command.sequence:
+            return
+        sender = (node, command.player)
+        last = self._last.get(sender) if command.sequence > 1 else None  # with 1 somebody begins anew
+        if last is not None and command.sequence <= last:
+            raise RequestError(f"message {command.sequence} of input came after {last}: number them in order")
+        if last is not None and command.sequence > last + 1:
+            self._let_go(node)
+        self._last[sender] = command.sequence
 
     def _refuse(self, node: str, command: Input, reason: str) -> None:
         now = time.monotonic()
@@ -100,5 +124,12 @@ class InputIntake:
             self._gone.discard(node.id)
             return
         self._gone.add(node.id)
+        self._last = {sender: last for sender, last in self._last.items() if sender[0] != node.id}
         if self._simulation.hands.holds(node.id) or self._simulation.inputs.holds(node.id):
             self._wake()
+
+
+def _let_go_in(command: Input) -> Input:
+    """What is left of it where what was pressed counts no more: sticks stand where they stand."""
+    changes = tuple(change for change in command.changes if not change[1])
+    return msgspec.structs.replace(command, changes=changes, moved={}, text="")

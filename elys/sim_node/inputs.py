@@ -102,12 +102,14 @@ class Inputs:
         return tuple(sorted({device.player for device in self._devices}))
 
     def holds(self, source: str) -> bool:
-        """Whether a node has any part in this."""
-        return any(device.source == source for device in self._devices)
+        """Whether a node holds anything."""
+        return bool(self.players_of(source))
 
     def players_of(self, source: str) -> tuple[int, ...]:
-        """As whom a node plays."""
-        return tuple(device.player for device in self._devices if device.source == source)
+        """As whom a node holds anything; what it let go of while time stands is still told in the next tick."""
+        return tuple(
+            device.player for device in self._devices if device.source == source and (device.held or device.axes)
+        )
 
     def take(self, command: Input) -> None:
         """Applies what a player did, after what was applied in this tick already.

@@ -18,10 +18,12 @@ from elys.bus.asset_service import lacking_assets, serve_assets
 from elys.bus.edit_parts import edits_of
 from elys.bus.marker_log import MarkerLog, markers_of_command, markers_of_contacts, markers_of_events
 from elys.bus.messages.commands import (
+    Batch,
     Command,
     CommandRecord,
     CommandReply,
     CommandRequest,
+    Edit,
     Grab,
     Input,
     KeepLast,
@@ -50,6 +52,7 @@ from elys.bus.session import Session
 from elys.common.clock import FixedStepClock
 from elys.common.errors import EditConflict, ElysError, RequestError
 from elys.sim_node.chronicle import Chronicle
+from elys.sim_node.collection import without_collection
 from elys.sim_node.edit_history import Done, EditHistory
 from elys.sim_node.flight_recorder import SECONDS, FlightRecorder
 from elys.sim_node.guard import Guard
@@ -128,8 +131,14 @@ class SimulationNode:
         self._events: list[Event] = []
         self._paused_physics = PausedPhysics(simulation)
         self._wake = asyncio.Event()
+        self._edited = asyncio.Event()  # an edit waits
+        self._has_edited_between = False  # since the last step
         self._intake = InputIntake(
-            simulation, session, put=self._put, wake=self._wake.set, is_rewound=lambda: self._is_rewound
+            simulation,
+            session,
+            put=self._put,
+            wake=self._wake.set,
+            is_rewound=lambda: self._is_rewound,
         )
         self.flight = FlightRecorder(simulation, seconds=keep) if keep > 0.0 else None
         self.chronicle = Chronicle(simulation, self.flight, epoch=session.epoch, tell=self._publish_command)
@@ -179,7 +188,10 @@ class SimulationNode:
             if self.recorder is not None:
                 await self.recorder.ready()
             await self._until_due()
-            for _ in range(self._clock.take_due() if self.playing else 1):
+            due = self._clock.take_due() if self.playing else 1
+            if not due and self._edited.is_set():
+                self._edit_between()
+            for _ in range(due):
                 if not self._is_done():
                     self.tick()
 
@@ -188,10 +200,19 @@ class SimulationNode:
         if self._steps_asked or (self.playing and self.rate == 0.0):
             await asyncio.sleep(0)  # lets the bus speak; a run at full speed waits for nothing else
         elif self.playing:
-            await asyncio.sleep(self._clock.seconds_until_due())
+            await self._until_time_or_edit(self._clock.seconds_until_due())
         else:
             await self._wake.wait()
         self._wake.clear()
+
+    async def _until_time_or_edit(self, seconds: float) -> None:
+        """Between two ticks the first edit is made at once: who made it sees it a tick earlier."""
+        if self._has_edited_between or self.repetition is not None or seconds <= 0.0:
+            await asyncio.sleep(seconds)
+            return
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(seconds):
+                await self._edited.wait()
 
     def _is_done(self) -> bool:
         is_repeated = self.repetition is not None and self.repetition.is_done
@@ -199,17 +220,29 @@ class SimulationNode:
 
     def tick(self) -> None:
         """One tick: commands, then if time goes on the world's step, then all that others shall know of it."""
+        with without_collection() if self._waiting else contextlib.nullcontext():
+            self._tick()
+
+    def _edit_between(self) -> None:
+        """What waits is done now, before the next step is due: a beat without a step, as while time stands still."""
+        self._has_edited_between = True
+        with without_collection():
+            self._tick(is_between=True)
+
+    def _tick(self, *, is_between: bool = False) -> None:
         stages = StageTimes()
         late = self._clock.lateness() * 1000.0
         self._intake.begin_tick()
         cue = self._take_cue()
-        stands = not self.playing if cue is None else not cue.steps
+        self._edited.clear()
+        stands = is_between or not self.playing if cue is None else not cue.steps
         if stands and any(edits_of(waiting.request.command) for waiting in self._waiting):
             self._paused_physics.keep(self.history.content, self.chronicle.instant)
         replies = self._apply_commands()
         stages.done("apply_commands")
         self._repeated, self._is_whole = False, True
-        stepping = self.playing or self._steps_asked > 0 if cue is None else cue.steps
+        goes_on = not is_between and (self.playing or self._steps_asked > 0)
+        stepping = goes_on if cue is None else cue.steps
         if stepping:
             self._step(stages)
         else:
@@ -219,7 +252,8 @@ class SimulationNode:
             stages.done("follow_changes")
         self.chronicle.tell(steps=stepping, physics_of=-1 if self._is_whole else self._paused_physics.instant)
         is_told = self._scene.publish()
-        if replies or (stepping and is_heard(self.session, topics.STATE)):
+        # Between two steps nothing has moved but what the delta tells.
+        if (replies and not is_between) or (stepping and is_heard(self.session, topics.STATE)):
             self._publish_frame(steps=stepping and not self._repeated)
         if stepping and (found := publish_diagnostics(self.session, self.simulation)) and self.guard is not None:
             self._events += self.guard.look(found)
@@ -252,6 +286,7 @@ class SimulationNode:
 
     def _step(self, stages: StageTimes) -> None:
         self._paused_physics.forget()
+        self._has_edited_between = False
         self._repeated = self._is_rewound
         if self.flight is not None and self._repeated:
             self._scene.is_elsewhere |= self.flight.repeat()
@@ -329,6 +364,8 @@ class SimulationNode:
         waiting = _Waiting(request, asyncio.get_running_loop().create_future())
         self._waiting.append(waiting)
         self._wake.set()
+        if isinstance(request.command, Edit | Batch | Undo | Redo):
+            self._edited.set()
         return waiting.reply
 
     def _apply_commands(self) -> list[tuple[_Waiting, CommandReply]]:

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import Final
 
+from elys.bus.access.listening import LOOPBACK
 from elys.common.errors import DisplayError, ElysError
 
 SAMPLE: Final = "yard"
@@ -29,7 +30,7 @@ def demo(directory: Path, *, headless: bool) -> None:
             record=None,
             realtime=True,
             paused=False,
-            listen=None,
+            listen=LOOPBACK,
             name="",
             threads=1,
             guarded=True,
@@ -70,7 +71,7 @@ def _demo_files(directory: Path) -> None:
         record=recording,
         realtime=False,
         paused=False,
-        listen=None,
+        listen=LOOPBACK,
         name="demo",
         threads=1,
         guarded=True,

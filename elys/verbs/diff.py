@@ -20,8 +20,8 @@ _LEAST: Final = 1e-12  # [m] a logarithm has no 0
 DIFFERENT, UNREADABLE = 1, 2
 
 
-def diff(a: Path, b: Path, *, plot: Path | None, json: bool) -> int:
-    """Prints what two recordings differ in; returns the exit code."""
+def diff(a: Path, b: Path, *, plot: Path | None, view: bool = False, json: bool) -> int:
+    """Prints what two recordings differ in, and shows both where a `view` is wanted; returns the exit code."""
     from elys.bus.log import start_logging
     from elys.bus.run_comparison import compare
 
@@ -29,6 +29,10 @@ def diff(a: Path, b: Path, *, plot: Path | None, json: bool) -> int:
     try:
         if plot is not None:
             _require_plot(plot)
+        if view:
+            from elys.render_node.window import probe_display
+
+            probe_display()
         with progress_bar("Comparing", is_shown=not json) as progress:
             found = compare(a, b, curves=_CURVES if plot is not None else 0, progress=progress)
         if plot is not None:
@@ -42,6 +46,10 @@ def diff(a: Path, b: Path, *, plot: Path | None, json: bool) -> int:
         _print(found)
         if plot is not None:
             print(f"\n{plot}")
+    if view:
+        from elys.verbs.run import start
+
+        start("compare", {"recording": str(a), "ghost": str(b)}, endpoint=None)
     return DIFFERENT if found.differs else 0
 
 

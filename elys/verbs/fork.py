@@ -14,6 +14,7 @@ from elys.verbs.moments import parse_moment
 from elys.verbs.output import print_json
 
 if TYPE_CHECKING:
+    from elys.bus.access.listening import Listening
     from elys.common.scene import OpenedScene
     from elys.sim_node.repetition import Repetition
     from elys.sim_node.simulation import Simulation
@@ -36,7 +37,7 @@ def fork(
     output: Path,
     seconds: float,
     repeats: bool,
-    listen: str | None,
+    listen: Listening,
     threads: int,
     json: bool,
 ) -> None:

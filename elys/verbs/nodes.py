@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from elys.bus.access.listening import Listening
 from elys.bus.log import log_to_session, start_logging
 from elys.bus.recording_plan import RecordingPlan
 from elys.bus.session import Session
@@ -54,23 +55,29 @@ async def joined(connect: str | None, *, kind: str, timeout: float = 5.0) -> Asy
 
 @contextlib.asynccontextmanager
 async def hosted(
-    listen: str | None, *, name: str, kind: str, scene: str, epoch: int, is_chosen: bool = False
+    listen: Listening, *, name: str, kind: str, scene: str, epoch: int, is_chosen: bool = False
 ) -> AsyncIterator[tuple[Session, str]]:
     """A session of one's own and the endpoint it listens at, found by others of this machine without being told where.
 
     One whose name was chosen by nobody gets another where the name is taken.
 
     Raises:
-        BusError: the endpoint cannot be listened at, or the chosen name is taken.
+        BusError: the endpoint cannot be listened at, or the chosen name is taken. AccessError: there is nowhere to keep the keys
+            of who may come in.
     """
-    from elys.bus.discovery import advertise, complete_endpoint
+    from elys.bus.access.listening import access_of
+    from elys.bus.discovery import advertise, loopback_endpoint
     from elys.bus.session_names import claimed_name
+    from elys.bus.transports.reaching import is_near
     from elys.bus.transports.zenoh import ZenohTransport
+    from elys.verbs.invitation import invite
+    from elys.verbs.streaming_child import StreamingChild
 
-    open_transport = (
-        partial(ZenohTransport.listen, complete_endpoint(listen)) if listen else ZenohTransport.listen_on_free_port
-    )
-    transport = await asyncio.to_thread(open_transport)
+    access = await asyncio.to_thread(access_of, listen)
+    if listen.endpoint is None:
+        transport = await asyncio.to_thread(partial(ZenohTransport.listen_on_free_port, access=access))
+    else:
+        transport = await asyncio.to_thread(partial(ZenohTransport.listen, listen.endpoint, access=access))
     try:
         with claimed_name(session_name(name), is_chosen=is_chosen) as free_name:
             session = await Session.host(transport, name=free_name, kind=kind, epoch=epoch)
@@ -79,11 +86,16 @@ async def hosted(
         await asyncio.to_thread(transport.close)
         raise
     handler = log_to_session(session)
+    streaming = StreamingChild(session, loopback_endpoint(transport.endpoint))
+    invite(listen, transport.endpoint)
     try:
+        if not is_near(transport.endpoint):
+            await streaming.start()
         yield session, transport.endpoint
     finally:
         handler.detach()
         withdraw()
+        await asyncio.shield(streaming.close())
         await session.close()
 
 
@@ -95,7 +107,7 @@ def session_name(text: str) -> str:
 def simulation(
     scene: str,
     *,
-    listen: str | None,
+    listen: Listening,
     step_limit: int,
     record: Path | None,
     realtime: bool,
@@ -161,7 +173,20 @@ def editor(connect: str | None, *, starts_alone: bool = False, frame_limit: int)
     run_until_asked(work())
 
 
-def player(recording: Path, playback: Playback, *, listen: str | None) -> None:
+def view(connect: str | None, *, debug: str, frame_limit: int) -> None:
+    """A viewer's process."""
+    from elys.render_node.debug_drawing import parsed_kinds
+    from elys.render_node.view_window import run_view
+
+    async def work() -> None:
+        async with joined(connect, kind="tool", timeout=60.0) as session:
+            await run_view(session, frames=frame_limit or None, debug=parsed_kinds(debug))
+
+    start_logging()
+    run_until_asked(work())
+
+
+def player(recording: Path, playback: Playback, *, listen: Listening) -> None:
     """A player's process."""
     from elys.verbs.replay import serve_recording
 

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Final
 
 from elys.bus.discovery import find_sessions
-from elys.common.errors import LaunchError
+from elys.bus.messages.ghosts import Color
+from elys.common.errors import LaunchError, RecordingError
 from elys.launch import RESTART_LIMIT, TERMINATE_PATIENCE, before_exec
 from elys.verbs.run import free_endpoint
 
@@ -58,6 +59,37 @@ class ChildProcesses:
 
         await asyncio.to_thread(recording_info, Path(recording))
         return await self._host("player", recording, "--paused")
+
+    async def fork(self, recording: str, time: float, record: str) -> str:
+        """Starts a simulation that goes on from a time [s] of a recording, paused; returns its endpoint when it listens.
+
+        Raises:
+            RecordingError, StateError: there is no such instant, or it cannot be gone on with from there.
+            LaunchError: the simulation ended before it listened.
+        """
+        from elys.verbs.fork import recorded_scene
+        from elys.verbs.recording_child import require_recordable
+
+        await asyncio.to_thread(recorded_scene, recording, f"{time:.9f}")
+        words = ["--at", f"{time:.9f}", "--paused"]
+        if record:
+            if Path(record).exists() and Path(record).samefile(recording):
+                raise RecordingError(f"a fork of {recording} cannot be recorded over it: choose another name")
+            require_recordable(Path(record))
+            words += ["--record", record]
+        return await self._host("simulation", recording, *words)
+
+    async def show_ghost(self, recording: str, endpoint: str, color: Color, starts_now: bool) -> None:
+        """Starts a process that shows a recording as ghost in the session at an endpoint, until it is taken away there.
+
+        Raises:
+            RecordingError: it is none.
+        """
+        from elys.verbs.ghosts import require_recordings
+
+        await asyncio.to_thread(require_recordings, [Path(recording)])
+        now = ("--now",) if starts_now else ()
+        await self._start("ghost", recording, "--connect", endpoint, "--color", bytes(color).hex(), *now, nice=10)
 
     async def draw(self, endpoint: str) -> None:
         """Starts a render node for the session at an endpoint; one that crashes is started again, but not for ever."""

@@ -16,12 +16,15 @@ class Playback(NamedTuple):
     loop: bool = False
     start: str = ""
     end: str = ""
+    ghosts: tuple[str, ...] = ()  # recordings of other runs that are shown beside it
 
     def options(self) -> list[str]:
         """The same for a player's command line."""
         told = ["--rate", str(self.rate)] + ["--paused"] * self.paused + ["--loop"] * self.loop
         for name, seconds in (("--from", self.start), ("--to", self.end)):
             told += [name, seconds] if seconds else []
+        for ghost in self.ghosts:
+            told += ["--ghost", ghost]
         return told
 
     def part(self) -> SetRange:

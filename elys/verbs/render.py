@@ -26,6 +26,7 @@ from elys.render_node.offline import VIEWS, CameraAt, OfflineRenderer, Overlay, 
 from elys.render_node.picture_files import holds_numbers, output_kind
 from elys.render_node.trails import TRAIL_SECONDS
 from elys.verbs.footage import SCENE_DURATION, Footage, LinesByTick, opened_footage, recorded
+from elys.verbs.ghosts import recorded_tracks
 from elys.verbs.output import size_text
 from elys.verbs.viewpoint import Viewpoint, named_entities
 
@@ -51,6 +52,7 @@ class Order:
     debug: tuple[Debug, ...] = ()
     debug_of: tuple[str, ...] = ()
     stamp: bool = False
+    ghosts: tuple[Path, ...] = ()
 
 
 def render(
@@ -70,6 +72,7 @@ def render(
     debug: str = "",
     debug_of: Sequence[str] = (),
     stamp: bool = False,
+    ghosts: Sequence[Path] = (),
 ) -> None:
     """Draws `source`, or without one the session at `connect`, into `output`: a picture or a video, by its suffix.
 
@@ -82,6 +85,7 @@ def render(
         debug=parsed_kinds(debug),
         debug_of=tuple(debug_of),
         stamp=stamp,
+        ghosts=tuple(ghosts),
     )
     _check_overlay(order)
     if order.kind == "recording" and (source is None or Path(source).suffix != ".mcap"):
@@ -105,6 +109,8 @@ def _check_overlay(order: Order) -> None:
     if (order.debug or order.stamp) and holds_numbers(order.output):
         what = "--debug" if order.debug else "--stamp"
         raise ElysError(f"{what} draws over pictures, and {order.output} is to hold numbers: write a .png or .mp4")
+    if order.ghosts and (order.shows != "shaded" or holds_numbers(order.output)):
+        raise ElysError("--ghost is drawn into pictures of light: write a .png or .mp4 of --view shaded")
     if order.debug_of and not order.debug:
         raise ElysError("--debug-of says of whom, but not what is to be drawn: give --debug as well")
 
@@ -135,15 +141,19 @@ def _draw(footage: Footage, order: Order) -> None:
     first = next(footage.frames, None)
     if first is not None:
         footage.mirror.keep_frame(first)
-    with OfflineRenderer(
-        footage.mirror,
-        footage.fetch,
-        width=order.width,
-        height=order.height,
-        shows=order.shows,
-        environment=order.environment,
-        overlay=overlay,
-    ) as renderer:
+    with (
+        recorded_tracks(order.ghosts) as ghosts,
+        OfflineRenderer(
+            footage.mirror,
+            footage.fetch,
+            width=order.width,
+            height=order.height,
+            shows=order.shows,
+            environment=order.environment,
+            overlay=overlay,
+            ghosts=ghosts,
+        ) as renderer,
+    ):
         renderer.look_through(entity)
         camera_at = order.viewpoint.camera_at(renderer, footage.origin)
         if order.kind == "picture":

@@ -11,6 +11,7 @@ from collections.abc import AsyncIterator, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from elys.bus.access.listening import Listening
 from elys.bus.log import start_logging
 from elys.bus.recording_plan import PLAIN, RecordingPlan, files_of
 from elys.bus.session import Session
@@ -27,7 +28,7 @@ PATIENCE: Final = 5.0  # [s]
 _log = logging.getLogger(__name__)
 
 
-def play(recording: Path, playback: Playback, *, listen: str | None, editor: bool) -> None:
+def play(recording: Path, playback: Playback, *, listen: Listening, editor: bool) -> None:
     """Serves a recording in this process, or under the supervisor with an editor on it."""
     playback.part()  # times that are none are said here, and not by a node
     start_logging()
@@ -36,22 +37,26 @@ def play(recording: Path, playback: Playback, *, listen: str | None, editor: boo
         return
     from elys.bus.recording_info import recording_info
     from elys.render_node.window import probe_display
+    from elys.verbs.ghosts import require_recordings
     from elys.verbs.run import start
 
+    require_recordings([Path(ghost) for ghost in playback.ghosts])
     recording_info(recording)  # what is no recording is one line here and not a crash of a node
     probe_display()
-    sys.exit(start("replay", {"recording": str(recording)}, endpoint=listen, extra={"player": playback.options()}))
+    extra = {"player": [*playback.options(), *listen.words()]}
+    sys.exit(start("replay", {"recording": str(recording)}, endpoint=listen.endpoint, extra=extra))
 
 
-async def serve_recording(recording: Path, playback: Playback, *, listen: str | None) -> None:
+async def serve_recording(recording: Path, playback: Playback, *, listen: Listening) -> None:
     """Hosts a recording as a session until it is told to end.
 
     Raises:
-        RecordingError: it is none. RequestError: it is not there from `start` to `end`.
+        RecordingError: it is none, or a ghost is. RequestError: it is not there from `start` to `end`.
         BusError: the endpoint cannot be listened at.
     """
     from elys.bus.player import Player
     from elys.bus.recording import Recording
+    from elys.verbs.ghosts import served
 
     with await asyncio.to_thread(Recording, recording) as opened:
         scene = opened.mirror_at(0).scene
@@ -65,7 +70,8 @@ async def serve_recording(recording: Path, playback: Playback, *, listen: str | 
                 loop=playback.loop,
                 part=playback.part(),
             )
-            await player.run()
+            async with served(session, [Path(ghost) for ghost in playback.ghosts]):
+                await player.run()
 
 
 def record(

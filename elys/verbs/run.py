@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from elys.bus.access.listening import Listening
 from elys.bus.recording_plan import PLAIN, RecordingPlan, to_json
 from elys.common.errors import LaunchError
 
@@ -16,19 +18,16 @@ _PACKAGE: Final = Path(__file__).parents[1]
 LAUNCH_DIRECTORIES: Final = (_PACKAGE.parent / "launch", _PACKAGE / "_launch")  # of a checkout, of an installed wheel
 
 
-def run(scene: str, *, listen: str | None, foxglove: int = 0, **options: Any) -> None:
+def run(scene: str, *, listen: Listening, foxglove: int = 0, **options: Any) -> None:
     """Simulates a scene: with an editor, or headless; with a port, also for the Foxglove app."""
-    from elys.bus.discovery import complete_endpoint
-
-    endpoint = complete_endpoint(listen) if listen else None  # what is none is said before anything takes its time
     if not foxglove:
-        _run(scene, listen=endpoint, **options)
+        _run(scene, listen=listen, **options)
         return
     from elys.verbs.foxglove import foxglove_beside
 
-    endpoint = endpoint or free_endpoint()
+    endpoint = listen.endpoint or free_endpoint()
     with foxglove_beside(endpoint, foxglove):
-        _run(scene, listen=endpoint, **options)
+        _run(scene, listen=replace(listen, endpoint=endpoint), **options)
 
 
 def _run(
@@ -39,7 +38,7 @@ def _run(
     record: Path | None,
     realtime: bool,
     paused: bool,
-    listen: str | None,
+    listen: Listening,
     name: str,
     threads: int,
     guarded: bool,
@@ -86,7 +85,8 @@ def _run(
     options += ["--keep", str(keep)]
     options += ["--threads", str(threads)] if threads > 1 else []
     options += ["--at", at] if at else []
-    sys.exit(start("editor", {"scene": scene}, endpoint=listen, extra={"simulation": options}))
+    options += listen.words()
+    sys.exit(start("editor", {"scene": scene}, endpoint=listen.endpoint, extra={"simulation": options}))
 
 
 def launch(file: Path, values: list[str]) -> None:
@@ -113,7 +113,7 @@ def start(
     extra: dict[str, list[str]] | None = None,
 ) -> int:
     """Starts one of ELYS's own launch files; `extra` adds words to the commands of processes by name."""
-    from msgspec.structs import replace
+    from msgspec import structs
 
     from elys.launch import fill_in, read_launch_file, run_processes
 
@@ -121,7 +121,7 @@ def start(
     described = read_launch_file(directory / f"{launch_name}.toml")
     processes = fill_in(described, {**parameters, "endpoint": endpoint or free_endpoint()})
     words = extra or {}
-    return run_processes([replace(p, command=(*p.command, *words.get(p.name, ()))) for p in processes])
+    return run_processes([structs.replace(p, command=(*p.command, *words.get(p.name, ()))) for p in processes])
 
 
 def free_endpoint() -> str:
@@ -159,7 +159,7 @@ def _run_headless(
     record: Path | None,
     realtime: bool,
     paused: bool,
-    listen: str | None,
+    listen: Listening,
     name: str,
     threads: int,
     guarded: bool,

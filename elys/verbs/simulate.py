@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import platformdirs
 
+from elys.bus.access.listening import Listening
 from elys.bus.recording_plan import PLAIN, RecordingPlan
 from elys.common.assets.store import AssetStore
 from elys.verbs.nodes import hosted, session_name
@@ -86,7 +87,7 @@ def prepare(scene: str, *, record: Path | None, threads: int = 1, at: str = "") 
 async def simulate(
     simulation: Simulation,
     *,
-    listen: str | None,
+    listen: Listening,
     step_limit: int,
     record: Path | None,
     realtime: bool,

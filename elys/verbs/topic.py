@@ -18,8 +18,8 @@ def list_topics(*, json: bool) -> None:
     if json:
         print_json(rows)
     else:
-        columns = ("topic", "message", "delivery", "encoding", "what")
-        print_table(columns, ((r.name, r.message, r.delivery, r.encoding, r.text) for r in rows))
+        columns = ("topic", "message", "delivery", "encoding", "least role", "what")
+        print_table(columns, ((r.name, r.message, r.delivery, r.encoding, r.roles, r.text) for r in rows))
 
 
 def echo(name: str, connect: str | None, *, count: int) -> None:

@@ -15,6 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from tests.benchmarks import (
+    access,
     editor,
     latency,
     models,
@@ -23,8 +24,10 @@ from tests.benchmarks import (
     rigid_bodies,
     scene_tree,
     starts,
+    streams,
     ticks,
     view_streams,
+    web_page,
 )
 from tests.benchmarks.machine import machine
 
@@ -32,6 +35,7 @@ ROOT = Path(__file__).parents[2]
 SUITES: dict[str, Callable[[], list[tuple[str, str]]]] = {
     "ticks": ticks.measure,
     "latency": latency.measure,
+    "access": access.measure,
     "views": view_streams.measure,
     "starts": starts.measure,
     "tree": scene_tree.measure,
@@ -40,8 +44,14 @@ SUITES: dict[str, Callable[[], list[tuple[str, str]]]] = {
     "models": models.measure,
     "pictures": pictures.measure,
     "editor": editor.measure,
+    "streams": streams.measure,
+    "web": web_page.measure,
 }
-PAGES = {"editor": "docs/editor.md"}  # whose rows stand there and not in the README
+PAGES = {
+    "editor": "docs/editor.md",
+    "streams": "docs/streaming.md",
+    "web": "docs/web.md",
+}  # whose rows stand there and not in the README
 
 
 def main() -> None:

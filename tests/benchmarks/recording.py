@@ -38,6 +38,7 @@ from elys.verbs.recording_child import RecordingChild
 from tests.benchmarks.figures import percentiles
 from tests.benchmarks.machine import machine
 from tests.benchmarks.rewinding import load
+from tests.benchmarks.seeking import picture_rows
 
 RATE: Final = 60.0  # [Hz]
 HOUR: Final = 3600.0 * RATE  # ticks
@@ -157,8 +158,8 @@ def _first_frame(told: Told, tick: int, name: str) -> int:
     return len(FramePacker(compact=name == "compact").pack(next(told.frames([tick])), is_entry=True) or b"")
 
 
-def seeks(folder: Path) -> list[tuple[str, str]]:
-    """Rows about a recording of ten minutes of 1000 bodies, of which half of the time something moves."""
+def ten_minutes(folder: Path) -> Path:
+    """A recording of ten minutes of 1000 bodies, of which half of the time something moves."""
     told = Told(1000, 160)
     moving = [tick for tick, awake in enumerate(told.awake) if awake and tick > 18]
     asleep = [tick for tick, awake in enumerate(told.awake) if not awake][-60:]
@@ -173,6 +174,12 @@ def seeks(folder: Path) -> list[tuple[str, str]]:
         if number % 9 == 8:
             writer._flush()  # as time would, every 0.15 s
     writer.close()
+    return path
+
+
+def seeks(folder: Path) -> list[tuple[str, str]]:
+    """Rows about going to any instant of such a recording."""
+    path, count = ten_minutes(folder), int(600 * RATE)
     chance, times = np.random.default_rng(1), []
     began = time.perf_counter()
     with Recording(path) as recording:
@@ -184,6 +191,7 @@ def seeks(folder: Path) -> list[tuple[str, str]]:
     return [
         ("10 minutes of 1000 bodies, to open", f"{1e3 * opened:.0f} ms"),
         ("any frame of it, p50 / p99", percentiles(times)),
+        *picture_rows(path),
     ]
 
 

@@ -17,7 +17,7 @@ from tests.process.conftest import Command
 pytestmark = pytest.mark.process
 PROGRAMS = Path(__file__).parent / "programs"
 WATCHER = PROGRAMS / "watcher.py"
-LISTEN = ("--headless", "--listen", f"tcp/0.0.0.0:{PORT}")
+LISTEN = ("--headless", "--insecure", "--listen", f"tcp/0.0.0.0:{PORT}")
 
 
 def simulating(server: Machine, scene: str, *options: str) -> Command:

@@ -19,9 +19,11 @@ main()
 """
 
 
-def run(*words: str, environment: dict[str, str], cwd) -> subprocess.CompletedProcess[str]:
+def run(
+    *words: str, environment: dict[str, str], cwd, program: str = WITHOUT_DRAWING
+) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-c", WITHOUT_DRAWING, *words],
+        [sys.executable, "-c", program, *words],
         env=environment,
         cwd=cwd,
         capture_output=True,
@@ -51,9 +53,18 @@ def test_simulation_recording_and_export_need_nothing_that_draws(environment, tm
     assert (tmp_path / "stack.npz").stat().st_size > 1000
 
 
-@pytest.mark.parametrize("words", [("run", "stack"), ("view",), ("edit",), ("render", "stack", "-o", "x.png")])
+@pytest.mark.parametrize(
+    "words", [("run", "stack"), ("view",), ("edit",), ("web",), ("render", "stack", "-o", "x.png")]
+)
 def test_what_draws_names_the_extra_that_is_missing(environment, tmp_path, words):
     done = run(*words, environment=environment, cwd=tmp_path)
     assert done.returncode == 1
     assert "pip install 'elys[" in done.stderr or "no session is running" in done.stderr, done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_the_page_says_what_it_needs(environment, tmp_path):
+    without = WITHOUT_DRAWING.replace("import sys\n", "import sys\nsys.modules['aiohttp'] = None\n", 1)
+    done = run("web", environment=environment, cwd=tmp_path, program=without)
+    assert done.returncode == 1
+    assert done.stderr == "elys: showing a session in a browser needs aiohttp: pip install 'elys[web]'\n"

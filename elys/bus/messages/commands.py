@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 import msgspec
 
+from elys.bus.access.roles import Role
 from elys.common.components import Vec3
 from elys.common.scene import EntityRecord, SceneSettings
 
@@ -210,6 +211,9 @@ class Input(msgspec.Struct, frozen=True, kw_only=True, tag="input"):
     axes: dict[str, float] = {}  # where sticks stand now, by AXES; those not named stay
     text: str = ""  # that was typed
     source: str = ""
+    sequence: int = 0  # of the node's messages for this player, from 1; 0: not told
+    seen_time: float = -1.0  # [s] of simulation that the player saw when it was done; below 0: not told
+    done_at: float = 0.0  # [s since 1970] by the host\'s clock, as the sender knows it; 0: not told
 
 
 Hand = Grab | Release  # what changes how a simulation goes on, without being an edit of the scene
@@ -217,6 +221,14 @@ Time = (
     SetPlaying | StepTicks | Seek | SetRate | SetLoop | SetRange | Rewind | Resume | KeepLast
 )  # what is asked of the clock
 Command = Edit | Batch | Undo | Redo | LoadScene | NoteSaved | Time | Hand | Input
+
+
+OWNERS_COMMANDS: Final = (LoadScene, KeepLast)  # replace all that is there, or write on the host's disk
+
+
+def role_for(command: Command) -> Role:
+    """What somebody must at least be to ask for it."""
+    return Role.OWNER if isinstance(command, OWNERS_COMMANDS) else Role.EDITOR
 
 
 class CommandRequest(msgspec.Struct, frozen=True, kw_only=True):

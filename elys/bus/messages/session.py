@@ -26,6 +26,18 @@ class Welcome(msgspec.Struct, frozen=True, kw_only=True):
     session: str
     epoch: int
     refusal: str = ""
+    machine: str = ""  # names the machine of the host, as long as it runs; "" where its system does not tell
+
+
+class ClockRequest(msgspec.Struct, frozen=True, kw_only=True):
+    """What does the host's clock say?"""
+
+
+class ClockReply(msgspec.Struct, frozen=True, kw_only=True):
+    """What the clock of this run of the host said when the question came, the one that state frames are stamped by."""
+
+    epoch: int
+    wall_clock: int  # [ns] since 1970
 
 
 class SessionStatus(msgspec.Struct, frozen=True, kw_only=True):
@@ -46,6 +58,7 @@ class SessionStatus(msgspec.Struct, frozen=True, kw_only=True):
     is_rewound: bool = False  # whether a simulation is before the newest: going on tells again what is kept
     entity_count: int = 0
     body_count: int = 0
+    recording: str = ""  # the file of a replay, on the machine of who plays it
     changes: int = 0  # how many commands have changed the simulation, see CommandRecord.number
 
 

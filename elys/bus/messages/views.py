@@ -24,6 +24,7 @@ Debug = Literal[
     "labels",
     "islands",
     "sleeping",
+    "divergence",
 ]
 
 
@@ -99,6 +100,7 @@ class ViewFrame(msgspec.Struct, frozen=True, kw_only=True):
     number: int = 0
     keyframe: bool = False
     render_time: float = 0.0  # [ms]
+    simulation_time: float = 0.0  # [s] of the tick
     answer_time: float = 0.0  # [ms] from the request's arrival until this was sent: the rest is the way's
 
 
@@ -119,6 +121,7 @@ class PickReply(msgspec.Struct, frozen=True, kw_only=True):
     entity: int
     position: Vec3 = (0.0, 0.0, 0.0)
     tick: int = -1
+    name: str = ""  # of the entity
 
 
 class ThumbnailRequest(msgspec.Struct, frozen=True, kw_only=True):

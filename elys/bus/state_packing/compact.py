@@ -99,15 +99,28 @@ def codes_of(bodies: Bodies) -> Codes | None:
         largest[size[component] > size[0]] = component
         size[0] = np.maximum(size[0], size[component])
     negative = _at(rotation, largest) < 0.0
-    codes = _rotation_codes(rotation, largest)
+    codes = rotation_codes(rotation, largest)
     return Codes(position, largest + np.uint8(4) * negative, codes, linear, angular, bodies.entity)
+
+
+def have_codes(bodies: Bodies) -> NDArray[np.bool_]:
+    """[N] whether a body is near, slow and well-formed enough for `codes_of`."""
+    with np.errstate(all="ignore"):
+        good: NDArray[np.bool_] = np.abs(np.sqrt(_squares(bodies.rotation)) - F4(1.0)) < 0.1
+        for column, steps in (
+            (bodies.position, POSITION_STEPS),
+            (bodies.linear, LINEAR_STEPS),
+            (bodies.angular, ANGULAR_STEPS),
+        ):
+            good &= (np.abs(column) * steps <= _MOST - 1.0).all(axis=0)
+    return good
 
 
 def bodies_from(codes: Codes) -> Bodies:
     """What a reader gets to see of them."""
     return Bodies(
         codes.position.astype(np.float64) * (1.0 / POSITION_STEPS),
-        _rotation_of(codes),
+        rotation_of(codes),
         (codes.linear * (1.0 / LINEAR_STEPS)).astype(F4),
         (codes.angular * (1.0 / ANGULAR_STEPS)).astype(F4),
         codes.entity,
@@ -190,14 +203,14 @@ def _at(rotation: NDArray[np.float32], component: NDArray[np.uint8]) -> NDArray[
     return rotation.reshape(-1).take(place)
 
 
-def _rotation_codes(rotation: NDArray[np.float32], largest: NDArray[np.uint8]) -> NDArray[np.int16]:
+def rotation_codes(rotation: NDArray[np.float32], largest: NDArray[np.uint8]) -> NDArray[np.int16]:
     """[3, n] the components that are not the `largest`, divided by its sign."""
     others = _at(rotation, _OTHERS.take(largest, axis=1))
     others *= np.where(_at(rotation, largest) < 0.0, F4(-ROTATION_STEPS), F4(ROTATION_STEPS))
     return np.rint(others, out=others).astype(np.int16)
 
 
-def _rotation_of(codes: Codes) -> NDArray[np.float32]:
+def rotation_of(codes: Codes) -> NDArray[np.float32]:
     """[4, n] unit quaternions."""
     others = codes.rotation * F4(1.0 / ROTATION_STEPS)
     x, y, z = others
@@ -215,7 +228,7 @@ def _guessed_rotation(
     """[3, n] codes of where the mean of both angular velocities turns a body, to first order: q + dt/2 (w, 0) q."""
     if not elapsed:
         return before.rotation
-    x, y, z, w = _rotation_of(before)
+    x, y, z, w = rotation_of(before)
     wx, wy, wz = (before.angular + angular).astype(F4) * F4(elapsed * 0.25 / ANGULAR_STEPS)
     guess = np.empty((4, before.body_count), F4)
     guess[0] = x + ((wx * w + wy * z) - wz * y)
@@ -223,7 +236,7 @@ def _guessed_rotation(
     guess[2] = z + ((wz * w + wx * y) - wy * x)
     guess[3] = w - ((wx * x + wy * y) + wz * z)
     guess /= np.sqrt(_squares(guess))
-    return _rotation_codes(guess, largest & np.uint8(3))
+    return rotation_codes(guess, largest & np.uint8(3))
 
 
 def _guessed_position(before: Codes, linear: NDArray[np.int32], elapsed: float) -> NDArray[np.int32]:

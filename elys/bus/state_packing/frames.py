@@ -147,7 +147,7 @@ def pack_told(
         with np.errstate(all="ignore"):
             elapsed = _elapsed(body, base if kind is Kind.DIFFERENCE else None)
             told, kept = _pack_rows(out, rows, None if base is None else base.rows, elapsed)
-            told |= _pack_tail(out, Told(number, body, None).tail, b"" if base is None else base.tail)
+            told |= pack_tail(out, Told(number, body, None).tail, b"" if base is None else base.tail)
     code = kind | (COMPACT if isinstance(kept, Codes) else 0)
     head = _HEAD.pack(code, told, 0, number, number if base is None else base.number)
     stored = b"".join((memoryview(body)[: HEADER.size], head, out.take()))
@@ -193,7 +193,8 @@ def _pack_rows(out: PlaneWriter, now: Any, base: Any, elapsed: float) -> tuple[i
     return told | _ROWS, now.with_change(before if elapsed else None)
 
 
-def _pack_tail(out: PlaneWriter, tail: memoryview, before: bytes | memoryview) -> int:
+def pack_tail(out: PlaneWriter, tail: bytes | memoryview, before: bytes | memoryview) -> int:
+    """Tells what is animated, against what it was; the bit that says so, 0 where there is nothing to tell."""
     if not len(tail) or tail == before:
         return 0
     values = np.frombuffer(tail, np.float32)
@@ -241,7 +242,7 @@ def _unpack(stored: memoryview, head: Head, base: Told | None) -> Told:
         columns = bytes_of(bodies_from(rows) if isinstance(rows, Codes) else rows)
     tail: Any = b""
     if head.told & _TAIL:
-        tail = _unpack_tail(packed, b"" if base is None else base.tail)
+        tail = unpack_tail(packed, b"" if base is None else base.tail)
     elif flags & HAS_TAIL and base is not None:
         tail = base.tail
     packed.end()
@@ -267,7 +268,8 @@ def _unpack_rows(packed: PlaneReader, head: Head, count: int, base: Any, elapsed
     return before.replaced(rows, told).with_change(before if elapsed else None)
 
 
-def _unpack_tail(packed: PlaneReader, before: bytes | memoryview) -> bytes:
+def unpack_tail(packed: PlaneReader, before: bytes | memoryview) -> bytes:
+    """What `pack_tail` told; RecordingError if it is damaged."""
     is_alike, count = _TAIL_HEAD.unpack(packed.plain(_TAIL_HEAD.size))
     if count > MOST_TAIL or (is_alike and len(before) != 4 * count):
         raise RecordingError("a state frame is damaged: what is animated is not as much as it says")

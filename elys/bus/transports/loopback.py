@@ -59,6 +59,10 @@ class LoopbackQuery:
         """Says why there is no answer."""
         self.request.settle(None, reason)
 
+    def drop(self) -> None:
+        """Leaves it without an answer."""
+        self.request.settle(None, "")
+
 
 class LoopbackBroker:
     """What the transports of one process meet on."""
@@ -77,9 +81,9 @@ class LoopbackBroker:
         """A transport for the host: while one is open, the others' links are up."""
         return LoopbackTransport(self, hosts=True)
 
-    def connect(self) -> LoopbackTransport:
-        """A transport for everybody else."""
-        return LoopbackTransport(self)
+    def connect(self, *, user: str = "") -> LoopbackTransport:
+        """A transport for everybody else; nothing keeps a `user` to his role here but his own session."""
+        return LoopbackTransport(self, user=user)
 
     def _add(self, endpoints: list[_Endpoint], endpoint: _Endpoint) -> Closer:
         with self._lock:
@@ -145,7 +149,8 @@ class LoopbackBroker:
 class LoopbackTransport:
     """One node's end of a broker; implements `Transport`."""
 
-    def __init__(self, broker: LoopbackBroker, *, hosts: bool = False) -> None:
+    def __init__(self, broker: LoopbackBroker, *, hosts: bool = False, user: str = "") -> None:
+        self.user = user
         self._broker = broker
         self._hosts = hosts
         self._closers: list[Closer] = []

@@ -25,7 +25,7 @@ _MEASURED: Final = struct.Struct("=68xI")  # [us] tcpi_rtt in struct tcp_info
 _DOOR: Final = re.compile(r"(?:tcp|tls)/(?:\[(?P<six>[^\]]+)\]|(?P<host>[^:\[\]]+)):(?P<port>\d+)(?:[?#].*)?")
 
 
-_LOCAL: Final = ("tcp/127.", "tcp/localhost", "tcp/[::1]", "tls/127.", "tls/localhost", "tls/[::1]")
+_LOCAL: Final = ("tcp/127.", "tcp/localhost", "tcp/[::1]", "tls/127.", "tls/localhost", "tls/[::1]", "unixsock-stream/")
 
 
 def is_near(endpoint: str) -> bool:

@@ -22,6 +22,9 @@ class IncomingQuery(Protocol):
     def refuse(self, reason: str) -> None:
         """Says why there is no answer."""
 
+    def drop(self) -> None:
+        """Leaves it without an answer."""
+
 
 class Answer(Protocol):
     """Hears what became of a request, exactly once: `payload` is None when it failed and `reason` says why."""
@@ -32,7 +35,13 @@ class Answer(Protocol):
 class Transport(Protocol):
     """Carries payloads. Key expressions may hold `*` for one part and a final `**` for any rest."""
 
-    endpoint: str  # where the host is; "" inside one process
+    @property
+    def user(self) -> str:
+        """Who this side is to the host; "" where nobody is asked."""
+
+    @property
+    def endpoint(self) -> str:
+        """Where the host is; "" inside one process."""
 
     def publish(self, key: str, payload: bytes, delivery: Delivery) -> None:
         """Sends to all who subscribe; never waits for a reader."""

@@ -18,6 +18,7 @@ from __future__ import annotations
 import contextlib
 import json
 import logging
+import os
 import threading
 import time
 import weakref
@@ -29,17 +30,19 @@ from typing import Any, Final
 import zenoh
 from zenoh.handlers import Callback
 
+from elys.bus.access.credentials import Credentials
+from elys.bus.access.host import HostAccess, client_settings
+from elys.bus.access.limits import MAX_MESSAGE_SIZE, host_limits
 from elys.bus.topics import Delivery
 from elys.bus.transports.outgoing import Outgoing
-from elys.bus.transports.reaching import Reached, is_near, reach
+from elys.bus.transports.reaching import KNOCK_INTERVAL, Reached, is_near, reach
 from elys.bus.transports.transport import Answer, Closer, IncomingQuery
 from elys.bus.transports.zenoh_line import Line, Lines
 from elys.bus.transports.zenoh_query import REFUSAL, ZenohQuery, cause
-from elys.common.errors import BusError, ConnectionLost
+from elys.common.errors import AccessError, BusError, ConnectionLost
 
 DEFAULT_PORT: Final = 7447
 DEFAULT_ENDPOINT: Final = f"tcp/127.0.0.1:{DEFAULT_PORT}"
-MAX_MESSAGE_SIZE: Final = 64 << 20  # [bytes] one message; what is longer is dropped by zenoh before it fills the memory
 
 # [ms] without a sign of life until a connection (a cut cable, a stopped machine) counts as dead. A client says its own, by how
 # far away it is: TCP needs a round trip to send again what was lost. Of the host it sees earlier that it is silent.
@@ -51,9 +54,14 @@ _FAR: Final = 0.5  # [s] that the round trip may take where it is not known
 _OPENING_TRIPS: Final = 3  # round trips that TCP and zenoh need
 _OPENING_TIME: Final = 2.0  # [s] that zenoh may take to open a connection where a door has opened, and 6 round trips
 _ANSWERING_THREADS: Final = 4
+_ASKING_WHY: Final = 1.5  # [s] of knocking in vain until it is asked why; three round trips of a slow link fit
 _PRIORITIES: Final = {Delivery.LATEST: zenoh.Priority.DATA, Delivery.SEQUENCED: zenoh.Priority.DATA_HIGH}
 _CLOSED: Final = "this transport is closed: open another one"
 _log = logging.getLogger(__name__)
+
+# Closing a connection to who has gone silent blocks one of zenoh's receiving threads for as long as its system waits for an
+# answer (SO_LINGER, 10 s), and there are few of them: one viewer's five made a host deaf for seconds. Read when zenoh starts.
+os.environ.setdefault("ZENOH_RUNTIME", "(rx: (worker_threads: 16))")
 
 
 class ZenohTransport:
@@ -65,13 +73,17 @@ class ZenohTransport:
         *,
         endpoint: str,
         hosts: bool,
+        user: str = "",
         names: Sequence[str] = (),
         round_trip: float = 0.0,
+        credentials: Credentials | None = None,
     ) -> None:
-        """`names` are the endpoints at which the other side is looked for when it is gone."""
+        """`names` are the endpoints at which the other side is looked for when it is gone, and shown `credentials`."""
         self.endpoint = endpoint
         self.round_trip = round_trip
+        self.user = user  # who this side is to the host; "" where it asks nobody
         self._names = names
+        self._credentials = credentials
         self._hosts = hosts
         self._lines = Lines(session, self._open_again if names else None)
         # Replies wait for the asker's queue. On threads of their own they may: the loop must not.
@@ -84,16 +96,15 @@ class ZenohTransport:
         self._closed = False
 
     @classmethod
-    def listen(cls, endpoint: str = DEFAULT_ENDPOINT) -> ZenohTransport:
-        """Opens the host's side.
+    def listen(cls, endpoint: str = DEFAULT_ENDPOINT, *, access: HostAccess | None = None) -> ZenohTransport:
+        """Opens the host's side, to those whom `access` names; without it to everybody who comes.
 
         Raises:
             BusError: the endpoint is in use or is none.
         """
-        config = _config("router")
         try:
-            _insert(config, "listen/endpoints", [endpoint])
-            session = zenoh.open(config)
+            with access.settings() if access is not None else contextlib.nullcontext(dict[str, Any]()) as who:
+                session = zenoh.open(_config("router", {"listen/endpoints": [endpoint], **host_limits(), **who}))
         except zenoh.ZError as error:
             if "in use" in str(error):
                 raise BusError(
@@ -103,27 +114,66 @@ class ZenohTransport:
         return cls(session, endpoint=endpoint, hosts=True)
 
     @classmethod
-    def listen_on_free_port(cls, *, address: str = "127.0.0.1", first_port: int = DEFAULT_PORT) -> ZenohTransport:
+    def listen_on_free_port(
+        cls, *, address: str = "127.0.0.1", first_port: int = DEFAULT_PORT, access: HostAccess | None = None
+    ) -> ZenohTransport:
         """Opens the host's side on the first free port from `first_port` on; BusError if 100 are in use."""
         for port in range(first_port, first_port + 100):
             try:
-                return cls.listen(f"tcp/{address}:{port}")
+                return cls.listen(f"tcp/{address}:{port}", access=access)
             except BusError as error:
                 if "in use" not in str(error):
                     raise
         raise BusError(f"the ports {first_port} to {port} of {address} are all in use: name another port")
 
     @classmethod
-    def connect(cls, endpoints: str | Sequence[str] = DEFAULT_ENDPOINT, *, timeout: float = 5.0) -> ZenohTransport:
+    def connect(
+        cls,
+        endpoints: str | Sequence[str] = DEFAULT_ENDPOINT,
+        *,
+        timeout: float = 5.0,
+        credentials: Credentials | None = None,
+    ) -> ZenohTransport:
         """Opens the side of everybody else; blocks until connected, at most `timeout` seconds.
 
         Raises:
             ConnectionLost: nobody listens there.
+            AccessError: somebody does, and does not let this side in; the sentence says why.
             BusError: an endpoint is none.
         """
+        from elys.bus.access.refusals import is_open, why_refused  # who hosts, records or draws files needs none of it
+
         names = [endpoints] if isinstance(endpoints, str) else list(endpoints)
-        session, door = _reached(names, timeout)
-        return cls(session, endpoint=door.endpoint, hosts=False, names=names, round_trip=door.round_trip)
+        deadline, patience = time.monotonic() + timeout, _ASKING_WHY
+        while True:
+            left = deadline - time.monotonic()
+            reached = _reached(names, min(max(left, 0.001), patience), credentials)
+            if reached is not None:
+                session, door = reached
+                return cls(
+                    session,
+                    endpoint=door.endpoint,
+                    hosts=False,
+                    user=credentials.user if credentials else "",
+                    names=names,
+                    round_trip=door.round_trip,
+                    credentials=credentials,
+                )
+            if credentials is not None and any(is_open(name) for name in names):
+                credentials = None  # a host that asks nobody does not let in who tells it
+                deadline = max(deadline, time.monotonic() + patience)
+            elif reason := next(filter(None, (why_refused(name, credentials) for name in names)), ""):
+                raise AccessError(reason)
+            elif left <= patience:
+                raise ConnectionLost(
+                    f"nobody answers at {' or '.join(names)} within {timeout:g} s: is the session running? "
+                    "Start one with `elys run SCENE`"
+                )
+            patience = 2.0 * _ASKING_WHY
+
+    def another(self, timeout: float) -> ZenohTransport:
+        """One more connection to the same host; raises as `connect` does."""
+        return self.connect(self._names, timeout=timeout, credentials=self._credentials)
 
     # --- publishing and subscribing --------------------------------------------------------------------------------
 
@@ -287,9 +337,11 @@ class ZenohTransport:
         if door is None:
             return None
         try:
-            session = _opened(door)
-        except zenoh.ZError as error:
-            _log.debug("nobody behind the door of %s: %s", door.endpoint, cause(error))
+            session = _opened(door, _OPENING_TIME, self._credentials)
+        except BusError as error:
+            _log.debug("nobody behind the door of %s: %s", door.endpoint, error)
+            return None
+        if session is None:
             return None
         self.endpoint, self.round_trip = door.endpoint, door.round_trip
         return session
@@ -309,45 +361,56 @@ class ZenohTransport:
             raise BusError(f"zenoh refused ({cause(error)})") from error
 
 
-def _reached(names: Sequence[str], timeout: float) -> tuple[zenoh.Session, Reached]:
-    """A zenoh session with who answers first of these, and where that is. Raises as `ZenohTransport.connect` does."""
+def _reached(
+    names: Sequence[str], timeout: float, credentials: Credentials | None
+) -> tuple[zenoh.Session, Reached] | None:
+    """A zenoh session with who answers first of these, and where that is; None where nobody lets it in within `timeout` [s].
+    Raises BusError for what is no endpoint.
+    """
     deadline = time.monotonic() + timeout
     door = reach(names, timeout=min(_NEAR, timeout))
     if door is None and len(names) == 1 and not is_near(names[0]):
-        door = Reached(
-            names[0], _FAR
-        )  # a round trip is worth something there: straight in, for somebody is there mostly
+        # A round trip is worth something there: straight in, for somebody is there mostly.
+        door = Reached(names[0], _FAR)
     elif door is None:
         door = reach(names, timeout=deadline - time.monotonic())
-    while door is not None and time.monotonic() < deadline:
+    while door is not None and (left := deadline - time.monotonic()) > 0.0:
         begun = time.monotonic()
-        try:
-            session = _opened(door)
+        session = _opened(door, left, credentials)
+        if session is not None:
             return session, Reached(door.endpoint, min(door.round_trip, (time.monotonic() - begun) / _OPENING_TRIPS))
-        except zenoh.ZError as error:
-            if "Unable to connect" not in str(error):
-                raise BusError(
-                    f"cannot connect to '{' or '.join(names)}' ({cause(error)}): give tcp/ADDRESS:PORT"
-                ) from error
+        time.sleep(
+            min(KNOCK_INTERVAL, max(deadline - time.monotonic(), 0.0))
+        )  # who is refused must not keep others out
         door = reach(names, timeout=deadline - time.monotonic())
-    raise ConnectionLost(
-        f"nobody answers at {' or '.join(names)} within {timeout:g} s: is the session running? "
-        "Start one with `elys run SCENE`"
-    )
+    return None
 
 
-def _opened(door: Reached) -> zenoh.Session:
-    """A client's zenoh session with a host whose door is open. Raises ZError."""
-    config = _config("client")
-    _insert(config, "transport/link/tx/lease", _CLIENT_LEASE + int(_LEASE_ROUND_TRIPS * door.round_trip * 1000))
-    _insert(config, "connect/timeout_ms", int((_OPENING_TIME + 6.0 * door.round_trip) * 1000))
-    _insert(config, "connect/exit_on_failure", True)
-    _insert(config, "connect/endpoints", [door.endpoint])
-    return zenoh.open(config)
+def _opened(door: Reached, timeout: float, credentials: Credentials | None) -> zenoh.Session | None:
+    """A client's zenoh session with a host whose door is open; None where it lets nobody in. Raises BusError for no endpoint.
+
+    It takes `timeout` [s] at most, or 6 round trips where those are longer.
+    """
+    by_certificate = door.endpoint.startswith("tls/")
+    if by_certificate and (credentials is None or not credentials.has_certificate):
+        return None
+    settings = {
+        "transport/link/tx/lease": _CLIENT_LEASE + int(_LEASE_ROUND_TRIPS * door.round_trip * 1000),
+        "connect/timeout_ms": max(1, int(max(min(timeout, _OPENING_TIME), 6.0 * door.round_trip) * 1000)),
+        "connect/exit_on_failure": True,
+        "connect/endpoints": [door.endpoint],
+        **client_settings(credentials, by_certificate=by_certificate),
+    }
+    try:
+        return zenoh.open(_config("client", settings))
+    except zenoh.ZError as error:
+        if "Unable to connect" in str(error):
+            return None
+        raise BusError(f"cannot connect to '{door.endpoint}' ({cause(error)}): give tcp/ADDRESS:PORT") from error
 
 
-def _config(mode: str) -> zenoh.Config:
-    """Settings common to both sides, each for a reason given in the module's text or beside it."""
+def _config(mode: str, settings: dict[str, Any]) -> zenoh.Config:
+    """Settings common to both sides, each for a reason given in the module's text or beside it, and those of one side."""
     config = zenoh.Config()
     for key, value in {
         "mode": mode,
@@ -365,6 +428,7 @@ def _config(mode: str) -> zenoh.Config:
         "transport/link/tx/queue/size/data_high": 16,
         "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 1000,  # [us]
         "transport/link/tx/queue/congestion_control/block/wait_before_close": 1_000_000,  # [us] for answers
+        **settings,
     }.items():
         _insert(config, key, value)
     return config

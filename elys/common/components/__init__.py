@@ -15,6 +15,7 @@ from elys.common.components.builtin import (
     Skin,
     Transform,
 )
+from elys.common.components.curve import Curve
 from elys.common.components.declaration import (
     Component,
     ComponentDeclaration,
@@ -36,6 +37,7 @@ __all__ = [
     "Collider",
     "Component",
     "ComponentDeclaration",
+    "Curve",
     "Environment",
     "FieldDeclaration",
     "Joint",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+from elys.common.components.curve import Curve
 from elys.common.components.declaration import Component, Kind, Quat, Values, Vec3, about, component
 
 
@@ -298,6 +299,14 @@ class Light(Component, frozen=True):
     intensity: Annotated[float, about("Illuminance of a sun [lx], candela of others.", unit="lx | cd", minimum=0.0)] = (
         3.0
     )
+    over_time: Annotated[
+        Curve,
+        about(
+            "What the intensity is multiplied with, over the time of the simulation; begins anew after the last key.",
+            minimum=0.0,
+            maximum=1000.0,
+        ),
+    ] = ()
     range: Annotated[float, about("Where a bulb's light ends; 0 for never.", unit="m", minimum=0.0)] = 0.0
     inner_cone_angle: Annotated[
         float, about("Full light inside.", unit="rad", minimum=0.0, maximum=1.5708, step=0.01)

@@ -6,6 +6,7 @@
     INT, BOOL, ENTITY  i4, ?, u4 [N]           int, bool, int
     CHOICE             u1        [N]           str: row of the declaration's choices
     TEXT, ASSET        i4        [N]           str: row of a StringTable
+    CURVE              f4        [N, 64]       tuple of keys: all numbers of up to 16, those that are none begin at -1 s
 
 What goes in is checked: a column never holds what its declaration forbids.
 """
@@ -19,9 +20,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from elys.common.components.curve import KEY_WIDTH, curve_of, stored_keys
 from elys.common.components.decimals import FLOAT32_MAX, shortest_decimal, shortest_decimals
 from elys.common.components.declaration import Component, ComponentDeclaration, FieldDeclaration, Kind
-from elys.common.components.values import check_value, values_from, values_text
+from elys.common.components.values import MOST_OF_A_CURVE, check_value, values_from, values_text
 from elys.common.errors import ComponentError
 
 Column = NDArray[Any]
@@ -78,6 +80,8 @@ def pack_value(declaration: ComponentDeclaration, field: FieldDeclaration, value
         return field.choices.index(checked)
     if field.kind in _TEXTS:
         return strings.intern(checked)
+    if field.kind is Kind.CURVE:
+        return stored_keys(checked)
     if field.kind is Kind.VALUES:
         return strings.intern(values_text(checked))
     if field.dtype == "f4":
@@ -90,6 +94,8 @@ def pack_value(declaration: ComponentDeclaration, field: FieldDeclaration, value
 def unpack_value(field: FieldDeclaration, stored: Any, strings: StringTable) -> Any:
     """The value that one row of the field's column, `stored = column[row]`, stands for."""
     plain = stored.tolist()
+    if field.kind is Kind.CURVE:
+        return curve_of(list(map(shortest_decimal, plain)))
     if field.kind in _FLOATS:
         if field.dtype != "f4":
             return tuple(plain) if field.width > 1 else plain
@@ -133,6 +139,8 @@ def pack_array(
     if field.kind in limits:
         fits = np.issubdtype(array.dtype, np.integer) and bool(np.all((array >= 0) & (array < limits[field.kind])))
         expected = f"rows from 0 to {limits[field.kind] - 1}"
+    elif field.kind is Kind.CURVE:
+        fits, expected = _takes_curves(field, rows), "curves"
     else:
         fits = _takes(field, array, unit_tolerance=_STORED_UNIT_TOLERANCE)
         expected = "finite numbers in its range" + (" of length 1" if field.kind is Kind.QUAT else "")
@@ -143,6 +151,8 @@ def pack_array(
 
 def unpack_values(field: FieldDeclaration, column: Column, strings: StringTable) -> list[Any]:
     """The values of all rows of a column."""
+    if field.kind is Kind.CURVE:
+        return list(map(curve_of, shortest_decimals(column).tolist()))
     if field.kind in _FLOATS and field.dtype == "f4":
         column = shortest_decimals(column)
     plain: list[Any] = column.tolist()
@@ -185,6 +195,8 @@ def _packed_together(field: FieldDeclaration, values: Sequence[Any], strings: St
             return np.array([strings.intern(value) for value in values], field.dtype)
         case Kind.BOOL if types <= {bool}:
             return np.array(values, field.dtype)
+        case Kind.CURVE if all(value == () for value in values):
+            return np.tile(np.array(stored_keys(()), field.dtype), (len(values), 1))
         case Kind.FLOAT if types <= _NUMBER_TYPES:
             return _packed_numbers(field, values)
         case Kind.VEC3 | Kind.QUAT | Kind.COLOR if types <= {tuple, list} and set(map(len, values)) <= {field.width}:
@@ -221,3 +233,17 @@ def _takes(field: FieldDeclaration, array: NDArray[Any], *, unit_tolerance: floa
         return True
     lengths = np.sqrt(np.einsum("...i,...i->...", array, array))
     return bool(np.all(np.abs(lengths - 1.0) <= unit_tolerance))
+
+
+def _takes_curves(field: FieldDeclaration, array: NDArray[Any]) -> bool:
+    """Whether rows of stored keys (N, keys * 4) are curves: numbers, times that rise, and none behind one that is none."""
+    keys = np.asarray(array, np.float32).reshape(len(array), field.width // KEY_WIDTH, KEY_WIDTH)
+    time, value = keys[..., 0], keys[..., 1]
+    is_key = time >= 0.0
+    rises = ~is_key[:, 1:] | (is_key[:, :-1] & (time[:, 1:] > time[:, :-1]))
+    fits = np.all(np.abs(keys) <= MOST_OF_A_CURVE) and rises.all()  # NaN is no number that is less
+    if field.minimum is not None:
+        fits &= np.all(value[is_key] >= np.float32(field.minimum))
+    if field.maximum is not None:
+        fits &= np.all(value[is_key] <= np.float32(field.maximum))
+    return bool(fits)

@@ -23,6 +23,7 @@ from typing import Annotated, Any, Final, Literal, TypeVar, get_args, get_origin
 
 import msgspec
 
+from elys.common.components.curve import KEY_WIDTH, MAX_KEYS, Curve
 from elys.common.errors import ComponentError
 
 Vec3 = tuple[float, float, float]
@@ -43,6 +44,7 @@ class Kind(enum.Enum):
     TEXT = "text"
     ASSET = "asset"  # the name of a mesh, an image, ...
     ENTITY = "entity"  # another entity's id, 0 for none
+    CURVE = "curve"  # a number over time, see curve.py; unit and range are the number's
     VALUES = "values"  # named values that only a script's file declares: a JSON object
 
 
@@ -94,7 +96,12 @@ class FieldDeclaration:
     step: float
     choices: tuple[str, ...]
     dtype: str  # numpy dtype of one element
-    width: int  # elements a value has: 1, 3 or 4
+    width: int  # numbers that are stored of a value: 1, 3, 4, or those of all keys of a curve
+
+    @property
+    def elements(self) -> int:
+        """How many parts of a value are edited one by one."""
+        return 1 if self.kind is Kind.CURVE else self.width
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,6 +133,7 @@ _STORAGE: Final[Mapping[Kind, tuple[str, int]]] = {
     Kind.TEXT: ("i4", 1),  # a row of the world's string table
     Kind.ASSET: ("i4", 1),  # likewise
     Kind.ENTITY: ("u4", 1),
+    Kind.CURVE: ("f4", MAX_KEYS * KEY_WIDTH),
     Kind.VALUES: ("i4", 1),  # a row of the string table, as JSON
 }
 
@@ -215,8 +223,9 @@ def _kind_of(where: str, value_type: Any) -> Kind:
         str: Kind.TEXT,
         Vec3: Kind.VEC3,
         Quat: Kind.QUAT,
+        Curve: Kind.CURVE,
         Values: Kind.VALUES,
     }
     if value_type in kinds:
         return kinds[value_type]
-    raise ComponentError(f"{where} has type {value_type}; use float, int, bool, str, Vec3, Quat or Literal[...]")
+    raise ComponentError(f"{where} has type {value_type}; use float, int, bool, str, Vec3, Quat, Curve or Literal[...]")

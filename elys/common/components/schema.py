@@ -6,6 +6,7 @@ from typing import Any, Final
 
 import msgspec
 
+from elys.common.components.curve import KEY_WIDTH, MAX_KEYS
 from elys.common.components.declaration import (
     ComponentDeclaration,
     FieldDeclaration,
@@ -102,7 +103,10 @@ def _closed(properties: dict[str, Any], description: str) -> dict[str, Any]:
 def _field(field: FieldDeclaration) -> dict[str, Any]:
     schema: dict[str, Any] = {"description": f"{field.text} [{field.unit}]" if field.unit else field.text}
     element = _element(field)
-    if field.kind in _VECTORS:
+    if field.kind is Kind.CURVE:
+        key = {"type": "array", "items": {"type": "number"}, "minItems": KEY_WIDTH, "maxItems": KEY_WIDTH}
+        schema |= {"type": "array", "items": key, "maxItems": MAX_KEYS}
+    elif field.kind in _VECTORS:
         schema |= {"type": "array", "items": element, "minItems": field.width, "maxItems": field.width}
     else:
         schema |= element
@@ -117,7 +121,7 @@ def _element(field: FieldDeclaration) -> dict[str, Any]:
     """The schema of a single value, or of one element of a vector."""
     schema: dict[str, Any]
     match field.kind:
-        case Kind.FLOAT | Kind.VEC3 | Kind.QUAT | Kind.COLOR:
+        case Kind.FLOAT | Kind.VEC3 | Kind.QUAT | Kind.COLOR | Kind.CURVE:
             schema = {"type": "number"}
         case Kind.INT:
             schema = {"type": "integer", "minimum": -(2**31), "maximum": 2**31 - 1}

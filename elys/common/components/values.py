@@ -7,9 +7,13 @@ import math
 from collections.abc import Mapping
 from typing import Any, Final
 
+import numpy as np
+
+from elys.common.components.curve import KEY_WIDTH, MAX_KEYS, Curve, CurveKey
 from elys.common.components.declaration import Component, ComponentDeclaration, FieldDeclaration, Kind, declaration_of
 from elys.common.errors import ComponentError
 
+MOST_OF_A_CURVE: Final = 1e9  # in times, values and slopes
 MAX_TEXT_LENGTH: Final = 4096  # characters: every text is kept, and travels in every snapshot
 
 
@@ -69,6 +73,8 @@ def check_value(declaration: ComponentDeclaration, field: FieldDeclaration, valu
             return value
         case Kind.QUAT:
             return _unit(where, _numbers(where, field, value))
+        case Kind.CURVE:
+            return _curve(where, field, value)
         case Kind.VEC3 | Kind.COLOR:
             return tuple(_in_range(where, field, element) for element in _numbers(where, field, value))
 
@@ -122,6 +128,27 @@ def _numbers(where: str, field: FieldDeclaration, value: Any) -> tuple[float, ..
     if not isinstance(value, list | tuple) or len(value) != field.width:
         raise ComponentError(f"{where} must be {field.width} numbers, not {_shown(value)}")
     return tuple(_number(where, element) for element in value)
+
+
+def _curve(where: str, field: FieldDeclaration, value: Any) -> Curve:
+    if not isinstance(value, list | tuple):
+        raise ComponentError(f"{where} must be a list of keys, not {_shown(value)}")
+    if len(value) > MAX_KEYS:
+        raise ComponentError(f"{where} may have {MAX_KEYS} keys, not {len(value)}")
+    keys: list[CurveKey] = []
+    for key in value:
+        if not isinstance(key, list | tuple) or len(key) != KEY_WIDTH:
+            raise ComponentError(f"{where} has keys of time, value, slope before and slope after, not {_shown(key)}")
+        time, number, before, after = (_number(where, element) for element in key)
+        if max(map(abs, (time, number, before, after))) > MOST_OF_A_CURVE:
+            raise ComponentError(f"{where} may have numbers up to {MOST_OF_A_CURVE:g}, not {_shown(key)}")
+        if time < 0.0:
+            raise ComponentError(f"{where} begins at 0 s at the earliest, not at {time:g}")
+        # As they are stored: times that 32 bits do not tell apart are one.
+        if keys and not np.float32(keys[-1][0]) < np.float32(time):
+            raise ComponentError(f"{where} has keys whose times rise, not {keys[-1][0]:g} s and then {time:g} s")
+        keys.append((time, _in_range(where, field, number), before, after))
+    return tuple(keys)
 
 
 def _in_range(where: str, field: FieldDeclaration, value: float) -> float:

@@ -10,7 +10,7 @@ from imgui_bundle import imgui
 
 from elys.common.components import FieldDeclaration, Kind
 from elys.editor_node.field_values import FieldChange, label_of, may_keep_proportions, shown_number, shown_value
-from elys.editor_node.fields import FieldContext, NumberTyping, PickState, inner_spacing
+from elys.editor_node.fields import CurveState, FieldContext, NumberTyping, PickState, inner_spacing
 from elys.editor_node.language import tr, tr_label
 from elys.editor_node.panels.plain_fields import edit_field
 from elys.editor_node.rotations import Degrees, ShownAngles
@@ -61,6 +61,7 @@ class FieldRows:
         self._held: _Held | None = None
         self._typing = NumberTyping()
         self._picking = PickState()
+        self._curves = CurveState()
         self._refused = ("", "")  # the path of a field and why what was typed there is no value
         self._typed = ("", "")  # what was typed last: place and text, should it be refused later
         self._heights: dict[str, float] = {}  # of lines, when they were last in sight
@@ -156,6 +157,7 @@ class FieldRows:
             mixed,
             self._typing,
             self._picking,
+            self._curves,
             lambda sentence: self.refuse(path, sentence),
             self._angles_of(declared, path, shown),
         )

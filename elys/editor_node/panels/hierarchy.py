@@ -6,13 +6,14 @@ from typing import Final
 
 from imgui_bundle import imgui
 
-from elys.editor_node.entity_filter import EVERYTHING, EntityFilter, FilterError, parse_filter
+from elys.bus.tree.filter import EVERYTHING, EntityFilter, FilterError, parse_filter
+from elys.bus.tree.order import Order
+from elys.bus.tree.rows import TreeRows
 from elys.editor_node.fields import ENTITY_PAYLOAD
 from elys.editor_node.language import tr, tr_label
 from elys.editor_node.panels.hierarchy_menus import draw_add_menu, draw_examples, draw_orders
 from elys.editor_node.panels.hierarchy_row import HierarchyRow
 from elys.editor_node.theme import WARNING, icons
-from elys.editor_node.tree_rows import Order, TreeRows
 from elys.editor_node.ui import Ui, centered_text, icon_button
 
 _SHARE: Final = 4e-3  # [s] of a frame for making the lines of a large scene anew

@@ -7,11 +7,11 @@ from typing import Final
 import numpy as np
 from imgui_bundle import imgui
 
-from elys.editor_node.entity_filter import EXAMPLES
+from elys.bus.tree.filter import EXAMPLES
+from elys.bus.tree.order import Order
 from elys.editor_node.language import tr, tr_label
 from elys.editor_node.primitives import PRIMITIVES
 from elys.editor_node.theme import icons
-from elys.editor_node.tree_rows import Order
 from elys.editor_node.ui import Ui, action_item, dim_text
 
 PRIMITIVE_ICONS: Final = {

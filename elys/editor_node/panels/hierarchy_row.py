@@ -7,12 +7,12 @@ from typing import Final
 
 from imgui_bundle import imgui
 
-from elys.editor_node.entity_kinds import EntityKind, kind_of
+from elys.bus.tree.kinds import EntityKind, kind_of
+from elys.bus.tree.rows import Row, TreeRows
 from elys.editor_node.fields import ENTITY_PAYLOAD
 from elys.editor_node.language import tr
 from elys.editor_node.panels.hierarchy_menus import draw_entity_menu
 from elys.editor_node.theme import ACCENT, TEXT, TEXT_DIM, WARNING, icons
-from elys.editor_node.tree_rows import Row, TreeRows
 from elys.editor_node.ui import Ui, color_code
 
 _ICONS: Final = {

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from imgui_bundle import imgui
 
+from elys.bus.state_source import stream_report
 from elys.bus.transports.zenoh import DEFAULT_PORT
 from elys.editor_node.language import tr, tr_label
 from elys.editor_node.theme import ERROR, GOOD, NOTICE, TEXT, TEXT_DIM, WARNING, Rgba, icons
@@ -109,7 +111,7 @@ def link_figures(ui: Ui) -> list[tuple[str, str, Rgba]]:
     is_lost = attachments.lost_for is not None
     none = "-"
     trip = f"{meter.round_trip * 1e3:.1f} ms" if meter.round_trip is not None else none
-    age = f"{meter.age * 1e3:.0f} ms" if meter.age is not None else none
+    age = f"{meter.age * 1e3:.0f} ms (± {meter.age_error * 1e3:.1f} ms)" if meter.age is not None else none
     return [
         (tr("State"), tr("reconnecting") if is_lost else tr("connected"), ERROR if is_lost else GOOD),
         (tr("Session"), attachments.seat.name or none, TEXT),
@@ -121,6 +123,24 @@ def link_figures(ui: Ui) -> list[tuple[str, str, Rgba]]:
             f"{meter.dropped_per_second:.0f}",
             WARNING if meter.dropped_per_second else TEXT,
         ),
+        *_stream_figures(ui),
+    ]
+
+
+def _stream_figures(ui: Ui) -> list[tuple[str, str, Rgba]]:
+    """What is known of the stream of states, where there is one."""
+    report = stream_report(ui.attachments.seat)
+    if report is None:
+        return []
+    error = f"{report.position_error * 1e3:.3g} mm, {math.degrees(report.rotation_error):.2g}°"
+    rate = f"{report.rate / 1e3:.0f} / {report.allowed / 1e3:.0f} kB/s"
+    loss = f"{100.0 * report.loss:.1f} %"
+    return [
+        (tr("States by a stream"), rate, TEXT),
+        (tr("Age in the last seconds, at most"), f"{report.age_p95 * 1e3:.0f} ms", TEXT),
+        (tr("Bodies are off by at most"), error, TEXT),
+        (tr("Frames late or lost"), loss, WARNING if report.loss > 0.1 else TEXT),
+        (tr("Bodies known"), f"{report.known} / {report.bodies}", TEXT if report.known == report.bodies else WARNING),
     ]
 
 

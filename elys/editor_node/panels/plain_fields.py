@@ -11,6 +11,7 @@ from imgui_bundle import imgui
 from elys.common.components import FieldDeclaration, Kind
 from elys.editor_node.fields import MIXED, FieldContext, FieldEdit, element_width
 from elys.editor_node.panels.color_fields import edit_color
+from elys.editor_node.panels.curve_fields import edit_curve
 from elys.editor_node.panels.number_fields import edit_integer, edit_numbers, edit_rotation
 from elys.editor_node.panels.reference_fields import edit_asset, edit_entity
 
@@ -32,6 +33,8 @@ def edit_field(field: FieldDeclaration, value: Any, context: FieldContext, *, bu
             return edit_choice(field, value, context)
         case Kind.COLOR:
             return edit_color(field, value, context)
+        case Kind.CURVE:
+            return edit_curve(field, value, context)
         case Kind.TEXT:
             return edit_text(value, context)
         case Kind.ASSET:

@@ -47,6 +47,8 @@ class TimelinePanel:
         """Draws the panel."""
         if imgui.begin(TITLE)[0]:
             status, line = ui.model.status, ui.model.timeline
+            if ui.attachments.forked_from:
+                self._draw_fork(ui)
             if status is None or not (line.can_wind or status.kind == "replay"):
                 imgui.dummy((0.0, imgui.get_frame_height() * 0.5))
                 centered_text(
@@ -59,6 +61,15 @@ class TimelinePanel:
                 self._draw_choices(ui)
                 self._draw_bar(ui, status)
         imgui.end()
+
+    def _draw_fork(self, ui: Ui) -> None:
+        """Of a fork, where it comes from."""
+        imgui.align_text_to_frame_padding()
+        dim_text(tr("A fork of a recording"))
+        imgui.same_line()
+        if imgui.button(tr_label("Back to the recording", "back")):
+            ui.actions.run("time.back_to_recording")
+        ui.landmarks.note("timeline/back")
 
     # --- buttons ---------------------------------------------------------------------------------------------------
 
@@ -78,6 +89,10 @@ class TimelinePanel:
         imgui.align_text_to_frame_padding()
         shown = self._scrubbed if self._scrubbed is not None else status.simulation_time
         imgui.text_unformatted(tr("{time} s of {end} s", time=f"{shown:.2f}", end=f"{status.end_time:.2f}"))
+        if ui.model.is_replay:
+            imgui.same_line(0.0, 10.0)
+            _button(ui, icons.ICON_FA_CODE_FORK, "time.fork")
+            imgui.new_line()
         if line.is_rewound:
             imgui.same_line(0.0, 10.0)
             if imgui.button(tr_label("Return to now", "now")):

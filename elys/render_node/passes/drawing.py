@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 from elys.render_node.draw_calls import DrawCall
 from elys.render_node.gpu import Program
+from elys.render_node.instance_placing import InstancePlacing
 from elys.render_node.instances import Batch
 from elys.render_node.look import SECOND_UVS, Look
 from elys.render_node.picture_plan import PicturePlan
@@ -15,9 +16,19 @@ ChooseProgram = Callable[[Geometry, Batch], Program]
 
 
 def draw_calls(
-    resources: Resources, plan: PicturePlan, calls: Sequence[DrawCall], choose: ChooseProgram, *, cull: bool = True
+    resources: Resources,
+    plan: PicturePlan,
+    calls: Sequence[DrawCall],
+    choose: ChooseProgram,
+    *,
+    cull: bool = True,
+    placing: InstancePlacing | None = None,
 ) -> None:
-    """Draws each call with the program that `choose` picks for its mesh and batch. State but culling is the pass' own."""
+    """Draws each call with the program that `choose` picks for its mesh and batch. State but culling is the pass' own.
+
+    Rows are those of the picture, or of another `placing` that has placed the plan.
+    """
+    rows = (placing or resources.placing).rows
     for batch, first, count in calls:
         geometry = resources.geometry(plan.world, batch)
         if geometry is None:
@@ -25,7 +36,7 @@ def draw_calls(
         program = choose(geometry, batch)
         resources.context.set_culling(cull and not batch.look.is_double_sided, mirrored=batch.look.is_mirrored)
         array = geometry.vertex_array(program)
-        array.use_instances(resources.placing.rows, first, plan.layout)
+        array.use_instances(rows, first, plan.layout)
         if batch.look.is_morphed:
             geometry.use_targets(program)
         array.draw(count)

@@ -63,6 +63,7 @@ class World:
         transforms: where everything stands in the world; its bulk writes log nothing.
         strings: the texts that columns name by row.
         commands: structural changes for systems to record; the schedule applies them.
+        log: what has changed since `drain_changes`, for who changes many at once (`many.py`).
     """
 
     def __init__(self, capacity: int = 1024) -> None:
@@ -71,7 +72,7 @@ class World:
         self.strings = StringTable()
         self._tables: dict[str, ComponentTable] = {}
         self._queries: dict[tuple[frozenset[str], frozenset[str], bool], Query] = {}
-        self._changes = ChangeLog()
+        self.log = ChangeLog()
         self._transform_table = self.table(Transform)
         self.transforms = Transforms(self.allocator, self.hierarchy, self._transform_table)
         self.commands = CommandBuffer(self)
@@ -139,20 +140,20 @@ class World:
         return self.spawn_batch(batch, parent=parent)
 
     def spawn_batch(
-        self, batch: SpawnBatch, *, parent: Entity = NO_ENTITY, revived: Entities | None = None
+        self, batch: SpawnBatch, *, parent: Entity | Entities = NO_ENTITY, revived: Entities | None = None
     ) -> Entities:
-        """Makes the entities of a batch, those without a parent in it last among the children of `parent`.
+        """Makes the entities of a batch, those without a parent in it last among the children of `parent`, one for all or [N].
 
         They are the `revived` ones, that lived before, if all of them still can live again.
         """
-        above = self.hierarchy.require_parent(parent)
+        above = self.hierarchy.require_parents(np.asarray(parent, np.uint32).reshape(-1))
         if revived is not None and self.allocator.can_revive(revived):
             entities = revived
             self.allocator.revive(entities)
         else:
             entities = self.allocator.allocate_many(len(batch.names))
         parents = self._fill(entities, batch, above)
-        self._changes.log_spawned(entities.tolist(), parents.tolist())
+        self.log.log_spawned(entities.tolist(), parents.tolist())
         return entities
 
     def despawn(self, entity: Entity) -> None:
@@ -162,7 +163,7 @@ class World:
             table.remove(places)
         self.hierarchy.remove(places)
         self.allocator.free_many(self.allocator.ids[places])
-        self._changes.log_structure(EntityDespawned(entity))
+        self.log.log_structure(EntityDespawned(entity))
 
     def is_alive(self, entity: int) -> bool:
         """Whether this very entity lives."""
@@ -188,7 +189,7 @@ class World:
         for table in self._tables.values():
             table.clear()
         self._fill(entities, batch, GROUND)
-        self._changes.discard(overflowed=True)
+        self.log.discard(overflowed=True)
 
     def outdate(self) -> None:
         """All of it was put back to another time: whatever was derived from it is stale."""
@@ -299,10 +300,10 @@ class World:
         keeps_pose = keep_world_pose and self.has(entity, Transform) and self.hierarchy.parent_of(entity) != parent
         world_from_local = self.transforms.world_from_local(entity) if keeps_pose else None
         position = self.hierarchy.move(entity, parent, index=index)
-        self._changes.log_structure(EntityReparented(entity, parent, position))
+        self.log.log_structure(EntityReparented(entity, parent, position))
         self.transforms.mark_dirty(self.hierarchy.require(entity))
         if world_from_local is not None:
-            self.transforms.set_world_affine(entity, world_from_local)
+            self.transforms.set_world_affines(np.array([entity], np.uint32), world_from_local[None])
             self._note_component(entity, self._transform_table, was_present=True)
 
     def unparent(self, entity: Entity, *, keep_world_pose: bool = True) -> None:
@@ -316,22 +317,22 @@ class World:
     def rename(self, entity: Entity, name: str) -> None:
         """Gives an entity another name."""
         self.hierarchy.rename(entity, name)
-        self._changes.log_renamed(entity)
+        self.log.log_renamed(entity)
 
     def set_enabled(self, entity: Entity, enabled: bool) -> None:
         """Switches an entity, and with it all below it."""
         self.hierarchy.set_enabled(entity, enabled)
-        self._changes.log_switched(entity)
+        self.log.log_switched(entity)
 
     # Changes
 
     def drain_changes(self) -> WorldChanges:
         """What changed since this was last asked."""
-        return self._changes.drain(self.is_alive, lambda entity, component: self.has(Entity(entity), component))
+        return self.log.drain(self.is_alive, lambda entity, component: self.has(Entity(entity), component))
 
     # Values in and out of columns
 
-    def _fill(self, entities: Entities, batch: SpawnBatch, above: int) -> Entities:
+    def _fill(self, entities: Entities, batch: SpawnBatch, above: Indices | int) -> Entities:
         """Gives new ids their place in the tree and their components; returns their parents."""
         indices = indices_of(entities)
         for table in self._tables.values():
@@ -378,4 +379,4 @@ class World:
     def _note_component(self, entity: Entity, table: ComponentTable, *, was_present: bool) -> None:
         if table is self._transform_table:
             self.transforms.mark_dirty(self.hierarchy.require(entity))
-        self._changes.log_component(entity, table.declaration.name, was_present=was_present)
+        self.log.log_component(entity, table.declaration.name, was_present=was_present)

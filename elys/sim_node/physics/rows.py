@@ -22,6 +22,11 @@ def picked_rows(table: Array, rows: Array) -> Array:
     return np.asarray(np.take(_as_bytes(table), rows, axis=0).view(table.dtype))
 
 
+def kept_rows(table: Array, rows: slice | Array) -> Array:
+    """The rows of a table (N,) in a slice or named by (M,), a copy."""
+    return np.asarray(_as_bytes(table)[rows].copy().view(table.dtype))
+
+
 def copied_rows(table: Array) -> Array:
     """A copy of a table (N,)."""
     return np.frombuffer(bytearray(table.tobytes()), table.dtype).reshape(table.shape)

@@ -28,7 +28,7 @@ from elys.sim_node.physics.mass_properties import mass_properties
 from elys.sim_node.physics.measures import energy_of, momentum_of, thickness_of
 from elys.sim_node.physics.measuring import Measuring
 from elys.sim_node.physics.plan import PlannedStage, Switches, without_exact
-from elys.sim_node.physics.rows import copied_rows
+from elys.sim_node.physics.rows import copied_rows, kept_rows
 from elys.sim_node.physics.settings import PhysicsSettings, SceneTraits, step_constants, step_strengths
 from elys.sim_node.physics.solving import SolverRoom
 from elys.sim_node.physics.states import (
@@ -84,11 +84,11 @@ class PhysicsWorld(WorldJoints):
 
     def bodies_at(self, rows: slice | Array) -> BodyStates:
         """The same of some rows, as they are now and stay: the table is copied as a whole, which is faster than its columns."""
-        table = self._bodies.rows[rows]
-        poses = self._bodies.poses[rows].copy()
+        table = self._bodies.rows
+        poses = kept_rows(self._bodies.poses, rows)
         return BodyStates(
-            table["entity"].copy(),
-            table["motion"].copy(),
+            table["entity"][rows].copy(),
+            table["motion"][rows].copy(),
             poses["position"],
             poses["rotation"],
             poses["linear_velocity"],

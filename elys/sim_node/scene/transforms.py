@@ -98,29 +98,37 @@ class Transforms:
         self._place(np.require(positions, np.float64, ["C", "W"]), np.require(rotations, np.float32, ["C", "W"]))
         self._target_of[indices] = NO_ROW
 
-    def set_world_affine(self, entity: Entity, world_from_local: NDArray[np.float64]) -> None:
-        """Writes the local position, rotation and scale that give an entity this [3, 4] world transform, as far as they can.
+    def set_world_affines(self, entities: Entities, world_from_local: NDArray[np.float64]) -> None:
+        """Writes the local poses and scales that give [N] entities these [N, 3, 4] world transforms, as far as they can.
 
-        They can unless the parent is stretched unevenly at an angle (that takes a shear, which is left out) or squeezed flat
-        (then nothing changes). Logs no change; ComponentError if it has no Transform.
+        None of them stands below another. They can unless the parent is stretched unevenly at an angle (that takes a shear, which
+        is left out) or squeezed flat (then nothing changes). Logs no change; ComponentError if one has no Transform.
         """
-        index = self._hierarchy.require(entity)
-        row = require_row(self._table, index, self._hierarchy.describe(entity))
+        indices = self._indices_of(entities)
+        for entity, index in zip(entities.tolist(), indices.tolist(), strict=True):
+            require_row(self._table, index, self._hierarchy.describe(entity))
         self.propagate()
-        world_from_parent = self._affine[self._hierarchy.parent[index]]
-        try:
-            parent_from_local = multiply_affine(inverse_affine(world_from_parent), world_from_local)
-        except np.linalg.LinAlgError:
-            return
+        parents = self._hierarchy.parent[indices]
+        for parent in np.unique(parents).tolist():
+            chosen = parents == parent
+            try:
+                parent_from_world = inverse_affine(self._affine[parent])
+            except np.linalg.LinAlgError:
+                continue
+            parent_from_local = multiply_affine(parent_from_world, world_from_local[chosen])
+            self._write_local(indices[chosen], np.asarray(parent_from_local, np.float64))
+
+    def _write_local(self, indices: Indices, parent_from_local: NDArray[np.float64]) -> None:
+        rows = self._table.row_of[indices]
         # Mirrored axes stay the ones that were: the decomposition alone would mirror x instead, and turn the rest about.
         scale = self._table.column("scale")
-        signs = np.where(scale[row] < 0.0, -1.0, 1.0)
-        parent_from_local[:, :3] *= signs
+        signs = np.where(scale[rows] < 0.0, -1.0, 1.0)
+        parent_from_local[..., :3] *= signs[:, None, :]
         position, rotation, stretch = decompose_affine(parent_from_local)
-        self._table.column("position")[row] = position
-        self._table.column("rotation")[row] = rotation
-        scale[row] = stretch * signs
-        self.mark_dirty(index)
+        self._table.column("position")[rows] = position
+        self._table.column("rotation")[rows] = rotation
+        scale[rows] = stretch * signs
+        self.mark_dirty(indices)
 
     def _place(self, target_positions: NDArray[np.float64], target_rotations: NDArray[np.float32]) -> None:
         self._reserve(self._allocator.capacity)

@@ -30,7 +30,6 @@ from elys.sim_node.simulation import Simulation
 MAX_NAME_LENGTH = 200  # characters
 MAX_SPAWNED = 100_000  # records of one command, which take about a second
 MAX_NUMBER = 1e9  # in SI units, of either sign
-MAX_PLACED = 1000  # of them with a place among siblings, which is looked for one by one
 
 
 def apply_command(simulation: Simulation, command: Command) -> tuple[int, ...]:
@@ -44,10 +43,10 @@ def apply_command(simulation: Simulation, command: Command) -> tuple[int, ...]:
     match command:
         case SetComponent(entity=entity, component=name, values=values):
             current = world.get(Entity(entity), declaration_of(name).struct)
-            _check_numbers(name, values)
+            check_numbers(name, values)
             world.set(Entity(entity), component_from(name, values, base=current))
         case AddComponent(entity=entity, component=name, values=values):
-            _check_numbers(name, values)
+            check_numbers(name, values)
             world.add(Entity(entity), component_from(name, values))
         case RemoveComponent(entity=entity, component=name):
             world.remove(Entity(entity), name)
@@ -77,16 +76,7 @@ def apply_command(simulation: Simulation, command: Command) -> tuple[int, ...]:
 
 
 def _spawn(simulation: Simulation, command: Spawn) -> tuple[int, ...]:
-    if len(command.records) > MAX_SPAWNED:
-        raise EntityError(f"one command may spawn {MAX_SPAWNED} entities, not {len(command.records)}: send several")
-    for record in command.records:
-        _checked_name(record.name)
-        if len(record.prefab) > MAX_TEXT_LENGTH:
-            raise EntityError(f"a prefab may have {MAX_TEXT_LENGTH} characters, not {len(record.prefab)}")
-        for name, values in record.components.items():
-            _check_numbers(name, values)
-    if command.index >= 0 and sum(record.parent < 0 for record in command.records) > MAX_PLACED:
-        raise EntityError(f"at most {MAX_PLACED} entities can be put at an index: spawn them last, or below one parent")
+    check_spawn(command)
     return tuple(
         load_records(
             simulation.world,
@@ -98,14 +88,25 @@ def _spawn(simulation: Simulation, command: Spawn) -> tuple[int, ...]:
     )
 
 
-def _check_numbers(component: str, values: Mapping[str, Any]) -> None:
+def check_spawn(command: Spawn) -> None:
+    """Refuses what only a faulty program asks for; whether values are ones that fields take is found when they are stored."""
+    if len(command.records) > MAX_SPAWNED:
+        raise EntityError(f"one command may spawn {MAX_SPAWNED} entities, not {len(command.records)}: send several")
+    for record in command.records:
+        _checked_name(record.name)
+        if len(record.prefab) > MAX_TEXT_LENGTH:
+            raise EntityError(f"a prefab may have {MAX_TEXT_LENGTH} characters, not {len(record.prefab)}")
+        for name, values in record.components.items():
+            check_numbers(name, values)
+
+
+def check_numbers(component: str, values: Mapping[str, Any]) -> None:
     """Refuses what nobody means and what physics would have to leave out; columns themselves take any finite number."""
-    entities = {field.name for field in declaration_of(component).fields if field.kind is Kind.ENTITY}
     for field, value in values.items():
-        if field in entities:
-            continue  # an id may be any
         for number in value if isinstance(value, (list, tuple)) else (value,):
             if isinstance(number, (int, float)) and abs(number) > MAX_NUMBER:
+                if declaration_of(component).field(field).kind is Kind.ENTITY:
+                    continue  # an id may be any
                 raise ComponentError(f"{component}.{field} must lie within {MAX_NUMBER:g} of zero")
 
 

@@ -7,7 +7,7 @@ refused, they take back those that were accepted before it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,10 +36,9 @@ from elys.common.ids import NO_ENTITY, Entity
 from elys.sim_node.scene.loading import load_records, records_of
 from elys.sim_node.simulation import Simulation
 from elys.sim_node.systems.apply_commands import apply_command
+from elys.sim_node.systems.edit_runs import TRANSFORM, WRITTEN_WHOLE, Outcome, apply_run, run_at, tops_of
 
 MAX_EDITS = 100_000  # in one command
-_TRANSFORM = "Transform"
-_WRITTEN_WHOLE = "Joint"  # fitting it writes fields that nobody named
 
 
 class Applied(NamedTuple):
@@ -68,7 +67,10 @@ class EditableSimulation:
     def below(self, entity: int) -> Iterable[int]:
         """An entity and all below it."""
         world = self._simulation.world
-        return world.hierarchy.subtree_of(Entity(entity)).tolist() if world.is_alive(entity) else ()
+        if not world.is_alive(entity):
+            return ()
+        is_leaf = not world.hierarchy.child_count_of(Entity(entity))  # most are, when thousands are ended
+        return (entity,) if is_leaf else world.hierarchy.subtree_of(Entity(entity)).tolist()
 
     def edited(self, part: Part) -> Any:
         """The fields that steps write, as they were edited."""
@@ -91,30 +93,46 @@ def apply_edits(simulation: Simulation, edits: tuple[Edit, ...]) -> Applied:
     if len(edits) > 1:
         simulation.settle()  # bodies have followed what was edited before: what is refused is taken back alone
     resting, tick = simulation.world.allocator.resting(), simulation.tick
-    entities: list[int] = []
-    inverses: list[tuple[Edit, ...]] = []
-    spawned: list[int] = []
+    done: list[Outcome] = []
     try:
-        for edit in edits:
-            back = _inverse_of(simulation, edit)
-            made = apply_command(simulation, edit)
-            if isinstance(edit, Spawn):
-                # Last sibling first: redone in reverse, each comes back at the place it had among those before it.
-                back = tuple(Despawn(entity=entity) for entity in reversed(tops_of(edit, made)))
-                spawned += [entity for entity in made if entity not in edit.entities]
-            entities += made
-            inverses.append(back)
+        _apply_all(simulation, edits, done)
     except Exception:
-        for back in reversed(inverses):
-            for edit in back:
-                apply_command(simulation, edit)
+        _take_back(simulation, done)
         simulation.tick = tick  # another tick rate rounds it
-        if inverses:
+        if done:
             _keep_physics(simulation)
+        came_back = {entity for edit in edits if isinstance(edit, Spawn) for entity in edit.entities}
+        spawned = [entity for outcome in done for entity in outcome.entities if entity not in came_back]
         simulation.world.allocator.take_back(resting, np.array(spawned, np.uint32))
         raise
+    entities = tuple(entity for outcome in done for entity in outcome.entities)
     _note_edited(simulation, edits, entities)
-    return Applied(tuple(entities), tuple(edit for back in reversed(inverses) for edit in back))
+    return Applied(entities, tuple(edit for outcome in reversed(done) for edit in outcome.back))
+
+
+def _apply_all(simulation: Simulation, edits: Sequence[Edit], done: list[Outcome]) -> None:
+    """Makes edits in this order and adds what came of them to `done`; what raises has left what it tells."""
+    start = 0
+    while start < len(edits):
+        count, outcome = run_at(edits, start), None
+        while count > 1 and outcome is None:
+            outcome = apply_run(simulation.world, edits[start : start + count])
+            count = count if outcome is not None else count // 2
+        done.append(outcome if outcome is not None else _apply_one(simulation, edits[start]))
+        start += count
+
+
+def _apply_one(simulation: Simulation, edit: Edit) -> Outcome:
+    back = _inverse_of(simulation, edit)
+    made = apply_command(simulation, edit)
+    if isinstance(edit, Spawn):
+        # Last sibling first: redone in reverse, each comes back at the place it had among those before it.
+        back = tuple(Despawn(entity=entity) for entity in reversed(tops_of(edit, made)))
+    return Outcome([Entity(entity) for entity in made], back)
+
+
+def _take_back(simulation: Simulation, done: Sequence[Outcome]) -> None:
+    _apply_all(simulation, [edit for outcome in reversed(done) for edit in outcome.back], [])
 
 
 def load_scene(simulation: Simulation, command: LoadScene) -> tuple[int, ...]:
@@ -145,11 +163,6 @@ def apply_again(simulation: Simulation, command: Command) -> None:
         apply_edits(simulation, edits_of(command))
 
 
-def tops_of(spawn: Spawn, entities: tuple[int, ...]) -> tuple[int, ...]:
-    """The topmost of the entities that a Spawn made."""
-    return tuple(entity for entity, record in zip(entities, spawn.records, strict=True) if record.parent < 0)
-
-
 def _keep_physics(simulation: Simulation) -> None:
     """Lets bodies follow what was edited and taken back, and stay what they are: made anew they would come out rounder."""
     kept = simulation.physics.snapshot()
@@ -163,7 +176,7 @@ def _inverse_of(simulation: Simulation, edit: Edit) -> tuple[Edit, ...]:
     match edit:
         case SetComponent(entity=entity, component=name, values=values):
             before = values_of(world.get(Entity(entity), declaration_of(name).struct))
-            kept = before if name == _WRITTEN_WHOLE else {field: before[field] for field in values if field in before}
+            kept = before if name == WRITTEN_WHOLE else {field: before[field] for field in values if field in before}
             return (SetComponent(entity=entity, component=name, values=kept),)
         case AddComponent(entity=entity, component=name):
             return (RemoveComponent(entity=entity, component=name),)
@@ -201,14 +214,14 @@ def _inverse_of_reparent(simulation: Simulation, edit: Reparent) -> tuple[Edit, 
         index=world.hierarchy.sibling_index(entity),
         keep_world_pose=False,
     )
-    transform = world.try_get(entity, _TRANSFORM) if edit.keep_world_pose else None
+    transform = world.try_get(entity, TRANSFORM) if edit.keep_world_pose else None
     if transform is None:
         return (back,)
     # The very values it had: through the world and back they would come out rounded.
-    return (back, SetComponent(entity=entity, component=_TRANSFORM, values=values_of(transform)))
+    return (back, SetComponent(entity=entity, component=TRANSFORM, values=values_of(transform)))
 
 
-def _note_edited(simulation: Simulation, edits: tuple[Edit, ...], entities: list[int]) -> None:
+def _note_edited(simulation: Simulation, edits: tuple[Edit, ...], entities: tuple[int, ...]) -> None:
     edited = simulation.edited
     if not edited.is_captured:
         return
@@ -220,8 +233,8 @@ def _note_edited(simulation: Simulation, edits: tuple[Edit, ...], entities: list
             case AddComponent(entity=entity, component=name):
                 pass
             case Reparent(entity=entity, keep_world_pose=True):
-                name = _TRANSFORM  # told in another frame now: where it is is where it was put
+                name = TRANSFORM  # told in another frame now: where it is is where it was put
             case _:
                 continue
         edited.note(entity, name, fields=fields)
-    edited.note_spawned(tuple(entities))
+    edited.note_spawned(entities)

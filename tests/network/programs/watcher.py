@@ -18,6 +18,7 @@ It hears `rename OLD NEW`, `paint ENTITY R G B`, `play`, `pause`, `end`.
 from __future__ import annotations
 
 import asyncio
+import os
 import shlex
 import sys
 import time
@@ -32,6 +33,7 @@ from elys.bus.mirror import MirrorUpdate, SceneMirror
 from elys.bus.session import Session
 from elys.common.errors import ElysError
 
+os.environ["ELYS_STATES"] = "full"  # a stream is told as exactly as a link carries; here every bit is compared
 MOVING = ("Transform", "RigidBody")
 
 

@@ -7,6 +7,7 @@ import socket
 from collections.abc import Callable
 from typing import Any
 
+import msgspec
 import pytest
 
 import elys
@@ -137,13 +138,18 @@ async def test_a_fault_in_a_reader_costs_only_its_message() -> None:
 def bad_payloads(encoding: Encoding) -> list[bytes]:
     good_prefix = codec.with_prefix(b"", encoding)
     other = next(one for one in Encoding if one is not encoding)
-    return [
+    broken = [
         b"",
         b"\0",
         b"garbage that is longer than a prefix",
         good_prefix[:-1],
         b"ELYS\xff\xff" + good_prefix[6:] + b"{}",
         codec.with_prefix(b"{}", other),
+    ]
+    if encoding is Encoding.RAW:  # any bytes are such a message: its reader looks at them
+        return broken
+    return [
+        *broken,
         good_prefix,
         good_prefix + b"\xff\xfe\x00{",
         good_prefix + b'{"epoch": "not a number"}',
@@ -186,16 +192,20 @@ async def test_garbage_in_every_request_is_refused_with_a_reason(pair: Pair) -> 
         raise AssertionError("a garbled request was answered")
 
     for query in topics.QUERIES:
-        if query is not topics.HELLO:
+        if query not in (topics.HELLO, topics.CLOCK):  # a session answers these by itself
             host.serve(query, never)
     loop = asyncio.get_running_loop()
     for query in topics.QUERIES:
-        key = topics.key_of("yard", query, "somebody")
+        key = topics.asked_key("yard", query, "somebody", asker="somebody")
         for payload in bad_payloads(query.request_encoding):
             if query.request_encoding is Encoding.RAW and payload.startswith(codec.with_prefix(b"", Encoding.RAW)):
                 continue  # any bytes are good bytes
-            without_needs = (topics.SNAPSHOT, topics.EXACT, topics.MARKERS, topics.PLAN, topics.TOUCHING)
-            if query in without_needs and payload.endswith(b"}"):
+            if len(payload) > query.largest:
+                continue  # dropped by the host's router: see test_limits.py
+            asks_nothing = query.request_encoding is not Encoding.RAW and not any(
+                field.required for field in msgspec.structs.fields(query.request)
+            )
+            if asks_nothing and payload.endswith(b"}"):
                 continue  # unknown fields are left to later releases
             reason = ""
             while not reason:
@@ -214,7 +224,7 @@ async def test_garbage_in_every_request_is_refused_with_a_reason(pair: Pair) -> 
 
 async def test_garbage_in_answers_is_an_error_for_the_asker_alone(pair: Pair) -> None:
     host, joined = await pair.open()
-    host.transport.serve(topics.key_of("yard", topics.SNAPSHOT), lambda query: query.reply(b"garbage instead"))
+    host.transport.serve(topics.asked_key("yard", topics.SNAPSHOT), lambda query: query.reply(b"garbage instead"))
     with pytest.raises(BusError, match="not a message of ELYS"):
         while True:
             try:
@@ -260,7 +270,7 @@ async def test_another_protocol_version_is_refused_with_a_sentence(pair: Pair) -
 async def test_a_host_of_another_version_is_refused(welcome: bytes, sentence: str) -> None:
     pair = Pair("loopback")
     transport = pair.listen()
-    transport.serve("elys/yard/hello", lambda query: query.reply(welcome))
+    transport.serve("elys/yard/hello/*", lambda query: query.reply(welcome))
     with pytest.raises(ProtocolError, match=sentence):
         await Session.join(pair.connect(), kind="editor")
     transport.close()
@@ -274,7 +284,7 @@ async def test_with_no_host_there_the_wait_ends() -> None:
 async def test_a_silent_host_is_given_up(pair: Pair) -> None:
     host, joined = await pair.open()
     kept: list[IncomingQuery] = []
-    host.transport.serve(topics.key_of("yard", topics.SNAPSHOT), kept.append)
+    host.transport.serve(topics.asked_key("yard", topics.SNAPSHOT), kept.append)
     while not kept:
         with pytest.raises(ConnectionLost, match="nobody answered"):
             await joined.request(topics.SNAPSHOT, SnapshotRequest(), timeout=0.1)

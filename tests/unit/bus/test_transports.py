@@ -12,10 +12,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from elys.bus.access.limits import MAX_MESSAGE_SIZE
 from elys.bus.topics import Delivery
 from elys.bus.transports.loopback import LoopbackBroker, intersects
 from elys.bus.transports.transport import IncomingQuery, Transport
-from elys.bus.transports.zenoh import MAX_MESSAGE_SIZE, ZenohTransport
+from elys.bus.transports.zenoh import ZenohTransport
 from elys.common.errors import BusError, ConnectionLost
 
 PATIENCE = 20.0  # [s] far beyond what anything here takes; a failure, not a measure

@@ -73,6 +73,15 @@ class Person:
         if held:
             await self.do(KeyReleased(_KEY_OF[held]))
 
+    async def double_click_here(self) -> None:
+        """Where the pointer is."""
+        io = imgui.get_io()
+        patience = io.mouse_double_click_time, io.mouse_single_click_delay
+        for _ in range(2):
+            await self.do(MousePressed(MouseButton.LEFT), MouseReleased(MouseButton.LEFT))
+            io.mouse_double_click_time, io.mouse_single_click_delay = 60.0, 61.0
+        io.mouse_double_click_time, io.mouse_single_click_delay = patience
+
     async def right_click(self, name: str) -> None:
         await self.point(name)
         await self.do(MousePressed(MouseButton.RIGHT), MouseReleased(MouseButton.RIGHT))

@@ -238,8 +238,12 @@ def test_the_link_is_measured_only_while_somebody_looks():
                 host.publish_frame({})
                 await town.until(lambda: meter._last_tick == host.tick)
             assert meter.dropped_per_second == 3.0
-            now[0] += 0.25
-            assert meter.age == pytest.approx(0.25 + meter.round_trip / 2.0)
+            now[0] += 2.0
+            before = meter.age
+            assert 1.0 < before <= 2.0  # published after the ping whose answer tells the host's clock
+            now[0] += 0.5
+            assert meter.age == pytest.approx(before + 0.5, abs=1e-6)
+            now[0] -= 2.25
             now[0] += 1.0
             assert meter.dropped_per_second == 0.0
             now[0] += 5.0

@@ -6,8 +6,8 @@ import pytest
 
 from elys.bus.messages.scene import SceneDelta, Spawned
 from elys.bus.mirror import SceneMirror
-from elys.editor_node.entity_filter import EVERYTHING, EXAMPLES, FilterError, parse_filter
-from elys.editor_node.entity_kinds import kind_of
+from elys.bus.tree.filter import EVERYTHING, EXAMPLES, FilterError, parse_filter
+from elys.bus.tree.kinds import kind_of
 
 SCENE = (
     Spawned(entity=1, name="Big crate", parent=0, enabled=True, components={"RigidBody": {}, "MeshRenderer": {}}),

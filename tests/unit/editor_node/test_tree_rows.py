@@ -9,10 +9,10 @@ import pytest
 
 from elys.bus.messages import scene as s
 from elys.bus.mirror import SceneMirror
-from elys.editor_node.entity_filter import EVERYTHING, EntityFilter, parse_filter
+from elys.bus.tree.filter import EVERYTHING, EntityFilter, parse_filter
+from elys.bus.tree.rows import OPEN_AT_FIRST, TreeRows
 from elys.editor_node.entity_marks import EntityMarks
 from elys.editor_node.selection import Selection
-from elys.editor_node.tree_rows import OPEN_AT_FIRST, TreeRows
 from elys.editor_node.tree_walk import TreeWalk
 
 

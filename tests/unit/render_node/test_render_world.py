@@ -200,6 +200,17 @@ def test_lamps_shine_where_they_are_turned(stage) -> None:
     np.testing.assert_allclose(light.direction, Rotation.from_quat(TURN).apply((0, 0, -1)), atol=1e-6)
 
 
+def test_a_lamp_follows_its_curve_at_the_time_that_is_seen(stage, make_frame) -> None:
+    curve = ((0.0, 1.0, 0.0, 2.0), (1.0, 3.0, 2.0, 2.0), (2.0, 3.0, 0.0, 0.0))
+    stage.add(Transform(), Light(intensity=10.0, over_time=curve))
+    world = stage.world()
+    assert world.lights()[0].light.intensity == 10.0
+    for time, factor in ((0.5, 2.0), (1.0, 3.0), (2.5, 2.0)):  # straight up to 1 s; from 2 s on it begins anew
+        world.take_state(make_frame({}, simulation_time=time, tick=round(60 * time), published_at=round(1e9 * time)))
+        world.place()
+        assert world.lights()[0].light.intensity == pytest.approx(10.0 * factor)
+
+
 def test_a_selected_parent_selects_what_is_below_it(stage) -> None:
     root = stage.add(Transform())
     stage.add(Transform(), MeshRenderer(), parent=root)

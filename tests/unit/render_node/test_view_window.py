@@ -139,6 +139,8 @@ class Watched(thin_window._ThinViewer):
         made.append(self)
 thin_window._ThinViewer = Watched
 thin_window.USUAL_DISTANCE = 77.0
+import glfw
+from elys.render_node.window import Clicked
 
 async def main():
     host, session = await open_session()
@@ -153,6 +155,7 @@ async def main():
         await asyncio.sleep(0)
     viewer = made[0]
     assert "start one with" not in viewer.title()
+    viewer._picture = None
     serving = asyncio.create_task(serve_views(render, quality=FAST))
     while viewer._picture is None or viewer._is_fresh:
         assert not serving.done(), serving.result()
@@ -169,9 +172,26 @@ async def main():
     turned = viewer._orbit.camera()
     while viewer._picture.frame.camera.position != turned.position or not asked:
         await asyncio.sleep(0)
+    while not viewer._hand:  # how long the camera took
+        await asyncio.sleep(0)
+    assert 0.0 < viewer._hand[0] < 60.0
     viewer._window.on_event(KeyPressed("f"))
     while viewer._picture.frame.camera.position == turned.position:
         await asyncio.sleep(0)
+    viewer._window.on_event(Clicked(0.5, 0.5))
+    while not viewer._picked:
+        await asyncio.sleep(0)
+    assert viewer._picked.startswith("Box   ") and viewer._selection == (1,), viewer._picked
+    assert any(line.startswith("Box") for line in viewer.notes())
+    viewer._window.on_event(Clicked(0.0, 0.0))  # the sky
+    while viewer._picked:
+        await asyncio.sleep(0)
+    assert viewer._selection == ()
+    # Another size of the window is another size of pictures.
+    glfw.set_window_size(viewer._window._window, 640, 480)
+    while viewer._picture.pixels.shape[:2] != (480, 640):
+        await asyncio.sleep(0)
+    assert viewer._picture.frame.keyframe
     viewer._window.on_event(KeyPressed("escape"))
     await asyncio.wait_for(viewing, 20)
     serving.cancel()
@@ -180,6 +200,60 @@ async def main():
         await one.close()
     print("done")
 asyncio.run(main())
+"""
+    assert in_process(script) == "done"
+
+
+@pytest.mark.gl
+def test_a_thin_window_tells_how_to_start_what_is_lacking() -> None:
+    script = """
+import logging
+from elys.render_node import thin_window
+from elys.render_node.lettering import write_on
+thin_window.RENDERER_PATIENCE = 0.0
+written, said = [], []
+thin_window.write_on = lambda pixels, lines, letters: (written.append(tuple(lines)), write_on(pixels, lines, letters))
+class Ear(logging.Handler):
+    def emit(self, record):
+        said.append(record.getMessage())
+logging.getLogger("elys.render_node.thin_window").addHandler(Ear())
+
+async def main():
+    host, session = await open_session()
+    viewing = asyncio.create_task(thin_window.run_thin_view(session, endpoint="tcp/server:7447"))
+    while len(written) < 2:
+        await asyncio.sleep(0.01)
+    assert written[0][1] == "elys node render --connect tcp/server:7447", written
+    assert said == ["no render node in this session: start one near it, where there is a graphics card:\\n"
+                    "    elys node render --connect tcp/server:7447"], said
+    viewing.cancel()
+    await asyncio.gather(viewing, return_exceptions=True)
+    await session.close(); await host.close()
+    print("done")
+asyncio.run(main())
+"""
+    assert in_process(script) == "done"
+
+
+@pytest.mark.gl
+def test_a_click_is_a_button_that_goes_down_and_up_at_one_place() -> None:
+    script = """
+import glfw
+from elys.render_node.window import Clicked
+heard, at = [], [(10.0, 20.0)]
+window = Window("test", (100, 50))
+window.on_event = heard.append
+glfw.get_cursor_pos = lambda _: at[0]
+def button(action, which=glfw.MOUSE_BUTTON_LEFT):
+    window._button(None, which, action, 0)
+button(glfw.PRESS); at[0] = (12.0, 20.0); button(glfw.RELEASE)
+assert heard == [Clicked(0.12, 0.4)], heard
+button(glfw.PRESS); at[0] = (22.0, 20.0); button(glfw.RELEASE)  # dragged
+button(glfw.RELEASE)
+button(glfw.PRESS, glfw.MOUSE_BUTTON_RIGHT); button(glfw.RELEASE, glfw.MOUSE_BUTTON_RIGHT)
+assert len(heard) == 1
+window.close()
+print("done")
 """
     assert in_process(script) == "done"
 

@@ -177,7 +177,6 @@ ABSURD: dict[str, Command] = {
     ),
     "there is no component 'xxx": AddComponent(entity=CUBE, component="x" * 10**6),
     "may spawn 100000 entities, not 1000000": Spawn(records=(RECORD,) * 1_000_000),
-    "at most 1000 entities can be put at an index": Spawn(records=(RECORD,) * 2000, index=0),
     "names record 5 as its parent": Spawn(records=(EntityRecord(name="x", parent=5),)),
     "names record 0 as its parent": Spawn(records=(EntityRecord(name="x", parent=0),)),
     "names record -7 as its parent": Spawn(records=(EntityRecord(name="x", parent=-7),)),

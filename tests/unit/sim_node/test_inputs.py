@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import math
+import time
 
 import numpy as np
 import pytest
 
 from elys.bus import topics
+from elys.bus.input_echo import InputEcho
 from elys.bus.input_sender import InputSender
 from elys.bus.messages.commands import CommandRecord, CommandRequest, Input
 from elys.bus.session import Session
@@ -18,7 +20,7 @@ from elys.common.errors import RequestError
 from elys.common.input_names import BUTTONS, KEY_NAMES
 from elys.common.scene import EntityRecord, SceneSettings
 from elys.sim_node.flight_recorder import FlightRecorder
-from elys.sim_node.input_intake import MOST_WAITING
+from elys.sim_node.input_intake import LONGEST_LATE, MOST_WAITING
 from elys.sim_node.inputs import MOST_DEVICES, MOST_TEXT, Inputs
 from elys.sim_node.node import SimulationNode
 from elys.sim_node.scene.loading import load_records
@@ -236,6 +238,7 @@ def test_keys_reach_the_simulation_in_order_and_are_told_with_their_tick():
             source=session.node.id,
             changes=(("w", True), ("a", True), ("a", False)),
             moved={"pointer_x": 3.5},
+            sequence=1,
         )
         assert records[0].accepted
         await until(lambda: node.simulation.tick > records[0].tick + 5)
@@ -284,6 +287,84 @@ def test_floods_and_nonsense_are_refused_with_one_sentence_each():
         accepted = [record for record in records if record.accepted and record.command.moved]
         assert len(accepted) <= MOST_WAITING
         await other.close()
+
+    in_session(scenario)
+
+
+def test_what_came_before_is_refused_and_what_is_missing_lets_go():
+    async def scenario(node, session, records, join):
+        def tell(sequence: int, changes: tuple[tuple[str, bool], ...]) -> None:
+            session.publish(topics.INPUT, Input(player=1, sequence=sequence, changes=changes), key=session.node.id)
+
+        def held() -> tuple[str, ...]:
+            return tuple(sorted(node.simulation.inputs[1].held))
+
+        tell(1, down("w"))
+        tell(2, down("a"))
+        await until(lambda: held() == ("a", "w"))
+        tell(2, up("w", "a"))
+        await until(lambda: any("message 2 of input came after 2" in record.reason for record in records))
+        assert held() == ("a", "w")
+        tell(5, down("d"))  # 3 and 4 were lost, and may have let go of anything
+        await until(lambda: held() == ("d",))
+        tell(1, down("s"))  # a sender that begins anew
+        tell(2, down("e"))
+        await until(lambda: held() == ("d", "e", "s"))
+        session.publish(topics.INPUT, Input(player=2, sequence=2, changes=down("q")), key=session.node.id)
+        await until(lambda: tuple(node.simulation.inputs[2].held) == ("q",))
+
+    in_session(scenario)
+
+
+def test_of_what_comes_too_late_only_letting_go_counts():
+    async def scenario(node, session, records, join):
+        sender = InputSender(session)
+        sender.press("w")
+        sender.send(host_time=time.time())
+        await until(lambda: node.simulation.inputs[1].is_down("w"))
+        sender.let_go("w")
+        sender.press("space")
+        sender.move("pointer_x", 100.0)
+        sender.type("late")
+        sender.send(host_time=time.time() - LONGEST_LATE - 0.5)
+        await until(lambda: not node.simulation.inputs[1].held)
+        late = [record for record in records if "too late" in record.reason]
+        assert len(late) == 1
+        assert not late[0].accepted
+        await until(lambda: records[-1].accepted and records[-1].command.sequence == 2)
+        assert records[-1].command.changes == up("w")
+        assert (records[-1].command.moved, records[-1].command.text) == ({}, "")
+        sender.press("a")
+        sender.send(seen_time=-5.0, host_time=time.time() + 3.0)  # by a clock that is not known well
+        await until(lambda: node.simulation.inputs[1].is_down("a"))
+
+    in_session(scenario)
+
+
+def test_how_long_it_takes_until_keys_count_and_are_seen():
+    async def scenario(node, session, records, join):
+        now = [100.0]
+        sender, echo = InputSender(session), InputEcho(session, clock=lambda: now[0])
+        echo.start()
+        assert (echo.until_applied, echo.until_seen) == (None, None)
+        for _ in range(3):
+            count = len(records)
+            sender.press("w")
+            sender.send()
+            echo.sent(sender.sequence)
+            now[0] += 0.02
+            await until(lambda count=count: len(records) > count)
+            sender.let_go("w")
+            echo.shown(records[-1].tick)  # what was before it
+            assert echo.until_seen is None or len(records) > 1
+            now[0] += 0.03
+            echo.shown(records[-1].tick + 1)
+            sender.send()
+            await until(lambda count=count: len(records) > count + 1)
+        assert echo.until_applied == pytest.approx(0.02)
+        assert echo.until_seen == pytest.approx(0.05)
+        echo.stop()
+        assert echo.until_seen is None
 
     in_session(scenario)
 

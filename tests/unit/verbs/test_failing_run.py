@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from elys.bus.access.listening import LOOPBACK
 from elys.bus.recording import Recording
 from elys.verbs.simulate import prepare, simulate
 
@@ -21,7 +22,7 @@ def test_what_led_to_a_failing_system_is_a_recording(tmp_path: Path) -> None:
     simulation.systems = (stumbles, *simulation.systems)
     run = simulate(
         simulation,
-        listen=None,
+        listen=LOOPBACK,
         step_limit=100,
         record=tmp_path / "run.mcap",
         realtime=False,

@@ -9,6 +9,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from elys.bus.access.listening import LOOPBACK
 from elys.bus.lineage import content_hash, lineage_of
 from elys.bus.messages.commands import Batch, Grab, Rename, SetComponent
 from elys.bus.recording import Recording
@@ -34,7 +35,7 @@ def forked(source: Path, target: Path, at: float, **options: object) -> Path:
     asyncio.run(
         simulate(
             simulation,
-            listen=None,
+            listen=LOOPBACK,
             step_limit=0,
             record=target,
             realtime=False,

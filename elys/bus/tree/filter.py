@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple
 
 from elys.bus.mirror import MirrorEntity, SceneMirror
+from elys.bus.tree.kinds import DETAILS, KIND_NAMES, EntityKind, kind_of
 from elys.common.components import declarations
-from elys.editor_node.entity_kinds import DETAILS, KIND_NAMES, EntityKind, kind_of
 
 TermKind = Literal["name", "kind", "component", "prefab", "enabled", "locked", "hidden"]
 EXAMPLES: Final = (  # each with what it finds, in English

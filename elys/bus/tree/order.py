@@ -11,7 +11,7 @@ from typing import Final, Literal, TypeVar
 
 from elys.bus.messages.scene import ComponentRemoved, ComponentSet, Despawned, Renamed, Reparented, Spawned
 from elys.bus.mirror import MirrorUpdate, SceneMirror
-from elys.editor_node.entity_kinds import KIND_NAMES, EntityKinds
+from elys.bus.tree.kinds import KIND_NAMES, EntityKinds
 
 Order = Literal["scene", "name", "kind"]
 PIECE: Final = 500  # entities that are looked at in one go, half a millisecond or so

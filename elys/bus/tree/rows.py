@@ -14,9 +14,9 @@ from typing import Final, NamedTuple, overload
 
 from elys.bus.messages.scene import Despawned, EnabledSet, Reparented, Spawned
 from elys.bus.mirror import MirrorUpdate, SceneMirror
-from elys.editor_node.entity_filter import EVERYTHING, EntityFilter
-from elys.editor_node.entity_kinds import EntityKinds
-from elys.editor_node.tree_order import PIECE, Order, SiblingOrder, path_of, pieces_of
+from elys.bus.tree.filter import EVERYTHING, EntityFilter
+from elys.bus.tree.kinds import EntityKinds
+from elys.bus.tree.order import PIECE, Order, SiblingOrder, path_of, pieces_of
 
 OPEN_AT_FIRST: Final = 64  # a root with at most so many children shows them
 SPLICED_AT_MOST: Final = 16  # changes of the tree in one delta; more are cheaper made anew

@@ -1,0 +1,1 @@
+"""Who may come into a session, and what each may do there. See docs/security.md."""
