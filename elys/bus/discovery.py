@@ -115,7 +115,7 @@ def find_sessions() -> list[SessionRecord]:
 
 
 def choose_endpoint(connect: str | None = None) -> str:
-    """Where to connect: what the user named, else the newest session on this machine.
+    """Where to connect: what the user named, else the newest session on this machine. Several have commas between them.
 
     Both may be a place: `NAME@ENDPOINT` names one of the sessions behind an endpoint, `NAME@` one of this machine.
 
@@ -124,7 +124,9 @@ def choose_endpoint(connect: str | None = None) -> str:
     """
     name, endpoint = split_place(connect or "")
     if endpoint:
-        whole = loopback_endpoint(complete_endpoint(endpoint))  # every address is this machine's
+        whole = ",".join(
+            map(loopback_endpoint, complete_endpoints(endpoint).split(","))
+        )  # every address is this machine's
         return f"{name}@{whole}" if name else whole
     sessions = find_sessions()
     if not sessions:
@@ -153,9 +155,9 @@ def split_place(text: str) -> tuple[str, str]:
 
 
 def complete_place(text: str) -> str:
-    """`NAME@HOST` or `HOST`, with or without a port, as a whole place; BusError for what can be none."""
+    """`NAME@HOST` or `HOST`, with or without a port, one or several, as a whole place; BusError for what can be none."""
     name, endpoint = split_place(text)
-    return f"{name}@{complete_endpoint(endpoint)}" if name else complete_endpoint(endpoint)
+    return f"{name}@{complete_endpoints(endpoint)}" if name else complete_endpoints(endpoint)
 
 
 def place_of(connect: str | None, session: str) -> str | None:
@@ -179,6 +181,11 @@ def complete_endpoint(text: str | None, *, tls: bool = False) -> str:
     return f"{'tls' if tls and protocol == 'tcp' else protocol}/{found['host']}:{port}"
 
 
+def complete_endpoints(text: str) -> str:
+    """The same of several with commas between them."""
+    return ",".join(complete_endpoint(part.strip()) for part in text.split(","))
+
+
 async def join_session(
     connect: str | None = None,
     *,
@@ -190,6 +197,7 @@ async def join_session(
     """A session with the host that `connect` names (endpoint or place), or with the newest one on this machine; `node` as for
     `Session.join`.
 
+    Of several endpoints with commas between them the first that answers counts, now and whenever the host has to be found again.
     States come by a stream where the host is behind a network, see `elys.bus.streaming.choice`.
     Without `credentials` those of the environment are shown (ELYS_KEY, ELYS_SECRET), and to hosts of this machine the user's own.
 
@@ -199,8 +207,9 @@ async def join_session(
         ProtocolError: the host speaks another version of the protocol. BusError: several are there, and none was named.
     """
     name, endpoint = split_place(choose_endpoint(connect))
-    shown = credentials or await asyncio.to_thread(credentials_at, endpoint)
-    transport = await asyncio.to_thread(ZenohTransport.connect, endpoint, timeout=timeout, credentials=shown)
+    endpoints = endpoint.split(",")
+    shown = credentials or await asyncio.to_thread(credentials_at, endpoints[0])
+    transport = await asyncio.to_thread(ZenohTransport.connect, endpoints, timeout=timeout, credentials=shown)
     try:
         session = await Session.join(transport, kind=kind, name=name or "*", timeout=timeout, node=node)
         if wants_stream(kind, endpoint, session.machine):
@@ -255,8 +264,19 @@ def _is_alive(record: SessionRecord) -> bool:
         return False
     except (PermissionError, OverflowError):
         return True
+    if _has_ended(record.pid):
+        return False
     now = start_of_process(record.pid)
     return not (now and record.process_started and now != record.process_started)
+
+
+def _has_ended(pid: int) -> bool:
+    """Whether a process is dead and only waits for its parent to look."""
+    try:
+        text = Path(f"/proc/{pid}/stat").read_text()
+    except OSError:
+        return False
+    return text.rpartition(")")[2].split()[0] in ("Z", "X")
 
 
 def start_of_process(pid: int) -> str:

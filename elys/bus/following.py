@@ -56,10 +56,13 @@ async def follow_scene(
 def follow_state(session: Session, mirror: SceneMirror, on_frame: Callable[[StateFrame], None] | None = None) -> Closer:
     """Keeps `mirror.latest_frame` the state frame that came last; `on_frame` hears each.
 
-    The last one is the right one even if its tick is smaller: a replay is wound back, a host starts anew.
+    The last one is the right one even if its tick is smaller: a replay is wound back, a host starts anew. What another run of
+    the host says than the one that was greeted is left out: it may be old, or of another that took the same name.
     """
 
     def heard(frame: StateFrame, _: str) -> None:
+        if frame.epoch != session.epoch:
+            return
         mirror.keep_frame(frame)
         if on_frame is not None:
             on_frame(frame)
@@ -79,6 +82,8 @@ class _Follower:
         self.current = asyncio.Event()
 
     def heard(self, delta: SceneDelta, _: str) -> None:
+        if delta.epoch != self._session.epoch:
+            return  # of another run than the one that was greeted; its snapshot comes after the greeting
         if self._lost.is_set():
             self._waiting.append(delta)
             del self._waiting[:-_BUFFER_LIMIT]
@@ -104,6 +109,8 @@ class _Follower:
         # What came before this request is contained in the answer to it.
         self._waiting.clear()
         snapshot = await self._session.request(topics.SNAPSHOT, SnapshotRequest(), timeout=5.0)
+        if snapshot.epoch != self._session.epoch:
+            raise MessageError("it is of another run of the host")
         self._mirror.apply_snapshot(snapshot)
         self._lost.clear()
         waiting, self._waiting = self._waiting, []

@@ -21,13 +21,16 @@ from elys.bus import codec, topics
 from elys.bus.access.limits import Doorkeeper
 from elys.bus.access.permissions import Permissions, check_asker, check_size
 from elys.bus.access.roles import Role, role_of_user, signed_id
-from elys.bus.handshake import all_welcomes, answer_clock, answer_hello, checked, greet
+from elys.bus.handshake import all_welcomes, answer_clock, answer_hello, checked, greet, hello_of
 from elys.bus.mailbox import Arrival, Mailbox
 from elys.bus.messages.session import Welcome
 from elys.bus.messages.vitals import HostFacts
+from elys.bus.rivals import require_free_name, warn_of_rivals
 from elys.bus.state_source import StateSource
 from elys.bus.topics import Delivery, Query, Topic
+from elys.bus.transports.reaching import is_near
 from elys.bus.transports.transport import Closer, IncomingQuery, Transport
+from elys.bus.vigil import Vigil
 from elys.bus.vitals import Traffic, give_vitals
 from elys.common.errors import BusError, ConnectionLost, ElysError, MessageError, ProtocolError, RequestError
 
@@ -86,8 +89,9 @@ class Session:
 
     @classmethod
     async def host(cls, transport: Transport, *, name: str, kind: str, epoch: int) -> Session:
-        """Opens a session as its host: answers handshakes and shows itself alive."""
+        """Opens a session as its host: answers handshakes and shows itself alive. BusError: this name is taken at a router."""
         session = cls(transport, name=name, node=Node(kind, node_id(kind)), epoch=epoch)
+        await require_free_name(name, session._ask_for_life)
         session._closers.append(transport.serve(topics.asked_key(name, topics.HELLO), session._welcome))
         # Where releases before protocol 5 ask: they too are to hear that they must be renewed.
         session._closers.append(transport.serve(topics.key_of(name, topics.HELLO), session._welcome))
@@ -116,6 +120,7 @@ class Session:
         session.name, session.epoch, session.machine = welcome.session, welcome.epoch, welcome.machine
         session._show_and_watch()
         session._closers.append(transport.watch_link(session._from_thread(session._link_changed)))
+        session.start(Vigil(transport, session._ask_for_life, session._link_changed).keep())
         return session
 
     async def close(self) -> None:
@@ -240,7 +245,10 @@ class Session:
         self.permissions.require(query, request)
         payload = codec.encode(request, query.request_encoding)
         check_size(query, payload)
+        if not is_near(self.transport.endpoint):
+            payload = codec.with_packed_answer(payload)
         answer = await self._ask(topics.asked_key(self.name, query, key, asker=self.node.id), payload, timeout)
+        answer = codec.unpacked(answer)
         return codec.decode(answer, query.reply, query.reply_encoding)
 
     # --- who is there ----------------------------------------------------------------------------------------------
@@ -311,7 +319,10 @@ class Session:
         except Exception as error:  # a fault of this node's: it hears of it, and the asker is not left waiting
             incoming.refuse(f"the answer to {query.name} failed in {self.node.id}: {error!r}")
             raise
-        incoming.reply(codec.encode(reply, query.reply_encoding))
+        payload = codec.encode(reply, query.reply_encoding)
+        if len(payload) > codec.LONG and codec.may_be_packed(incoming.payload):
+            payload = await asyncio.to_thread(codec.packed, payload)
+        incoming.reply(payload)
 
     async def _ask(self, key: str, payload: bytes, timeout: float) -> bytes:
         future: asyncio.Future[bytes] = self._loop.create_future()
@@ -376,6 +387,8 @@ class Session:
             del self.nodes[identity]
         for listener in self._node_listeners:
             listener(node, alive)
+        if kind in HOST_KINDS and alive:
+            warn_of_rivals(self.name, [host.id for kind in HOST_KINDS for host in self.nodes_of(kind)])
         if kind in HOST_KINDS and self.node.kind not in HOST_KINDS:
             self._link_changed(bool([host for host in HOST_KINDS if self.nodes_of(host)]))
 
@@ -389,6 +402,10 @@ class Session:
                 listener(False)
         elif alive and not self.connected and self._rejoining is None:
             self._rejoining = self.start(self._rejoin())
+
+    async def _ask_for_life(self, timeout: float) -> None:
+        hello = hello_of(kind=self.node.kind, node=self.node.id)
+        await self._ask(topics.greeting_key(self.name, self.node.id), hello, timeout)
 
     async def _rejoin(self) -> None:
         try:

@@ -37,7 +37,10 @@ From = Annotated[str, typer.Option("--from", help="simulation time at which it b
 To = Annotated[str, typer.Option("--to", help="simulation time at which it ends")]
 Connect = Annotated[
     Optional[str],  # noqa: UP045  typer reads the annotation
-    typer.Option(help="endpoint of the session, tcp/HOST:PORT; default: the one running on this machine"),
+    typer.Option(
+        help="endpoint of the session, tcp/HOST:PORT, or several with commas, of which the first that answers counts; "
+        "default: the one running on this machine"
+    ),
 ]
 SessionName = Annotated[
     str, typer.Option("--session", help="name of the session, where several are behind one endpoint (elys sessions)")

@@ -162,6 +162,12 @@ class _Nowhere:
     """Carries nothing: the transport of no session."""
 
     user = ""
+    endpoint = ""
+    silence = 0.0
+    round_trip = 0.0
+
+    def suspect(self) -> None:
+        """There is no way that could break."""
 
     def publish(self, key: str, payload: bytes, delivery: Delivery) -> None:
         """Nobody hears it."""

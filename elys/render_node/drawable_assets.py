@@ -21,7 +21,8 @@ from elys.render_node.radiance_files import decode_radiance
 
 FIRST_PAUSE: Final = 1.0  # [s] until what could not be had is asked for again, and twice as long each time it fails
 LONGEST_PAUSE: Final = 60.0  # [s]
-THREAD_COUNT: Final = 2  # decoding scales to two (measured), and fetching mostly waits
+THREAD_COUNT: Final = 24  # that wait for what they fetch: from far away a round trip each, so all at the same time
+DECODING_COUNT: Final = 2  # of them at work at the same time: decoding scales to two (measured)
 
 
 class Extent(NamedTuple):
@@ -77,6 +78,7 @@ class DrawableAssets:
         self._radiances: dict[str, NDArray[np.float32]] = {}
         self._pending: dict[str, Future[None]] = {}
         self._pool: ThreadPoolExecutor | None = None
+        self._decoding = threading.BoundedSemaphore(DECODING_COUNT)
         self.failed: dict[str, str] = {}  # reference -> why
         self.version = 0
 
@@ -208,7 +210,8 @@ class DrawableAssets:
         try:
             data = self._got(reference, take)
             if data is not None:
-                take(reference, data)
+                with self._decoding:
+                    take(reference, data)
                 self._recover(reference)
         except ElysError as error:
             self.give_up(reference, str(error))

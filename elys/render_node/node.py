@@ -120,7 +120,9 @@ class SceneFollower:
     async def start(self) -> None:
         """Returns when the scene is there for the first time."""
         await follow_scene(self._session, self.mirror, self._scene_changed)
-        follow_state(self._session, self.mirror, self._state_arrived)
+        follow_state(
+            self._session, self.mirror, self._state_arrived
+        )  # not before: states would delay it on a slow line
 
     def refresh(self, now: float | None) -> None:
         """Brings the world up to date and to the moment `now` [s]; None for the newest state."""

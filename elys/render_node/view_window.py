@@ -73,14 +73,17 @@ async def run_view(
     """
     window = Window(f"ELYS  {session.name}")
     follower = SceneFollower(session)
+    scene = asyncio.ensure_future(follower.start())
+    await asyncio.sleep(0)  # the scene is on its way while OpenGL starts
     try:
         context = window_context()
         viewer = _Viewer(session, window, follower, Renderer(context, quality=interactive_quality(context)))
         viewer.show_debug(frozenset(debug))
         viewer.tells_age = age
-        await follower.start()
+        await scene
         await viewer.run(frames)
     finally:
+        scene.cancel()
         follower.close()
         window.close()
 

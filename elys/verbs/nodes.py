@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from elys.bus.access.listening import LOOPBACK, Listening
-from elys.bus.access.roles import Role, role_of_user, signed_id
+from elys.bus.access.roles import Role, role_of_user
 from elys.bus.log import log_to_session, start_logging
 from elys.bus.recording_plan import RecordingPlan
-from elys.bus.session import Node, Session, node_id
+from elys.bus.session import Session
 from elys.common.errors import AccessError, BusError
 from elys.verbs.playback import Playback
 
@@ -62,30 +62,39 @@ async def joined(connect: str | None, *, kind: str, timeout: float = 5.0) -> Asy
 
 @contextlib.asynccontextmanager
 async def hosted(
-    listen: Listening, *, name: str, kind: str, scene: str, epoch: int, router: str | None = None
+    listen: Listening,
+    *,
+    name: str,
+    kind: str,
+    scene: str,
+    epoch: int,
+    router: str | None = None,
+    is_chosen: bool = False,
 ) -> AsyncIterator[tuple[Session, str]]:
     """A session of one's own and the endpoint it is found at, by others of this machine without being told where.
 
     With `router` it listens nowhere and is reached through the router at that endpoint, as others may be.
 
+    One whose name was chosen by nobody gets another where the name is taken.
+
     Raises:
-        BusError: the endpoint cannot be listened at, or a session of this name is behind the router already.
+        BusError: the endpoint cannot be listened at, or the chosen name is taken here or behind the router.
         AccessError: there is nowhere to keep the keys of who may come in, or the router does not take this user's.
         ConnectionLost: there is no router.
     """
     from elys.bus.discovery import advertise, loopback_endpoint
-    from elys.bus.streaming.choice import is_near
+    from elys.bus.session_names import claimed_name
+    from elys.bus.transports.reaching import is_near
     from elys.verbs.invitation import invite
     from elys.verbs.streaming_child import StreamingChild
 
     transport = await asyncio.to_thread(_host_transport(listen, router))
     try:
-        if router:
-            await _require_new(transport, session_name(name))
-        session = await Session.host(transport, name=session_name(name), kind=kind, epoch=epoch)
-        withdraw = advertise(
-            name=session.name, kind=kind, endpoint=transport.endpoint, scene=scene, is_behind_router=bool(router)
-        )
+        with claimed_name(session_name(name), is_chosen=is_chosen) as free_name:
+            session = await Session.host(transport, name=free_name, kind=kind, epoch=epoch)
+            withdraw = advertise(
+                name=free_name, kind=kind, endpoint=transport.endpoint, scene=scene, is_behind_router=bool(router)
+            )
     except BaseException:
         await asyncio.to_thread(transport.close)
         raise
@@ -132,14 +141,6 @@ def _below_router(router: str) -> ZenohTransport:
             f"a session behind a router needs the key of its owner, not of a {role_of_user(transport.user).title}"
         )
     return transport
-
-
-async def _require_new(transport: ZenohTransport, name: str) -> None:
-    from elys.bus.handshake import all_welcomes
-
-    node = Node("simulation", signed_id(node_id("simulation"), transport.user))
-    if await all_welcomes(transport, node=node, name=name, timeout=1.0):
-        raise BusError(f"a session {name} is behind {transport.endpoint} already: choose another name with --name")
 
 
 def session_name(text: str) -> str:

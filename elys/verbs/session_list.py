@@ -80,8 +80,9 @@ async def _all(connect: str | None, *, discover: bool, seconds: float) -> list[S
 async def _behind(connect: str) -> list[SessionRow]:
     """Those that answer at an endpoint. ConnectionLost: nobody is there."""
     name, endpoint = split_place(choose_endpoint(connect))
-    shown = await asyncio.to_thread(credentials_at, endpoint)
-    transport = await asyncio.to_thread(partial(ZenohTransport.connect, endpoint, credentials=shown))
+    endpoints = endpoint.split(",")
+    shown = await asyncio.to_thread(credentials_at, endpoints[0])
+    transport = await asyncio.to_thread(partial(ZenohTransport.connect, endpoints, credentials=shown))
     try:
         node = Node("tool", signed_id(node_id("tool"), transport.user))
         welcomes = await all_welcomes(transport, node=node, name=name or "*", timeout=PATIENCE)

@@ -113,10 +113,15 @@ async def simulate(
     from elys.verbs.recording_child import RecordingChild
 
     scene, epoch = simulation.name, time.time_ns()
-    async with hosted(listen, name=name or scene, kind="simulation", scene=scene, epoch=epoch, router=router) as (
-        session,
-        endpoint,
-    ):
+    async with hosted(
+        listen,
+        name=name or scene,
+        kind="simulation",
+        scene=scene,
+        epoch=epoch,
+        router=router,
+        is_chosen=bool(name),
+    ) as (session, endpoint):
         _log.info("simulating %s at %s", scene, endpoint)
         node = SimulationNode(
             simulation, session, realtime=realtime, playing=not paused, step_limit=step_limit, keep=keep

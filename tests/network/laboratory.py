@@ -34,7 +34,16 @@ from tests.process.conftest import Command
 
 ROOT = Path(__file__).parents[2]
 PORT = 7447
-_HOLD = 'mount -t tmpfs elys /dev/shm && hostname "$1" && ip link set lo up && echo held && exec cat >/dev/null'
+_HOLD = """
+mount -t tmpfs elys /dev/shm && hostname "$1" && ip link set lo up && echo held || exit 1
+cat >/dev/null  # until whoever holds it is gone, be it that he was killed: then nothing may stay behind
+mine=$(readlink /proc/$$/ns/net)
+for process in /proc/[0-9]*; do
+    number=${process#/proc/}
+    [ "$(readlink "$process/ns/net")" = "$mine" ] && [ "$number" != $$ ] && kill -9 "$number"
+done
+exit 0
+"""
 
 
 class LaboratoryError(Exception):

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import statistics
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.network.laboratory import Laboratory, Link
+from tests.network.laboratory import ROOT, Laboratory, Link
+from tests.process.conftest import wait_until
 
 pytestmark = pytest.mark.process
 PACKETS = Path(__file__).parent / "programs" / "packets.py"
@@ -110,3 +113,27 @@ def test_nothing_is_left_behind_even_after_a_failure(laboratory_here, tmp_path):
     assert not any(Path(f"/proc/{process}").exists() for process in processes)
     here = subprocess.run(["ip", "-brief", "link"], capture_output=True, text=True, check=True).stdout
     assert "link0" not in here and "cable1" not in here
+
+
+KILLED = """
+import os, sys, signal
+from pathlib import Path
+from tests.network.laboratory import Laboratory
+
+lab = Laboratory(Path(sys.argv[1])).__enter__()
+server, laptop = lab.machines("server", "laptop")
+lab.link(server, laptop)
+running = server.start_program(Path(sys.argv[2]), "echo", "5000")
+running.wait_for("ready")
+print(*lab.processes, running.process.pid, flush=True)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_nothing_is_left_behind_by_tests_that_are_killed(laboratory_here, tmp_path):
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    words = [sys.executable, "-c", KILLED, str(tmp_path), str(PACKETS)]
+    said = subprocess.run(words, env=environment, cwd=ROOT, capture_output=True, text=True, check=False).stdout
+    processes = said.split()
+    assert len(processes) == 4
+    wait_until(lambda: not any(Path(f"/proc/{process}").exists() for process in processes))

@@ -107,7 +107,7 @@ def test_two_worlds_behind_one_port_are_told_apart(elys):
     assert behind.wait() == 0 and [row["scene"] for row in json.loads(behind.output)] == ["Stack of 10", "Dominoes"]
 
     twin = elys("run", "stack", "--headless", "--router", endpoint, "--name", "first")
-    assert twin.wait() == 1 and "a session first is behind" in twin.output
+    assert twin.wait() == 1 and "a session called first runs already" in twin.output
 
     async def main() -> None:
         async with client(f"first@{endpoint}") as viewer:

@@ -6,27 +6,14 @@ import os
 from typing import Final
 
 from elys.bus.picture_ring import boot_id
+from elys.bus.transports.reaching import is_near
 from elys.common.errors import BusError
 
 STATES: Final = "ELYS_STATES"  # environment: how states come to this process and those that it starts
 FULL: Final = "full"
 STREAM: Final = "stream"
 AUTO: Final = "auto"
-_NEAR: Final = (
-    "tcp/127.",
-    "tcp/localhost:",
-    "tcp/[::1]:",
-    "tls/127.",
-    "tls/localhost:",
-    "tls/[::1]:",
-    "unixsock-stream/",
-)
 _EXACT_KINDS: Final = ("recorder", "streamer", "simulation", "replay")  # nothing but every bit will do
-
-
-def is_near(endpoint: str) -> bool:
-    """Whether an endpoint is of this machine alone."""
-    return endpoint.startswith(_NEAR)
 
 
 def wants_stream(kind: str, endpoint: str, machine: str) -> bool:

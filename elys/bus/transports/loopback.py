@@ -261,6 +261,13 @@ class LoopbackTransport:
         self._require_open()
         return _nobody if self._hosts else self._keep(self._broker._watch_link(on_change))
 
+    endpoint = ""
+    silence = 0.0
+    round_trip = 0.0
+
+    def suspect(self) -> None:
+        """There is no way that could break."""
+
     def close(self) -> None:
         """Ends everything this transport holds. A second call does nothing."""
         if self._closed:

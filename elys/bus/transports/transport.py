@@ -51,6 +51,10 @@ class Transport(Protocol):
     def user(self) -> str:
         """Who this side is to the host; "" where nobody is asked."""
 
+    @property
+    def endpoint(self) -> str:
+        """Where the host is; "" inside one process."""
+
     def publish(self, key: str, payload: bytes, delivery: Delivery) -> None:
         """Sends to all who subscribe; never waits for a reader."""
 
@@ -86,6 +90,17 @@ class Transport(Protocol):
 
     def watch_link(self, on_change: Callable[[bool], None]) -> Closer:
         """Calls `on_change(connected)` now and when the connection to the host goes or comes; the host hears nothing."""
+
+    @property
+    def silence(self) -> float:
+        """[s] since something came from the host; 0 where there is no way that could break, and for the host itself."""
+
+    @property
+    def round_trip(self) -> float:
+        """[s] to the host and back, as it was measured when the connection was made; 0 where that is not known."""
+
+    def suspect(self) -> None:
+        """The host was silent for too long: looks for another way to it, unless it speaks first."""
 
     def close(self) -> None:
         """Ends everything this transport holds. A second call does nothing."""

@@ -3,8 +3,8 @@
     host  = zenoh "router", listens on tcp/127.0.0.1:7447        viewers, editors, recorders = zenoh "client"s of it
 
 All nodes of a session reach one another through the host, so nobody needs a broker, multicast or discovery, and when the
-host is gone every client notices at once (its TCP connection closes) and knocks again every 100 ms until there is a new one;
-zenoh then declares its subscriptions, queryables and tokens anew by itself.
+host is gone every client notices at once (its TCP connection closes) and knocks four times a second at all endpoints that it
+was given until one answers (`reaching.py`); its subscriptions, queryables and tokens are declared there anew (`zenoh_line.py`).
 
 Delivery. Nothing that a viewer can subscribe to is ever sent with BLOCK: a stopped viewer would stop the simulation. Both
 deliveries are reliable on the wire and dropped only for a reader whose transmission queue is full; they use queues of their
@@ -35,16 +35,26 @@ from elys.bus.access.host import HostAccess, client_settings
 from elys.bus.access.limits import MAX_MESSAGE_SIZE, host_limits
 from elys.bus.topics import Delivery
 from elys.bus.transports.outgoing import Outgoing
+from elys.bus.transports.reaching import KNOCK_INTERVAL, Reached, is_near, reach
 from elys.bus.transports.transport import Answer, Answers, Closer, IncomingQuery, Link
+from elys.bus.transports.zenoh_line import Line, Lines
+from elys.bus.transports.zenoh_query import REFUSAL, ZenohQuery, asking, cause, links_of
 from elys.common.errors import AccessError, BusError, ConnectionLost
 
 DEFAULT_PORT: Final = 7447
 DEFAULT_ENDPOINT: Final = f"tcp/127.0.0.1:{DEFAULT_PORT}"
 
-_LEASE: Final = 2000  # [ms] without a sign of life until a connection (a cut cable, a stopped machine) counts as dead
+# [ms] without a sign of life until a connection (a cut cable, a stopped machine) counts as dead. A client says its own, by how
+# far away it is: TCP needs a round trip to send again what was lost. Of the host it sees earlier that it is silent.
+_HOST_LEASE: Final = 4000
+_CLIENT_LEASE: Final = 800
+_LEASE_ROUND_TRIPS: Final = 4
+_NEAR: Final = 0.06  # [s] within which a door answers of which the distance is worth knowing before
+_FAR: Final = 0.5  # [s] that the round trip may take where it is not known
+_OPENING_TRIPS: Final = 3  # round trips that TCP and zenoh need
+_OPENING_TIME: Final = 2.0  # [s] that zenoh may take to open a connection where a door has opened, and 6 round trips
 _ANSWERING_THREADS: Final = 4
 _ASKING_WHY: Final = 1.5  # [s] of knocking in vain until it is asked why; three round trips of a slow link fit
-_REFUSAL: Final = "elys/refusal"  # encoding that tells our refusals from zenoh's own errors (a timeout)
 _PRIORITIES: Final = {Delivery.LATEST: zenoh.Priority.DATA, Delivery.SEQUENCED: zenoh.Priority.DATA_HIGH}
 _CLOSED: Final = "this transport is closed: open another one"
 _log = logging.getLogger(__name__)
@@ -57,11 +67,25 @@ os.environ.setdefault("ZENOH_RUNTIME", "(rx: (worker_threads: 16))")
 class ZenohTransport:
     """One node's zenoh session; implements `Transport`. Make it with `listen`, `listen_on_free_port` or `connect`."""
 
-    def __init__(self, session: zenoh.Session, *, endpoint: str, hosts: bool, user: str = "") -> None:
+    def __init__(
+        self,
+        session: zenoh.Session,
+        *,
+        endpoint: str,
+        hosts: bool,
+        user: str = "",
+        names: Sequence[str] = (),
+        round_trip: float = 0.0,
+        credentials: Credentials | None = None,
+    ) -> None:
+        """`names` are the endpoints at which the other side is looked for when it is gone, and shown `credentials`."""
         self.endpoint = endpoint
+        self.round_trip = round_trip
         self.user = user  # who this side is to the host; "" where it asks nobody
-        self._session = session
+        self._names = names
+        self._credentials = credentials
         self._hosts = hosts
+        self._lines = Lines(session, self._open_again if names else None)
         # Replies wait for the asker's queue. On threads of their own they may: the loop must not.
         self._answering = ThreadPoolExecutor(_ANSWERING_THREADS, thread_name_prefix="elys-answers")
         self._unanswered: weakref.WeakSet[ZenohQuery] = weakref.WeakSet()
@@ -69,9 +93,7 @@ class ZenohTransport:
         self._outgoing = Outgoing() if hosts else None
         self._lock = threading.Lock()
         self._matched: dict[str, zenoh.Publisher] = {}  # declared to hear who listens
-        self._closers: set[Closer] = set()
         self._closed = False
-        self._way: tuple[list[str], Credentials | None] = ([], None)  # endpoints, and what was shown there
 
     @classmethod
     def listen(cls, endpoint: str = DEFAULT_ENDPOINT, *, access: HostAccess | None = None) -> ZenohTransport:
@@ -88,7 +110,7 @@ class ZenohTransport:
                 raise BusError(
                     f"{endpoint} is in use, perhaps by another session: stop that one, or choose another port"
                 ) from error
-            raise BusError(f"cannot listen on '{endpoint}' ({_cause(error)}): give tcp/ADDRESS:PORT") from error
+            raise BusError(f"cannot listen on '{endpoint}' ({cause(error)}): give tcp/ADDRESS:PORT") from error
         return cls(session, endpoint=endpoint, hosts=True)
 
     @classmethod
@@ -126,11 +148,18 @@ class ZenohTransport:
         deadline, patience = time.monotonic() + timeout, _ASKING_WHY
         while True:
             left = deadline - time.monotonic()
-            session = _opened(names, min(max(left, 0.001), patience), credentials)
-            if session is not None:
-                transport = cls(session, endpoint=names[0], hosts=hosts, user=credentials.user if credentials else "")
-                transport._way = names, credentials
-                return transport
+            reached = _reached(names, min(max(left, 0.001), patience), credentials)
+            if reached is not None:
+                session, door = reached
+                return cls(
+                    session,
+                    endpoint=door.endpoint,
+                    hosts=hosts,
+                    user=credentials.user if credentials else "",
+                    names=names,
+                    round_trip=door.round_trip,
+                    credentials=credentials,
+                )
             if credentials is not None and any(is_open(name) for name in names):
                 credentials = None  # a host that asks nobody does not let in who tells it
                 deadline = max(deadline, time.monotonic() + patience)
@@ -145,8 +174,7 @@ class ZenohTransport:
 
     def another(self, timeout: float) -> ZenohTransport:
         """One more connection to the same host; raises as `connect` does."""
-        endpoints, credentials = self._way
-        return self.connect(endpoints, timeout=timeout, credentials=credentials)
+        return self.connect(self._names, timeout=timeout, credentials=self._credentials)
 
     # --- publishing and subscribing --------------------------------------------------------------------------------
 
@@ -168,27 +196,37 @@ class ZenohTransport:
         try:
             self._put(key, make(), delivery)
         except zenoh.ZError as error:
-            _log.error("nothing could be sent on %s: %s", key, _cause(error))
+            _log.error("nothing could be sent on %s: %s", key, cause(error))
 
     def _put(self, key: str, payload: bytes, delivery: Delivery) -> None:
-        self._session.put(key, payload, congestion_control=zenoh.CongestionControl.DROP, priority=_PRIORITIES[delivery])
+        self._lines.session.put(
+            key, payload, congestion_control=zenoh.CongestionControl.DROP, priority=_PRIORITIES[delivery]
+        )
 
     def has_listener(self, key: str) -> bool:
         """Whether anybody subscribes to a key now; the first question about a key comes too early to know of others' nodes."""
         with self._closed_said():
             if key not in self._matched:
-                self._matched[key] = self._session.declare_publisher(key)
+                self._keep(partial(self._match, key))
             status: Any = self._matched[key].matching_status  # its stub says bool
             return bool(status.matching)
+
+    def _match(self, key: str, line: Line) -> zenoh.Publisher:
+        self._matched[key] = line.session.declare_publisher(key)
+        return self._matched[key]
 
     def subscribe(self, key_expression: str, on_sample: Callable[[str, bytes], None]) -> Closer:
         """Calls `on_sample(key, payload)` on zenoh's receiving thread: it must only hand over."""
 
-        def arrived(sample: zenoh.Sample) -> None:
-            on_sample(str(sample.key_expr), sample.payload.to_bytes())
+        def declare(line: Line) -> Any:
+            def arrived(sample: zenoh.Sample) -> None:
+                if line.is_live:
+                    self._lines.heard()
+                    on_sample(str(sample.key_expr), sample.payload.to_bytes())
 
-        with self._closed_said():
-            return self._keep(self._session.declare_subscriber(key_expression, Callback(arrived, indirect=False)))
+            return line.session.declare_subscriber(key_expression, Callback(arrived, indirect=False))
+
+        return self._keep(declare)
 
     # --- asking and answering --------------------------------------------------------------------------------------
 
@@ -201,18 +239,20 @@ class ZenohTransport:
             self._unanswered.add(question)
             on_query(question)
 
-        with self._closed_said():
-            return self._keep(self._session.declare_queryable(key_expression, Callback(arrived, indirect=False)))
+        return self._keep(
+            lambda line: line.session.declare_queryable(key_expression, Callback(arrived, indirect=False))
+        )
 
     def request(self, key_expression: str, payload: bytes, timeout: float, answer: Answer) -> None:
         """Asks; the first answer within `timeout` seconds counts."""
         settled = threading.Lock()  # taken by the first answer and never given back
 
         def arrived(reply: zenoh.Reply) -> None:
+            self._lines.heard()
             if (sample := reply.ok) is not None:
                 if settled.acquire(blocking=False):
                     answer(sample.payload.to_bytes(), "")
-            elif (error := reply.err) is None or str(error.encoding) != _REFUSAL:
+            elif (error := reply.err) is None or str(error.encoding) != REFUSAL:
                 return  # zenoh's own error: the end of the request follows and says it
             elif settled.acquire(blocking=False):
                 answer(None, error.payload.to_bytes().decode(errors="replace"))
@@ -223,7 +263,7 @@ class ZenohTransport:
 
         with self._closed_said():
             handler = Callback(arrived, ended, indirect=False)
-            self._session.get(key_expression, handler, **_options(payload, timeout))
+            self._lines.session.get(key_expression, handler, **asking(payload, timeout))
 
     def survey(self, key_expression: str, payload: bytes, timeout: float, answers: Answers) -> None:
         """Asks all who serve these keys; `answers` hears once, when all have spoken or after `timeout` seconds."""
@@ -231,54 +271,68 @@ class ZenohTransport:
         reasons: list[str] = []
 
         def arrived(reply: zenoh.Reply) -> None:
+            self._lines.heard()
             if (sample := reply.ok) is not None:
                 replies.append(sample.payload.to_bytes())
-            elif (error := reply.err) is not None and str(error.encoding) == _REFUSAL:
+            elif (error := reply.err) is not None and str(error.encoding) == REFUSAL:
                 reasons.append(error.payload.to_bytes().decode(errors="replace"))
 
         with self._closed_said():
             handler = Callback(arrived, lambda: answers(replies, reasons), indirect=False)
-            self._session.get(key_expression, handler, **_options(payload, timeout))
+            self._lines.session.get(key_expression, handler, **asking(payload, timeout))
 
     # --- who is there ----------------------------------------------------------------------------------------------
 
     def identity(self) -> str:
         """What this end is called by others' `links`."""
-        return str(self._session.info.zid())
+        return str(self._lines.session.info.zid())
 
     def links(self) -> list[Link]:
         """The connections there are now."""
-        return links_of(self._session)
+        return links_of(self._lines.session)
 
     def announce(self, key: str) -> Closer:
         """Shows others that this key's owner is alive, until closed or dead."""
-        with self._closed_said():
-            return self._keep(self._session.liveliness().declare_token(key))
+        return self._keep(lambda line: line.session.liveliness().declare_token(key))
 
     def watch(self, key_expression: str, on_change: Callable[[str, bool], None]) -> Closer:
         """Calls `on_change(key, alive)` for those alive now and at every change."""
 
-        def changed(sample: zenoh.Sample) -> None:
-            on_change(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+        alive: dict[str, None] = {}
 
-        with self._closed_said():
+        def declare(line: Line) -> Any:
+            for key in list(alive):  # who is there is told anew
+                del alive[key]
+                on_change(key, False)
+
+            def changed(sample: zenoh.Sample) -> None:
+                if not line.is_live:
+                    return
+                self._lines.heard()
+                key, is_alive = str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT
+                if is_alive:
+                    alive[key] = None
+                else:
+                    alive.pop(key, None)
+                on_change(key, is_alive)
+
             handler = Callback(changed, indirect=False)
-            return self._keep(self._session.liveliness().declare_subscriber(key_expression, handler, history=True))
+            return line.session.liveliness().declare_subscriber(key_expression, handler, history=True)
+
+        return self._keep(declare)
 
     def watch_link(self, on_change: Callable[[bool], None]) -> Closer:
         """Calls `on_change(connected)` now and when the host goes or comes; for the host itself there is nothing to tell."""
-        if self._hosts:
-            return _nothing
+        return _nothing if self._hosts else self._lines.on_link(on_change)
 
-        def changed(event: zenoh.TransportEvent) -> None:
-            on_change(event.kind == zenoh.SampleKind.PUT)
+    @property
+    def silence(self) -> float:
+        """[s] since something came from the host; 0 for the host itself."""
+        return 0.0 if self._hosts else self._lines.silence
 
-        with self._closed_said():
-            handler = Callback(changed, indirect=False)
-            closer = self._keep(self._session.info.declare_transport_events_listener(handler, history=True))
-            if not self._session.info.routers_zid():
-                on_change(False)
-            return closer
+    def suspect(self) -> None:
+        """The host was silent for too long: looks for another way to it, unless it speaks first."""
+        self._lines.suspect()
 
     def close(self) -> None:
         """Leaves and frees everything. A second call does nothing."""
@@ -286,30 +340,33 @@ class ZenohTransport:
             if self._closed:
                 return
             self._closed = True
-            self._closers.clear()
         if self._outgoing is not None:
             self._outgoing.close()
         self._answering.shutdown(wait=False, cancel_futures=True)
         for question in list(self._unanswered):
             question.drop()  # zenoh would wait 10 s for somebody to answer them
-        self._session.close()  # type: ignore[no-untyped-call]
+        self._lines.close()
 
     # --- inside ----------------------------------------------------------------------------------------------------
 
-    def _keep(self, declared: Any) -> Closer:
-        """The closer of something declared; what is open at the end goes with the zenoh session."""
+    def _open_again(self, stop: threading.Event) -> zenoh.Session | None:
+        door = reach(self._names, timeout=_OPENING_TIME, stop=stop)
+        if door is None:
+            return None
+        try:
+            session = _opened(door, _OPENING_TIME, self._credentials)
+        except BusError as error:
+            _log.debug("nobody behind the door of %s: %s", door.endpoint, error)
+            return None
+        if session is None:
+            return None
+        self.endpoint, self.round_trip = door.endpoint, door.round_trip
+        return session
 
-        def close() -> None:
-            with self._lock:
-                if close not in self._closers:
-                    return
-                self._closers.discard(close)
-            with contextlib.suppress(zenoh.ZError):  # the zenoh session closed meanwhile and took it along
-                declared.undeclare()
-
-        with self._lock:
-            self._closers.add(close)
-        return close
+    def _keep(self, declare: Callable[[Line], Any]) -> Closer:
+        """The closer of something declared, on this line and on those that follow."""
+        with self._closed_said():
+            return self._lines.stand(declare)
 
     @contextlib.contextmanager
     def _closed_said(self) -> Any:
@@ -318,74 +375,47 @@ class ZenohTransport:
         except zenoh.ZError as error:
             if self._closed:
                 raise BusError(_CLOSED) from error
-            raise BusError(f"zenoh refused ({_cause(error)})") from error
+            raise BusError(f"zenoh refused ({cause(error)})") from error
 
 
-class ZenohQuery:
-    """A question as the one who serves it sees it."""
-
-    def __init__(self, query: zenoh.Query, answer_key: str, answering: ThreadPoolExecutor) -> None:
-        self.key = str(query.key_expr)
-        self.payload = b"" if query.payload is None else query.payload.to_bytes()
-        self._query: zenoh.Query | None = query
-        self._answer_key = answer_key
-        self._answering = answering
-
-    def reply(self, payload: bytes) -> None:
-        """Answers, on a thread that may wait for the asker."""
-        self._send(lambda query: query.reply(self._answer_key, payload))
-
-    def refuse(self, reason: str) -> None:
-        """Says why there is no answer."""
-        self._send(lambda query: query.reply_err(reason.encode(), encoding=_REFUSAL))
-
-    def drop(self) -> None:
-        """Ends the question for the asker, answered or not."""
-        self._query = None
-
-    def _send(self, send: Callable[[zenoh.Query], None]) -> None:
-        # Taken here, not on the thread that answers: of two answers the first one counts, whichever thread is faster.
-        query, self._query = self._query, None
-        if query is None:
-            return  # answered already
-
-        def work() -> None:
-            try:
-                send(query)
-            except zenoh.ZError as error:
-                _log.debug("an answer on %s found nobody: %s", self.key, _cause(error))
-
-        with contextlib.suppress(RuntimeError):  # the transport is closing: nobody is left to answer
-            self._answering.submit(work)
+def _reached(
+    names: Sequence[str], timeout: float, credentials: Credentials | None
+) -> tuple[zenoh.Session, Reached] | None:
+    """A zenoh session with who answers first of these, and where that is; None where nobody lets it in within `timeout` [s].
+    Raises BusError for what is no endpoint.
+    """
+    deadline = time.monotonic() + timeout
+    door = reach(names, timeout=min(_NEAR, timeout))
+    if door is None and len(names) == 1 and not is_near(names[0]):
+        # A round trip is worth something there: straight in, for somebody is there mostly.
+        door = Reached(names[0], _FAR)
+    elif door is None:
+        door = reach(names, timeout=deadline - time.monotonic())
+    while door is not None and (left := deadline - time.monotonic()) > 0.0:
+        begun = time.monotonic()
+        session = _opened(door, left, credentials)
+        if session is not None:
+            return session, Reached(door.endpoint, min(door.round_trip, (time.monotonic() - begun) / _OPENING_TRIPS))
+        time.sleep(
+            min(KNOCK_INTERVAL, max(deadline - time.monotonic(), 0.0))
+        )  # who is refused must not keep others out
+        door = reach(names, timeout=deadline - time.monotonic())
+    return None
 
 
-def links_of(session: zenoh.Session) -> list[Link]:
-    """The connections of a zenoh session."""
-    info = session.info
-    kinds = {str(transport.zid): str(transport.whatami) for transport in info.transports()}
-    return [Link(str(o.zid), kinds.get(str(o.zid), ""), str(o.src), str(o.dst)) for o in info.links()]
+def _opened(door: Reached, timeout: float, credentials: Credentials | None) -> zenoh.Session | None:
+    """A client's zenoh session with a host whose door is open; None where it lets nobody in. Raises BusError for no endpoint.
 
-
-def _options(payload: bytes, timeout: float) -> dict[str, Any]:
-    """How questions are asked: of all who may answer, each answer as it comes."""
-    return {
-        "payload": payload,
-        "timeout": timeout,
-        "target": zenoh.QueryTarget.ALL,
-        "consolidation": zenoh.ConsolidationMode.NONE,
-        "congestion_control": zenoh.CongestionControl.BLOCK,
-    }
-
-
-def _opened(names: list[str], timeout: float, credentials: Credentials | None) -> zenoh.Session | None:
-    """A client of one of these endpoints; None where it cannot connect. Raises BusError for what is no endpoint."""
-    by_certificate = all(name.startswith("tls/") for name in names)
+    It takes `timeout` [s] at most, or 6 round trips where those are longer.
+    """
+    by_certificate = door.endpoint.startswith("tls/")
     if by_certificate and (credentials is None or not credentials.has_certificate):
         return None
     settings = {
-        "connect/endpoints": names,
-        "connect/timeout_ms": max(1, int(timeout * 1000)),
+        "transport/link/tx/lease": _CLIENT_LEASE + int(_LEASE_ROUND_TRIPS * door.round_trip * 1000),
+        "connect/timeout_ms": max(1, int(max(min(timeout, _OPENING_TIME), 6.0 * door.round_trip) * 1000)),
         "connect/exit_on_failure": True,
+        "connect/endpoints": [door.endpoint],
         **client_settings(credentials, by_certificate=by_certificate),
     }
     try:
@@ -393,7 +423,7 @@ def _opened(names: list[str], timeout: float, credentials: Credentials | None) -
     except zenoh.ZError as error:
         if "Unable to connect" in str(error):
             return None
-        raise BusError(f"cannot connect to '{' or '.join(names)}' ({_cause(error)}): give tcp/ADDRESS:PORT") from error
+        raise BusError(f"cannot connect to '{door.endpoint}' ({cause(error)}): give tcp/ADDRESS:PORT") from error
 
 
 def _config(mode: str, settings: dict[str, Any]) -> zenoh.Config:
@@ -405,11 +435,12 @@ def _config(mode: str, settings: dict[str, Any]) -> zenoh.Config:
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
         "scouting/delay": 0,  # half a second of waiting for peers that nobody looks for
-        "connect/retry": {"period_init_ms": 100, "period_max_ms": 100, "period_increase_factor": 1},
+        # Never by itself: `zenoh_line.py` comes back sooner, and two that do would bring everything twice.
+        "connect/retry": {"period_init_ms": 1 << 30, "period_max_ms": 1 << 30, "period_increase_factor": 1},
         # Killed processes would leave segments behind in /dev/shm, and state frames gain little.
         "transport/shared_memory/enabled": False,
         "transport/link/rx/max_message_size": MAX_MESSAGE_SIZE,
-        "transport/link/tx/lease": _LEASE,
+        "transport/link/tx/lease": _HOST_LEASE,
         "transport/link/tx/queue/size/data": 16,
         "transport/link/tx/queue/size/data_high": 16,
         "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 1000,  # [us]
@@ -422,11 +453,6 @@ def _config(mode: str, settings: dict[str, Any]) -> zenoh.Config:
 
 def _insert(config: zenoh.Config, key: str, value: Any) -> None:
     config.insert_json5(key, json.dumps(value))
-
-
-def _cause(error: zenoh.ZError) -> str:
-    """What zenoh says, without the places in its sources."""
-    return str(error).split(" at /")[0].strip()
 
 
 def _nothing() -> None:

@@ -25,7 +25,8 @@ from elys.bus.access.host import HostAccess
 from elys.bus.access.limits import host_limits
 from elys.bus.access.router import INNER, lower_settings, upper_settings
 from elys.bus.transports.transport import Closer, Link
-from elys.bus.transports.zenoh import ZenohTransport, _cause, _config, links_of
+from elys.bus.transports.zenoh import ZenohTransport, _config
+from elys.bus.transports.zenoh_query import cause, links_of
 from elys.common.errors import AccessError, BusError
 
 
@@ -34,6 +35,10 @@ class ZenohRouter(ZenohTransport):
 
     _upper: zenoh.Session | None = None  # what connects upward, if not this end itself
     _directory = ""  # of the socket between the two
+
+    def __init__(self, session: zenoh.Session, *, endpoint: str, user: str = "") -> None:
+        super().__init__(session, endpoint=endpoint, hosts=True, user=user)
+        self._held: list[Any] = []  # listeners, which end when nobody holds them
 
     @classmethod
     def open(
@@ -59,10 +64,10 @@ class ZenohRouter(ZenohTransport):
             )
         with _causes_said(listen, upstream):
             if access is None:
-                return cls(_opened([listen], upstream, {}), endpoint=listen, hosts=True)
+                return cls(_opened([listen], upstream, {}), endpoint=listen)
             if not upstream or credentials is None:
                 with lower_settings(access, None) as settings:
-                    return cls(_opened([listen], (), settings), endpoint=listen, hosts=True)
+                    return cls(_opened([listen], (), settings), endpoint=listen)
             return cls._with_two_ends(listen, upstream, access, credentials)
 
     @classmethod
@@ -84,7 +89,7 @@ class ZenohRouter(ZenohTransport):
         except BaseException:
             shutil.rmtree(directory, ignore_errors=True)
             raise
-        router = cls(lower, endpoint=listen, hosts=True, user=credentials.user)
+        router = cls(lower, endpoint=listen, user=credentials.user)
         router._upper, router._directory = upper, directory
         return router
 
@@ -108,13 +113,16 @@ class ZenohRouter(ZenohTransport):
             if str(transport.zid) not in own:
                 on_change(str(transport.zid), str(transport.whatami), event.kind == zenoh.SampleKind.PUT)
 
+        handler = Callback(changed, indirect=False)
         with self._closed_said():
-            handler = Callback(changed, indirect=False)
-            closers = [self._keep(end.info.declare_transport_events_listener(handler, history=True)) for end in ends]
+            held: list[Any] = [end.info.declare_transport_events_listener(handler, history=True) for end in ends]
+        self._held += held
 
         def close() -> None:
-            for closer in closers:
-                closer()
+            for listener in held:
+                self._held.remove(listener)
+                with contextlib.suppress(zenoh.ZError):  # the zenoh session closed meanwhile and took it along
+                    listener.undeclare()
 
         return close
 
@@ -127,7 +135,7 @@ class ZenohRouter(ZenohTransport):
             shutil.rmtree(self._directory, ignore_errors=True)
 
     def _ends(self) -> list[zenoh.Session]:
-        return [self._session] if self._upper is None else [self._session, self._upper]
+        return [self._lines.session] if self._upper is None else [self._lines.session, self._upper]
 
 
 def _opened(listen: Sequence[str], connect: Sequence[str], settings: dict[str, Any]) -> zenoh.Session:
@@ -136,6 +144,7 @@ def _opened(listen: Sequence[str], connect: Sequence[str], settings: dict[str, A
         "connect/endpoints": list(connect),
         "connect/timeout_ms": -1,  # knocks for ever, beside all else: what is above may start later
         "connect/exit_on_failure": False,
+        "connect/retry": {"period_init_ms": 100, "period_max_ms": 100, "period_increase_factor": 1},
         **host_limits(is_router=True),
         **settings,
     }
@@ -150,5 +159,5 @@ def _causes_said(listen: str, upstream: Sequence[str]) -> Iterator[None]:
         if "in use" in str(error):
             raise BusError(f"{listen} is in use, perhaps by a session: choose another port with --listen") from error
         raise BusError(
-            f"cannot route from '{listen}' to '{' or '.join(upstream)}' ({_cause(error)}): give tcp/ADDRESS:PORT"
+            f"cannot route from '{listen}' to '{' or '.join(upstream)}' ({cause(error)}): give tcp/ADDRESS:PORT"
         ) from error

@@ -3,20 +3,23 @@
     python watcher.py ENDPOINT[,ENDPOINT...]
 
 It says, one a line, with its own clock [s] in front:
+    begun                        all is loaded
     joined EPOCH NODE            the handshake is done
     scene COUNT                  the whole scene is there for the first time
     link 0|1 EPOCH               the host went, or is back
-    state EPOCH TICK HASH SUM    a state frame that it now shows; SUM: a checksum of all that it holds of it
+    state EPOCH TICK HASH SUM AGE   a state frame that it now shows; SUM: a checksum of all that it holds of it; AGE [s]
     mirror EPOCH SEQUENCE SUM    the scene as it now holds it, after a change
     reply WORD accepted|refused  to a line of its input
     failed SENTENCE              and it ends
 
-It hears `rename OLD NEW`, `play`, `pause`, `end`.
+It hears `rename OLD NEW`, `paint ENTITY R G B`, `play`, `pause`, `end`.
 """
 
 from __future__ import annotations
 
 import asyncio
+import os
+import shlex
 import sys
 import time
 import zlib
@@ -24,11 +27,14 @@ import zlib
 from elys.bus import topics
 from elys.bus.discovery import join_session
 from elys.bus.following import follow_scene, follow_state
-from elys.bus.messages.commands import Command, CommandRequest, Rename, SetPlaying
+from elys.bus.messages.commands import Command, CommandRequest, Rename, SetComponent, SetPlaying
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.mirror import MirrorUpdate, SceneMirror
 from elys.bus.session import Session
 from elys.common.errors import ElysError
+
+os.environ["ELYS_STATES"] = "full"  # a stream is told as exactly as a link carries; here every bit is compared
+MOVING = ("Transform", "RigidBody")
 
 
 def say(*words: object) -> None:
@@ -44,10 +50,11 @@ def frame_sum(frame: StateFrame) -> int:
 
 
 def scene_sum(mirror: SceneMirror) -> int:
-    """Of all entities: names, tree, components."""
+    """Of all entities: names, tree and components, but for those that time moves and states tell."""
     total = 0
     for entity in mirror.in_order():
-        told = (entity.id, entity.name, entity.parent, entity.enabled, sorted(entity.components.items()))
+        standing = sorted((name, repr(value)) for name, value in entity.components.items() if name not in MOVING)
+        told = (entity.id, entity.name, entity.parent, entity.enabled, standing)
         total = zlib.crc32(repr(told).encode(), total)
     return total
 
@@ -61,22 +68,28 @@ class Watcher:
         session.on_link(lambda connected: say("link", int(connected), session.epoch))
 
     async def follow(self) -> None:
-        follow_state(self.session, self.mirror, self._state)
         await follow_scene(self.session, self.mirror, self._scene)
         say("scene", len(self.mirror.entities))
+        follow_state(self.session, self.mirror, self._state)
 
     def _state(self, frame: StateFrame) -> None:
-        say("state", frame.epoch, frame.tick, f"{frame.state_hash:016x}", frame_sum(frame))
+        age = (time.time_ns() - frame.published_at) * 1e-9  # all machines of the laboratory have one clock
+        say("state", frame.epoch, frame.tick, f"{frame.state_hash:016x}", frame_sum(frame), f"{age:.4f}")
 
     def _scene(self, _: MirrorUpdate) -> None:
         say("mirror", self.mirror.epoch, self.mirror.sequence, scene_sum(self.mirror))
+
+    def _entity(self, name: str) -> int:
+        return next(entity.id for entity in self.mirror.entities.values() if entity.name == name)
 
     async def obey(self, words: list[str]) -> None:
         command: Command
         match words:
             case ["rename", old, new]:
-                entity = next(entity.id for entity in self.mirror.entities.values() if entity.name == old)
-                command = Rename(entity=entity, name=new)
+                command = Rename(entity=self._entity(old), name=new)
+            case ["paint", name, *color]:
+                values = {"base_color": [float(part) for part in color]}
+                command = SetComponent(entity=self._entity(name), component="Material", values=values)
             case ["play"] | ["pause"]:
                 command = SetPlaying(playing=words[0] == "play")
             case _:
@@ -90,6 +103,7 @@ class Watcher:
 
 
 async def watch(endpoint: str) -> None:
+    say("begun")
     session = await join_session(endpoint, kind="tool", timeout=30.0)
     say("joined", session.epoch, session.node.id)
     watcher = Watcher(session)
@@ -98,7 +112,7 @@ async def watch(endpoint: str) -> None:
     loop.add_reader(sys.stdin, lambda: lines.put_nowait(sys.stdin.readline()))
     following = asyncio.create_task(watcher.follow())
     while (line := await lines.get()).strip() not in ("", "end"):
-        await watcher.obey(line.split())
+        await watcher.obey(shlex.split(line))
     following.cancel()
     await session.close()
 

@@ -120,3 +120,16 @@ def test_a_place_that_makes_no_sense_is_refused() -> None:
         discovery.place_of("meadow@robot", "yard")
     with pytest.raises(BusError, match="'a b' is no session's name"):
         discovery.complete_place("a b@robot")
+
+
+def test_a_host_that_was_killed_and_not_yet_looked_after_is_gone(tmp_path, monkeypatch):
+    monkeypatch.setenv("ELYS_RUNTIME_DIR", str(tmp_path))
+    dead = subprocess.Popen([sys.executable, "-c", "pass"])
+    try:
+        os.waitid(os.P_PID, dead.pid, os.WEXITED | os.WNOWAIT)  # it has ended, and stays until it is waited for
+        monkeypatch.setattr(os, "getpid", lambda: dead.pid)
+        discovery.advertise(name="yard", endpoint="tcp/127.0.0.1:7447", kind="simulation", scene="yard")
+        assert discovery.find_sessions() == []
+    finally:
+        monkeypatch.undo()
+        dead.wait()
