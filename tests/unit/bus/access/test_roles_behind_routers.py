@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import asyncio
 import queue
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pytest
 from zenoh.handlers import Callback
 
 from elys.bus import topics
-from elys.bus.access.host import HostAccess
-from elys.bus.access.keyring import Keyring
-from elys.bus.access.roles import Role, signed_id
+from elys.bus.access.host import HostAccess, with_certificate
+from elys.bus.access.keyring import Keyring, new_key
+from elys.bus.access.roles import GIVEN, Role, signed_id
 from elys.bus.router import Router
 from elys.bus.session import Session
 from elys.bus.topics import NODE_KINDS, QUERIES, TOPICS, Delivery
@@ -188,8 +190,6 @@ def test_what_a_host_says_comes_down_however_large_and_sessions_may_be_hosted_be
 
 
 async def test_sessions_are_joined_through_a_guarded_router_which_shows_itself(tree: Tree) -> None:
-    import asyncio
-
     router = Router(tree.router, lambda sentence: None)
     router.start()
     host = await Session.host(tree.transport, name=NAME, kind="simulation", epoch=7)
@@ -213,3 +213,52 @@ def test_a_router_asks_below_for_what_it_shows_above() -> None:
     keyring = Keyring(keys=[])
     with pytest.raises(AccessError, match="whoever it let in otherwise would be taken for its owner"):
         ZenohRouter.open("tcp/127.0.0.1:0", ["tcp/127.0.0.1:1"], access=HostAccess.of(keyring))
+
+
+def test_a_router_takes_secrets_or_certificates_on_both_sides() -> None:
+    keyring = Keyring(keys=[new_key(role) for role in GIVEN])
+    access, shown = HostAccess.of(keyring), keyring.credentials(keyring.named("owner"))
+    for below, above in (("tcp", "tls"), ("tls", "tcp")):
+        with pytest.raises(AccessError, match="give endpoints of tls/ to both --listen and --connect, or to neither"):
+            ZenohRouter.open(f"{below}/127.0.0.1:1", [f"{above}/127.0.0.1:2"], access=access, credentials=shown)
+    with pytest.raises(AccessError, match="has no certificate: make a file with `elys keys export owner`"):
+        ZenohRouter.open("tls/127.0.0.1:1", ["tls/127.0.0.1:2"], access=access, credentials=shown)
+    other = replace(shown, secret="x" * 32)
+    with pytest.raises(AccessError, match="has one secret above this router and another one here"):
+        ZenohRouter.open("tcp/127.0.0.1:1", ["tcp/127.0.0.1:2"], access=access, credentials=other)
+
+
+def test_roles_hold_through_a_router_that_speaks_tls() -> None:
+    keyring = Keyring(keys=[new_key(role) for role in GIVEN])
+    keyring.authority.ensure()
+    access = HostAccess.with_certificates(keyring, ("127.0.0.1", "localhost"))
+    above, below = (f"tls/127.0.0.1:{free_port()}" for _ in range(2))
+    shown = {role: with_certificate(keyring.named(role.title), keyring.authority) for role in GIVEN}
+    host = ZenohTransport.listen(above, access=access)
+    router = ZenohRouter.open(below, [above], access=access, credentials=shown[Role.OWNER])
+    viewer = ZenohTransport.connect(below, timeout=PATIENCE, credentials=shown[Role.VIEWER])
+    try:
+        at_host: queue.Queue[tuple[str, bytes]] = queue.Queue()
+        at_viewer: queue.Queue[tuple[str, bytes]] = queue.Queue()
+        host.subscribe("elys/**", lambda key, payload: at_host.put((key, payload)))
+        viewer.subscribe(f"elys/{NAME}/state", lambda key, payload: at_viewer.put((key, payload)))
+
+        def goes(say: ZenohTransport, key: str, heard: queue.Queue[tuple[str, bytes]]) -> bool:
+            say.publish(key, b"way", Delivery.SEQUENCED)
+            try:
+                return heard.get(timeout=0.01) == (key, b"way")
+            except queue.Empty:
+                return False
+
+        wait_until(lambda: goes(host, f"elys/{NAME}/state", at_viewer))
+        wait_until(lambda: goes(viewer, f"elys/{NAME}/view/request/anybody", at_host))
+        viewer.publish(f"elys/{NAME}/delta", b"forged", Delivery.SEQUENCED)
+        viewer.publish(f"elys/{NAME}/view/request/anybody", b"end", Delivery.SEQUENCED)
+        viewer.publish(f"elys/{NAME}/view/request/anybody", b"end", Delivery.LATEST)
+        came = []
+        while [payload for _, payload in came].count(b"end") < 2:
+            came.append(at_host.get(timeout=PATIENCE))
+        assert b"forged" not in [payload for _, payload in came]
+    finally:
+        for transport in (viewer, router, host):
+            transport.close()
