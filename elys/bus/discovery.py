@@ -206,12 +206,14 @@ async def join_session(
         AccessError: it does not let this side in; the sentence says why.
         ProtocolError: the host speaks another version of the protocol. BusError: several are there, and none was named.
     """
-    name, endpoint = split_place(choose_endpoint(connect))
+    place = choose_endpoint(connect)
+    name, endpoint = split_place(place)
     endpoints = endpoint.split(",")
     shown = credentials or await asyncio.to_thread(credentials_at, endpoints[0])
     transport = await asyncio.to_thread(ZenohTransport.connect, endpoints, timeout=timeout, credentials=shown)
     try:
         session = await Session.join(transport, kind=kind, name=name or "*", timeout=timeout, node=node)
+        session.place = place
         if wants_stream(kind, endpoint, session.machine):
             session.states = StreamClient(session, transport.another)
         return session

@@ -71,6 +71,7 @@ class Session:
         self.traffic = Traffic()
         self.host_facts: Callable[[], HostFacts] | None = None  # of a host: what it carries, for who asks
         self.machine = ""  # of the host, see Welcome
+        self.place = ""  # what `discovery.join_session` was told, to come here again
         self.states: StateSource | None = None  # where states come from instead of the topic: a stream
         self.arrival = Arrival(0.0, 0.0)  # of the message that a subscriber is called with
         self.permissions = Permissions(Role.HOST if node.kind in HOST_KINDS else role_of_user(transport.user))

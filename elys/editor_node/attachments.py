@@ -73,7 +73,8 @@ class Attachments:
         self.doing_beside = ""  # likewise, of what leaves the session as it is
         self.error = ""  # why the last wish was not fulfilled
         self.forked_from = ""  # endpoint of the replay of which the session is a fork, begun here
-        self.endpoint = str(getattr(seat.transport, "endpoint", "")) if seat.session is not None else ""
+        # The place: with the session's name, where several are behind one endpoint and it was chosen by name.
+        self.endpoint = (seat.session.place or seat.transport.endpoint) if seat.session is not None else ""
         self.sessions: tuple[SessionRecord, ...] = ()  # that run on this machine, as far as somebody looks
         self.nearby: tuple[FoundSession, ...] | None = None  # of the local network, once somebody asked
         self._asking: asyncio.Task[None] | None = None

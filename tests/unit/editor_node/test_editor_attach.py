@@ -133,6 +133,32 @@ def test_a_model_needs_no_session_and_finds_one_later():
     asyncio.run(scenario())
 
 
+def test_an_editor_that_was_started_by_name_comes_back_by_name():
+    """As `elys edit --session yard` does, where other sessions are behind the same endpoint."""
+
+    async def scenario():
+        town = Town()
+        await town.host(A, name="yard")
+        session = await town.join(Seat(), A)
+        session.place = f"yard@{A}"
+        seat, asked = Seat(session), []
+
+        async def join(place: str) -> Session:
+            asked.append(place)
+            raise ConnectionLost(f"nobody answers at {place}")
+
+        attachments = Attachments(seat, Preferences(), openers=None, join=join)
+        assert attachments.endpoint == f"yard@{A}"
+        attachments.retry()
+        await town.until(lambda: attachments.error)
+        assert asked == [f"yard@{A}"]
+        await attachments.close()
+        await session.close()
+        await town.close()
+
+    asyncio.run(scenario())
+
+
 def test_what_is_no_endpoint_or_nobody_is_said_and_changes_nothing():
     async def scenario():
         async with town_and_desk() as (town, desk):
