@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from elys.bus.messages.scene import ComponentColumns, FieldColumn, Snapshot
 from elys.common.components import Component, ComponentDeclaration, FieldDeclaration, declaration_of, declarations
-from elys.common.components.columns import StringTable, columns_from, components_from, pack_array
+from elys.common.components.columns import StringTable, columns_from, components_from, pack_array, pack_values
 from elys.common.errors import ComponentError, MessageError
 
 _log = logging.getLogger(__name__)
@@ -118,10 +118,13 @@ def unpack_columns(
         raise MessageError(f"the ids of {packed.component} are {len(packed.entities)} bytes, not a multiple of 4")
     entities = np.frombuffer(packed.entities, "<u4")
     fields = {field.name: field for field in packed.fields}
-    if len(fields) != len(packed.fields) or fields.keys() != {field.name for field in declaration.fields}:
+    if len(fields) != len(packed.fields) or not fields.keys() <= {field.name for field in declaration.fields}:
         raise MessageError(f"{packed.component} has other fields here ({', '.join(fields)}) than where it came from")
     columns = {
         field.name: _column(declaration, field, fields[field.name], len(entities), strings)
+        if field.name in fields
+        # A recording of before the component had this field: all have its default.
+        else pack_values(declaration, field, [field.default] * len(entities), strings)
         for field in declaration.fields
     }
     return entities, columns

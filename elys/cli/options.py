@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional, TypeVar, cast
 
 import typer
 
-from elys.common.trust import trust_everything
-
 
 def _trusting(is_trusting: bool) -> bool:
     if is_trusting:
+        from elys.common.trust import trust_everything
+
         trust_everything()
     return is_trusting
 

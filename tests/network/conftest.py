@@ -18,6 +18,13 @@ def laboratory_here() -> None:
 
 
 @pytest.fixture
+def machine_to_itself(soak: bool) -> None:
+    """Skips where other tests run beside: these judge by the clock."""
+    if not soak:
+        pytest.skip("judges by the clock: make soak")
+
+
+@pytest.fixture
 def lab(laboratory_here: None, tmp_path: Path) -> Iterator[Laboratory]:
     """A laboratory without machines yet; all in it ends with the test."""
     with Laboratory(tmp_path) as laboratory:

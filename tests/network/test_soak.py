@@ -40,6 +40,7 @@ class Held:
         return cls(pages * os.sysconf("SC_PAGE_SIZE"), len(list((process / "fd").iterdir())))
 
 
+@pytest.mark.usefixtures("machine_to_itself")
 @pytest.mark.timeout(3 * 3600)
 def test_nothing_grows(lab: Laboratory, soak: bool) -> None:
     seconds = float(os.environ.get("ELYS_SOAK_SECONDS") or (SOAK_SECONDS if soak else SECONDS))

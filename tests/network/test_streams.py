@@ -9,7 +9,7 @@ import pytest
 
 from tests.network.streams import watch
 
-pytestmark = pytest.mark.process
+pytestmark = [pytest.mark.process, pytest.mark.usefixtures("machine_to_itself")]
 
 
 def test_what_a_lossy_link_brings_is_as_exact_as_it_claims(lab, tmp_path):

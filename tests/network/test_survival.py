@@ -183,6 +183,7 @@ class Campaign:
         return sum(states for states, _ in counts), sum(scenes for _, scenes in counts)
 
 
+@pytest.mark.usefixtures("machine_to_itself")
 @pytest.mark.timeout(4 * 3600)
 def test_random_kills_and_cuts(lab: Laboratory, soak: bool) -> None:
     campaign, chance = Campaign(lab), random.Random(5)

@@ -61,7 +61,7 @@ class Bench:
     async def ask_raw(self, body: bytes) -> str:
         future: asyncio.Future[tuple[bytes | None, str]] = asyncio.get_running_loop().create_future()
         self.client.transport.request(
-            topics.key_of(self.client.name, topics.COMMAND),
+            topics.asked_key(self.client.name, topics.COMMAND, asker=self.client.node.id),
             codec.with_prefix(body, Encoding.JSON),
             10.0,
             lambda answer, reason: self.client.call_soon(future.set_result, (answer, reason)),
