@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from elys.bus.access.listening import Listening
 from elys.common.assets.store import AssetStore
 from elys.common.scene import EntityRecord
 from elys.sim_node.scene.loading import load_records
@@ -67,7 +68,7 @@ if __name__ == "__main__":
     asyncio.run(
         simulate(
             ball_game(),
-            listen=sys.argv[1],
+            listen=Listening(endpoint=sys.argv[1]),
             step_limit=0,
             record=Path(sys.argv[2]),
             realtime=True,
