@@ -210,7 +210,16 @@ async def join_session(
     name, endpoint = split_place(place)
     endpoints = endpoint.split(",")
     shown = credentials or await asyncio.to_thread(credentials_at, endpoints[0])
-    transport = await asyncio.to_thread(ZenohTransport.connect, endpoints, timeout=timeout, credentials=shown)
+    try:
+        transport = await asyncio.to_thread(ZenohTransport.connect, endpoints, timeout=timeout, credentials=shown)
+    except AccessError:
+        # A host of this user's that began while it was waited for has made its keys meanwhile.
+        own = credentials or Credentials.from_environment()
+        again = None if own else await asyncio.to_thread(credentials_for, endpoints[0])
+        if again is None or again == shown:
+            raise
+        shown = again
+        transport = await asyncio.to_thread(ZenohTransport.connect, endpoints, timeout=timeout, credentials=shown)
     try:
         session = await Session.join(transport, kind=kind, name=name or "*", timeout=timeout, node=node)
         session.place = place
