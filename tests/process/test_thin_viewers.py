@@ -124,7 +124,9 @@ def test_a_game_is_seen_turned_picked_and_played_from_a_machine_that_draws_nothi
     player.ask("turn 3", r"^turned")
 
 
-def test_pictures_become_smaller_while_the_way_carries_little(start, elys, ports, tmp_path) -> None:
+def test_pictures_become_smaller_while_the_way_carries_little(start, elys, ports, tmp_path, soak: bool) -> None:
+    if not soak:
+        pytest.skip("judges by the clock what a slow way carries: make soak")
     port, slow = ports
     endpoint = f"tcp/127.0.0.1:{port}"
     start("game.py", endpoint, str(tmp_path / "game.mcap"))
