@@ -64,7 +64,7 @@ def check_value(declaration: ComponentDeclaration, field: FieldDeclaration, valu
                 raise ComponentError(f"{where} must be a text, not {_shown(value)}")
             if len(value) > MAX_TEXT_LENGTH:
                 raise ComponentError(f"{where} may have {MAX_TEXT_LENGTH} characters, not {len(value)}")
-            return value
+            return _text(where, value)
         case Kind.VALUES:
             return _named_values(where, value)
         case Kind.ENTITY:
@@ -79,6 +79,14 @@ def check_value(declaration: ComponentDeclaration, field: FieldDeclaration, valu
             return tuple(_in_range(where, field, element) for element in _numbers(where, field, value))
 
 
+def _text(where: str, value: str) -> str:
+    try:
+        value.encode()
+    except UnicodeEncodeError:
+        raise ComponentError(f"{where} holds half of a surrogate pair, which is no character") from None
+    return value
+
+
 def _named_values(where: str, value: Any) -> dict[str, Any]:
     if not isinstance(value, Mapping):
         raise ComponentError(f"{where} must be an object of named values, not {_shown(value)}")
@@ -88,7 +96,9 @@ def _named_values(where: str, value: Any) -> dict[str, Any]:
             raise ComponentError(f"{where}: {_shown(name)} is no name of a field")
         if isinstance(item, list | tuple) and 1 <= len(item) <= 4:
             checked[name] = tuple(_number(f"{where}.{name}", element) for element in item)
-        elif isinstance(item, bool | str) or (isinstance(item, int) and -(2**53) <= item <= 2**53):
+        elif isinstance(item, str):
+            checked[name] = _text(f"{where}.{name}", item)
+        elif isinstance(item, bool) or (isinstance(item, int) and -(2**53) <= item <= 2**53):
             checked[name] = item
         elif isinstance(item, float):
             checked[name] = _number(f"{where}.{name}", item)

@@ -23,7 +23,7 @@ import logging
 import random
 import types
 import typing
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, get_args, get_origin
 
 from elys.common.components.declaration import (
     About,
@@ -180,6 +180,3 @@ def _plain(base: Any, default: Any) -> Any:
     if base is float and isinstance(default, int) and not isinstance(default, bool):
         return float(default)
     return default
-
-
-__all__ = ["HOOKS", "Behaviour", "Literal", "fields_of"]

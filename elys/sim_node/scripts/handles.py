@@ -7,7 +7,7 @@ physics in its next step.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeVar
 
 from elys.common.components import Component, RigidBody, Transform
 from elys.common.errors import EntityError
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from elys.sim_node.scripts.runner import Scripts
     from elys.sim_node.scripts.waiting import Call
 
+NAME_LENGTH: Final = 200  # characters
 C = TypeVar("C", bound=Component)
 B = TypeVar("B", bound="Behaviour")
 
@@ -75,7 +76,7 @@ class EntityHandle:
 
     @name.setter
     def name(self, name: str) -> None:
-        self._world.rename(self.id, name)
+        self._world.rename(self.id, _checked_name(name))
 
     @property
     def parent(self) -> EntityHandle | None:
@@ -237,6 +238,13 @@ class EntityHandle:
         world.set_fields(self.id, Transform, {name: tuple(value) for name, value in local.items() if value is not None})
 
 
+def _checked_name(name: str) -> str:
+    if not isinstance(name, str) or len(name) > NAME_LENGTH:
+        raise TypeError(f"a name is a text of at most {NAME_LENGTH} characters, not {str(name)[:100]!r}")
+    name.encode()  # raises for half a surrogate pair, which could not go over the bus
+    return name
+
+
 class GameWorld:
     """Everything that is not a script's own entity."""
 
@@ -295,7 +303,9 @@ class GameWorld:
         if position is not None and not any(isinstance(part, Transform) for part in parts):
             parts.insert(0, Transform(position=tuple(Vector(position))))  # type: ignore[arg-type]
         above = parent.id if parent is not None else NO_ENTITY
-        return EntityHandle(self._scripts, self._scripts.simulation.world.spawn(parts, name=name, parent=above))
+        return EntityHandle(
+            self._scripts, self._scripts.simulation.world.spawn(parts, name=_checked_name(name), parent=above)
+        )
 
     def raycast(
         self, origin: Iterable[float], direction: Iterable[float], max_distance: float = 1000.0, **filters: Any

@@ -150,7 +150,7 @@ class ScriptModules:
             exec(code, module.__dict__)
         except ScriptError:
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise ScriptError(self._of_running(place, error)) from error
         self._make_programs(module, tree, file)
 
@@ -172,7 +172,7 @@ class ScriptModules:
     def _place(self, file: str) -> str:
         return self._places.get(file, file)
 
-    def _of_running(self, place: str, error: Exception) -> str:
+    def _of_running(self, place: str, error: BaseException) -> str:
         where = line_in(place, error)
         if isinstance(error, ImportError) and error.name in self._running:
             chain = " and ".join(_file_of(name, self._bundle) for name in self._running)

@@ -57,7 +57,7 @@ class ScriptFiles:
         if new == source or new in self._refused:
             return None
         try:
-            self._simulation.scripts.library.load(new)
+            self._simulation.scripts.loaded(new)
         except ScriptError as error:
             self._refused.add(new)
             _log.error("%s was saved, and the version before goes on: %s", Path(place).name, error)

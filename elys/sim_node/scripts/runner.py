@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
+import msgspec
 import numpy as np
 
 from elys.bus.messages.session import Event
@@ -37,6 +38,8 @@ if TYPE_CHECKING:
 
 B = TypeVar("B", bound=Behaviour)
 BUDGET: Final = 0.5  # of a tick's length, for all scripts together
+LOADING_LIMIT: Final = 20.0  # [s] that a file may take to be run as it is loaded: it may import much
+FAILURE_LENGTH: Final = 1000  # characters
 MOST_EVENTS: Final = 10_000  # told in a tick; a script that tells more fails
 _SAID_EVERY: Final = 5.0  # [s]
 _FAILURES: Final = (Exception, SystemExit, ScriptTimeout)  # of a script, which end it alone
@@ -244,17 +247,30 @@ class Scripts:
 
     def _become(self, one: Running, component: Script) -> None:
         try:
-            if component.source != one.source:
-                self._change_script(one, self.library.load(component.source))
-            one.source = component.source
-            if one.itself is not None and one.script is not None and component.values != one.values:
-                given = field_values(self, one.script, component.values, before=one.values)
-                one.values = component.values
-                for name, value in given.items():
-                    setattr(one.itself, name, value)
-        except ScriptError as error:
+            script = self.loaded(component.source) if component.source != one.source else None
+            with self.watchdog.inside():
+                if script is not None:
+                    self._change_script(one, script)
+                one.source = component.source
+                if one.itself is not None and one.script is not None and component.values != one.values:
+                    given = field_values(self, one.script, component.values, before=one.values)
+                    one.values = component.values
+                    for name, value in given.items():
+                        setattr(one.itself, name, value)
+        except _FAILURES as error:
             one.source = component.source
             self._fail(one, error)
+
+    def loaded(self, source: str) -> LoadedScript:
+        """A script's class. Raises ScriptError, also for a file that does not come back."""
+        self.watchdog.begin()
+        try:
+            with self.watchdog.inside(LOADING_LIMIT):
+                return self.library.load(source)
+        except ScriptTimeout as error:
+            raise ScriptError(f"the file did not come back within {LOADING_LIMIT:g} s as it was loaded") from error
+        finally:
+            self.watchdog.end()
 
     def _change_script(self, one: Running, script: LoadedScript) -> None:
         """A new behaviour, or the same one as its file was saved anew, which goes on with what it remembers."""
@@ -311,6 +327,7 @@ class Scripts:
             where = next((line for place in places if (line := line_in(place, error)) != place), "")
             what = f"it did not come back within {LIMIT:g} s" if isinstance(error, ScriptTimeout) else describe(error)
             text = f"{where}: {what}" if where else what
+        text = text[:FAILURE_LENGTH].encode(errors="backslashreplace").decode()  # it goes over the bus
         one.failure = text
         one.tasks.clear()
         self._listening = {}
@@ -345,12 +362,14 @@ class Scripts:
         """Tells an event, heard in the next tick."""
         if len(self._queue) >= MOST_EVENTS:
             raise ScriptError(f"more than {MOST_EVENTS} events were told in one tick")
+        told = Event(kind=kind, entity=entity, values=values)
         for name, value in values.items():
-            if not isinstance(value, bool | int | float | str | tuple | None):
+            if not _is_plain(value):
                 raise TypeError(
-                    f"{name} of the event {kind!r} must be a number, a text or a tuple, not a {type(value).__name__}"
+                    f"{name} of the event {kind!r} must be a number, a text or a tuple of such, not a {type(value).__name__}"
                 )
-        self._queue.append(Event(kind=kind, entity=entity, values=values))
+        msgspec.json.encode(told)  # raises here, in the script, what could not go over the bus
+        self._queue.append(told)
 
     def require_trust(self) -> None:
         """Raises ScriptError if any script may not run here, so that ticks would be other than they were."""
@@ -434,29 +453,39 @@ class Scripts:
         self._seen, self._listening = (), {}
         self._doomed.clear()
         self._events.clear()
-        self._queue = list(saved["queue"])
-        before, self._running = self._running, {}
+        # A state of before there were scripts has neither.
+        self._queue = list(saved["queue"] or ())
+        kept, self._running = saved["running"] or (), {}
         names = _Names(self)
-        for entity, source, has_started, is_enabled, failure, *_ in saved["running"]:
+        for entity, source, has_started, is_enabled, failure, *_ in kept:
             one = Running(
                 entity=entity, source=source, values={}, has_started=has_started, is_enabled=is_enabled, failure=failure
             )
             self._running[entity] = one
             try:
-                if source and (not failure or entity in before):
-                    one.script = self.library.load(source)
+                if source:
+                    one.script = self.loaded(source)
                     one.itself = one.script.behaviour.__new__(one.script.behaviour)
                     one.itself.entity, one.itself.world = EntityHandle(self, entity), self.world
             except ScriptError as error:
                 one.failure = one.failure or str(error)
         finder = Finder(names)
-        for one, (*_, values, attributes, tasks) in zip(self._running.values(), saved["running"], strict=True):
-            one.values = finder.found(values)
-            for name, value in attributes:
-                found = finder.found(value)
-                if one.itself is not None:
-                    setattr(one.itself, name, found)
-            one.tasks = [finder.task(task) for task in tasks] if one.itself is not None else []
+        for one, (*_, values, attributes, tasks) in zip(self._running.values(), kept, strict=True):
+            try:
+                one.values = finder.found(values)
+                for name, value in attributes:
+                    found = finder.found(value)
+                    if one.itself is not None:
+                        setattr(one.itself, name, found)
+                one.tasks = [finder.task(task) for task in tasks] if one.itself is not None else []
+            except Exception as error:  # its code has changed, or what it remembers makes no sense to it
+                self._fail(one, error)
+
+
+def _is_plain(value: object) -> bool:
+    if isinstance(value, tuple):
+        return all(map(_is_plain, value))
+    return value is None or isinstance(value, bool | int | float | str)
 
 
 class _Names:

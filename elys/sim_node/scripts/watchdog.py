@@ -32,7 +32,7 @@ class Watchdog:
 
     def __init__(self, limit: float = LIMIT) -> None:
         self.call = 0
-        self._limit = limit
+        self._limit = self._allowed = limit
         self._watched = threading.get_ident()
         self._lock = threading.Lock()
         self.is_inside = False
@@ -49,14 +49,16 @@ class Watchdog:
             self._thread.start()
 
     @contextlib.contextmanager
-    def inside(self) -> Iterator[None]:
-        """A call into a script."""
+    def inside(self, limit: float = 0.0) -> Iterator[None]:
+        """A call into a script, that may take `limit` [s]; 0: as long as all."""
+        self._allowed = limit or self._limit
         self.call += 1
         self.is_inside = True
         try:
             yield
         finally:
             self.is_inside = False
+            self._allowed = self._limit
 
     @contextlib.contextmanager
     def resting(self) -> Iterator[None]:
@@ -82,7 +84,12 @@ class Watchdog:
     def look(self, seen: int, since: float) -> None:
         """Ends the call that was seen `since`, if it is still the same and that is too long ago."""
         with self._lock:
-            if self.is_inside and self.call == seen and not self._has_fired and time.monotonic() - since > self._limit:
+            if (
+                self.is_inside
+                and self.call == seen
+                and not self._has_fired
+                and time.monotonic() - since > self._allowed
+            ):
                 self._has_fired = True
                 ctypes.pythonapi.PyThreadState_SetAsyncExc(
                     ctypes.c_ulong(self._watched), ctypes.py_object(ScriptTimeout)

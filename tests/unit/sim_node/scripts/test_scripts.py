@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 
+import msgspec
 import pytest
 
 from elys.common.components import Collider, RigidBody, Script, Transform
 from elys.common.errors import ScriptError
+from elys.sim_node.scripts import runner
 from elys.sim_node.state import State
 from tests.unit.sim_node.scripts.conftest import Playground
 
@@ -205,6 +208,14 @@ WRONG = {
     "class A(Behaviour):\n    def start(self):\n        self.x = bytearray(1 << 50)": "a.py:5: MemoryError",
     "class A(Behaviour):\n    def start(self):\n        self.start()": "RecursionError",
     "class A(Behaviour):\n    async def start(self):\n        await 5": "cannot wait for a int",
+    "raise SystemExit": "a.py:3: SystemExit",
+    "class A(Behaviour):\n    def __init__(self): raise ValueError('no')": "a.py:4: ValueError: no",
+    "class A(Behaviour):\n    def start(self): raise ValueError('\\ud800')": "ValueError: \\ud800",
+    "class A(Behaviour):\n    def start(self): self.world.emit('x', a='\\ud800')": "surrogates not allowed",
+    "class A(Behaviour):\n    def start(self): self.world.emit('x', a=(object(),))": "a of the event 'x' must be a number",
+    "class A(Behaviour):\n    def start(self): self.entity.name = '\\ud800'": "surrogates not allowed",
+    "class A(Behaviour):\n    def start(self): self.entity.name = 5": "a name is a text of at most 200 characters",
+    "class A(Behaviour):\n    def start(self): self.entity.set('Script', source='\\ud800')": "which is no character",
 }
 
 
@@ -216,7 +227,10 @@ def test_scripts_that_cannot_run_say_where_and_what_to_do(play: Playground, text
         play.write("good.py", "class G(Behaviour):\n    n: int = 0\n    def update(self, dt): self.n += 1")
     )
     play.run(3)
-    assert said in play.failure(thing)
+    events = play.simulation.take_events()
+    msgspec.json.encode(events)  # as the bus does
+    told = [event.values["text"] for event in events if event.kind == "script" and event.entity == thing]
+    assert len(told) == 1 and said in told[0]
     assert play.on(other).n == 3
 
 
@@ -229,6 +243,42 @@ def test_a_script_that_does_not_come_back_is_ended(play: Playground, monkeypatch
     play.run(3)
     assert "did not come back" in play.failure(thing)
     assert play.on(other).n == 3
+
+
+def test_a_file_that_does_not_come_back_as_it_is_loaded_is_ended(
+    play: Playground, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(runner, "LOADING_LIMIT", 0.3)
+    thing = play.spawn(play.write("a.py", "while True: pass\nclass A(Behaviour): pass"))
+    other = play.spawn(
+        play.write("good.py", "class G(Behaviour):\n    n: int = 0\n    def update(self, dt): self.n += 1")
+    )
+    play.run(3)
+    assert "did not come back within 0.3 s as it was loaded" in play.failure(thing)
+    assert play.on(other).n == 3
+
+
+def test_a_state_of_before_there_were_scripts_can_be_gone_back_to(play: Playground) -> None:
+    state = play.simulation.capture()
+    values = {path: value for path, value in state.values.items() if not path.startswith("scripts/")}
+    assert len(values) == len(state.values) - 2
+    play.simulation.restore(replace(state, values=values))
+    play.run()
+
+
+def test_what_waits_in_code_that_is_no_more_is_off_and_all_else_goes_on(play: Playground) -> None:
+    thing = play.spawn(play.write("a.py", "class A(Behaviour):\n    async def start(self):\n        await seconds(9)"))
+    other = play.spawn(
+        play.write("good.py", "class G(Behaviour):\n    n: int = 0\n    def update(self, dt): self.n += 1")
+    )
+    play.run(3)
+    state = play.simulation.capture()
+    loaded = play.simulation.scripts.library.load(play.simulation.world.get(thing, Script).source)
+    loaded.modules.programs.clear()
+    play.simulation.restore(state)
+    play.run(2)
+    assert play.on(other).n == 5
+    assert "was changed or taken away since it began" in play.simulation.scripts._running[thing].failure
 
 
 def test_a_file_saved_anew_goes_on_with_what_it_remembers(play: Playground) -> None:
