@@ -6,7 +6,7 @@ import asyncio
 import sys
 from typing import Final
 
-from rich.console import Console, Group
+from rich.console import Group
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
@@ -14,9 +14,24 @@ from rich.text import Text
 from elys.bus.messages.vitals import HostFacts
 from elys.bus.network import NetworkReport, NetworkWatch, NodeRow
 from elys.verbs.nodes import joined, run_until_asked
-from elys.verbs.output import print_json, size_text
+from elys.verbs.output import facts_console, print_json, size_text
 
 ROUND: Final = 1.0  # [s] between two rounds of questions
+_COLUMNS: Final = (
+    "node",
+    "address",
+    "round trip",
+    "hears",
+    "bytes/s",
+    "says",
+    "bytes/s",
+    "states",
+    "missed",
+    "skipped",
+    "age p50 / p99",
+)
+_NARROW: Final = (0, 2, 6, 8, 10)  # node, round trip, bytes said, states missed, age
+_WIDE: Final = 140  # columns of a terminal in which all have room
 SHOWN: Final = 40  # nodes that the table holds; of hundreds those that do worst
 _ROUNDS_ONCE: Final = 2  # rates are known after the second
 
@@ -35,7 +50,8 @@ def top(connect: str | None, *, once: bool, json: bool) -> None:
                 if json:
                     print_json(report)
                 else:
-                    Console(highlight=False).print(picture(report))
+                    console = facts_console()
+                    console.print(picture(report, console.width))
             elif sys.stdout.isatty():
                 await _show_live(watch)
             else:
@@ -46,11 +62,12 @@ def top(connect: str | None, *, once: bool, json: bool) -> None:
 
 async def _show_live(watch: NetworkWatch) -> None:
     await watch.ask()
-    with Live(picture(watch.report()), auto_refresh=False) as live:
+    with Live(auto_refresh=False) as live:
+        live.update(picture(watch.report(), live.console.width), refresh=True)
         while True:
             await asyncio.sleep(ROUND)
             await watch.ask()
-            live.update(picture(watch.report()), refresh=True)
+            live.update(picture(watch.report(), live.console.width), refresh=True)
 
 
 async def _print_lines(watch: NetworkWatch) -> None:
@@ -84,17 +101,17 @@ def host_text(host: HostFacts) -> str:
     return f"{host.scene}{rate}, {host.realtime_factor:.2f} times real time{load}"
 
 
-def picture(report: NetworkReport) -> Group:
-    """All figures, as the terminal shows them."""
+def picture(report: NetworkReport, width: int) -> Group:
+    """The figures, as a terminal of that many columns shows them: on a narrow one only those that tell how somebody does."""
     title = report.session + (f": {host_text(report.host)}" if report.host is not None else "")
     table = Table(box=None, pad_edge=False, header_style="dim")
-    for name in ("node", "address"):
-        table.add_column(name, no_wrap=True)
-    for name in ("round trip", "hears", "bytes/s", "says", "bytes/s", "states", "missed", "skipped", "age p50 / p99"):
-        table.add_column(name, justify="right", no_wrap=True)
+    columns = range(len(_COLUMNS)) if width >= _WIDE else _NARROW
+    for name in (_COLUMNS[column] for column in columns):
+        table.add_column(name, justify="left" if name in ("node", "address") else "right", no_wrap=True)
     shown = report.nodes if len(report.nodes) <= SHOWN else _worst(report.nodes)
     for row in shown:
-        table.add_row(*_cells(row), style="" if row.answers else "red")
+        cells = _cells(row)
+        table.add_row(*(cells[column] for column in columns), style="" if row.answers else "red")
     rest = len(report.nodes) - len(shown)
     more = [Text(f"and {rest} more, which do better", style="dim")] if rest else []
     return Group(Text(title, style="bold"), table, *more)

@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 import contextlib
+import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any
+from typing import Any, Final
 
 import msgspec
 from rich.console import Console
 from rich.table import Table
 
+_PIPE_WIDTH: Final = 200  # columns
+
 
 def print_json(facts: Any) -> None:
     """Facts for programs: indented JSON on stdout."""
     print(msgspec.json.format(msgspec.json.encode(facts), indent=2).decode())
+
+
+def facts_console() -> Console:
+    """Where tables go: as wide as the terminal, and in a pipe, where nobody sees an edge, as wide as they need."""
+    return Console(highlight=False, width=None if sys.stdout.isatty() else _PIPE_WIDTH)
 
 
 def print_table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
@@ -23,7 +31,7 @@ def print_table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> Non
         table.add_column(column, overflow="fold")
     for row in rows:
         table.add_row(*(str(cell) for cell in row))
-    Console(highlight=False).print(table)
+    facts_console().print(table)
 
 
 def size_text(byte_count: float) -> str:

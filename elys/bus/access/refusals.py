@@ -74,6 +74,8 @@ def _why_not_plainly(endpoint: str, answer: bytes, credentials: Credentials | No
 
 def _why_not_by_tls(endpoint: str, host: str, port: int, credentials: Credentials | None) -> str:
     if credentials is None or not credentials.has_certificate:
+        if _kind(_say_plainly(host, port)) in (_INIT, _CLOSE):
+            return _no_tls(endpoint)
         what = "nothing" if credentials is None else f"{credentials.source}, which has no certificate,"
         return (
             f"{endpoint} speaks TLS and asks for a certificate, and {what} was shown: make a file with `elys keys export viewer` "
@@ -91,13 +93,17 @@ def _why_not_by_tls(endpoint: str, host: str, port: int, credentials: Credential
     except (ssl.SSLError, TimeoutError, ConnectionResetError) as error:
         with contextlib.suppress(OSError):
             if _kind(_say_plainly(host, port)) in (_INIT, _CLOSE):
-                return f"{endpoint} speaks no TLS: connect with {endpoint.replace('tls/', 'tcp/', 1)} and a secret"
+                return _no_tls(endpoint)
         if isinstance(error, ssl.SSLError) and "ALERT" in (error.reason or ""):
             return _why_alerted(endpoint, credentials, error)
         return f"what listens at {endpoint} is no session of ELYS: check host and port"
     if _kind(answer) == _INIT:
         return ""
     return f"the session at {endpoint} does not take the certificate of {credentials.user} (from {credentials.source})"
+
+
+def _no_tls(endpoint: str) -> str:
+    return f"{endpoint} speaks no TLS: connect with {endpoint.replace('tls/', 'tcp/', 1)} and a secret"
 
 
 def _why_host_is_not_trusted(

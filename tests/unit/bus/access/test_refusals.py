@@ -177,6 +177,8 @@ async def test_wrong_kinds_of_ports(keyring: Keyring, host: Callable[..., str]) 
     assert f"speaks TLS: connect with {tls}" in said
     said = await refusal(plain.replace("tcp/", "tls/"), good)
     assert f"speaks no TLS: connect with {plain}" in said
+    for without in (None, of(keyring, "viewer")):
+        assert f"speaks no TLS: connect with {plain}" in await refusal(plain.replace("tcp/", "tls/"), without)
     said = await refusal(named, good)
     assert "is not for the name '127.0.0.1'" in said and "--address" in said
 
