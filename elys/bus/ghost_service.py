@@ -19,6 +19,7 @@ import msgspec
 import numpy as np
 
 from elys.bus import topics
+from elys.bus.access.roles import signed_id, user_of
 from elys.bus.messages.ghosts import (
     GHOST_COLORS,
     Color,
@@ -31,6 +32,7 @@ from elys.bus.messages.ghosts import (
 from elys.bus.messages.scene import Snapshot
 from elys.bus.recording import Recording
 from elys.bus.session import Session, node_id
+from elys.common.assets.store import is_reference
 from elys.common.errors import RecordingError, RequestError
 
 TOLD_EVERY: Final = 0.5  # [s]
@@ -58,7 +60,7 @@ class GhostServer:
         self._waits = math.isnan(offset)
         path = recording.path.absolute()
         self.told = Ghost(
-            ghost=node_id("ghost"),
+            ghost=signed_id(node_id("ghost"), user_of(session.node.id)),  # so that only its server can answer for it
             title=title or path.stem,
             file=str(path),
             color=checked_color(color),
@@ -127,7 +129,10 @@ class GhostServer:
         return self._recording.mirror_at(self._recording.position_at(request.time)).to_snapshot()
 
     async def _give_asset(self, request: bytes, _: str) -> bytes:
-        return self._recording.asset(request.decode(errors="replace"))
+        reference = request.decode("ascii", errors="replace")
+        if not is_reference(reference):
+            raise RequestError("the reference of an asset is asked for, and what came is none")
+        return self._recording.asset(reference)
 
     async def _change(self, request: GhostChange, _: str) -> Ghost:
         color = self.told.color if request.color is None else checked_color(request.color)

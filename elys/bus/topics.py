@@ -175,6 +175,7 @@ GHOST: Final = Topic(
     publisher=Role.EDITOR,
     delivery=Delivery.LATEST,
     keyed=True,
+    by_node=True,
     recorded=False,
 )
 RENDER_PROFILE: Final = Topic(

@@ -146,9 +146,11 @@ def check_nothing_was_forged(watcher: Watcher) -> None:
     assert watcher.commands == []
     shown = [node for node in watcher.nodes if node.id != watcher.client.session.node.id]
     assert shown, "the viewer showed itself as what it may be"
-    assert all(role_of_node(node.id) is Role.VIEWER for node in shown if node.kind not in (*HOST_KINDS, "recorder"))
+    helpers = (*HOST_KINDS, "recorder", "streamer")  # of the session's own
+    assert [node for node in shown if node.kind not in helpers and role_of_node(node.id) is not Role.VIEWER] == []
     assert not [node for node in shown if node.kind in ("render", "stranger")]
-    assert len({node.id for node in shown if node.kind in HOST_KINDS}) <= 1
+    for kind in (*HOST_KINDS, "streamer"):  # viewers may record
+        assert len({node.id for node in shown if node.kind == kind}) <= 1, kind
 
 
 def check_nothing_was_changed(watcher: Watcher) -> None:

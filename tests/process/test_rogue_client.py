@@ -17,6 +17,7 @@ from mcap.reader import make_reader
 from elys.bus import codec, topics
 from elys.bus.access.keyring import required_keyring
 from elys.bus.messages.commands import Rename
+from elys.bus.messages.ghosts import Ghost
 from elys.bus.messages.state_frame import HEADER
 from elys.bus.messages.views import PickRequest, ViewCamera, ViewFrame, ViewRequest
 from elys.bus.topics import PROTOCOL_VERSION, QUERIES, TOPICS, Encoding, Query, Topic
@@ -71,7 +72,7 @@ def payloads(topic: Topic[Any] | Query[Any, Any], noise: random.Random) -> Itera
 class Rogue:
     """A raw client of the bus that was let in as an editor, knows the keys and cares for nothing else."""
 
-    def __init__(self, endpoint: str, *, name: str, render_node: str) -> None:
+    def __init__(self, endpoint: str, *, name: str, render_node: str, ghost: str) -> None:
         config = zenoh.Config()
         config.insert_json5("mode", '"client"')
         config.insert_json5("connect/endpoints", json.dumps([endpoint]))
@@ -82,9 +83,9 @@ class Rogue:
         self._noise = random.Random(7)
         self._key = {topic.name: topics.key_of(name, topic, render_node if topic.keyed else "") for topic in TOPICS}
         for query in QUERIES:
-            self._key[query.name] = topics.asked_key(
-                name, query, render_node if query.keyed else "", asker=f"rogue.{user.user}"
-            )
+            whom = ghost if query.name.startswith("ghost_") else render_node
+            key = whom if query.keyed else ""
+            self._key[query.name] = topics.asked_key(name, query, key, asker=f"rogue.{user.user}")
 
     def publish_nonsense(self) -> None:
         for topic in TOPICS:
@@ -142,6 +143,8 @@ def test_nonsense_on_every_topic_and_query_harms_nobody(elys, free_port, tmp_pat
     endpoint = f"tcp/127.0.0.1:{free_port}"
     simulation = elys("run", "yard", "--headless", "--listen", endpoint, "--record", "it.mcap")
     simulation.wait_for("first tick")
+    assert elys("run", "yard", "--steps", "60", "--headless", "--record", "earlier.mcap").wait() == 0
+    ghost = elys("node", "ghost", "earlier.mcap", "--connect", endpoint)
     render = elys("node", "render", "--connect", endpoint)
     outside = elys("record", "--connect", endpoint, "-o", "outside.mcap")
     render.wait_for("drawing views on")
@@ -149,7 +152,7 @@ def test_nonsense_on_every_topic_and_query_harms_nobody(elys, free_port, tmp_pat
     began = time.monotonic()
     asyncio.run(suffer(endpoint))
     seconds = time.monotonic() - began
-    for command in (render, outside, simulation):
+    for command in (ghost, render, outside, simulation):
         assert command.process.poll() is None, command.output
         assert "Traceback" not in command.output
         assert "error" not in command.output.lower()
@@ -171,8 +174,12 @@ async def suffer(endpoint: str) -> None:
     """Everything the rogue can do, seen by an honest client."""
     async with client(endpoint) as honest:
         await honest.until(lambda: len(honest.frames) > 5 and bool(honest.session.nodes_of("render")))
+        ghosts: list[Ghost] = []
+        honest.session.subscribe(topics.GHOST, lambda ghost, _: ghosts.append(ghost))
+        await honest.until(lambda: bool(ghosts))
         painter = honest.session.nodes_of("render")[0].id
-        rogue = await asyncio.to_thread(Rogue, endpoint, name=honest.session.name, render_node=painter)
+        name = honest.session.name
+        rogue = await asyncio.to_thread(Rogue, endpoint, name=name, render_node=painter, ghost=ghosts[0].ghost)
         try:
             first = honest.frames[-1]
             await asyncio.to_thread(rogue.publish_nonsense)

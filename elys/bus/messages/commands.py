@@ -213,7 +213,7 @@ class Input(msgspec.Struct, frozen=True, kw_only=True, tag="input"):
     source: str = ""
     sequence: int = 0  # of the node's messages for this player, from 1; 0: not told
     seen_time: float = -1.0  # [s] of simulation that the player saw when it was done; below 0: not told
-    done_at: float = 0.0  # [s since 1970] by the host\'s clock, as the sender knows it; 0: not told
+    done_at: float = 0.0  # [s since 1970] by the host's clock, as the sender knows it; 0: not told
 
 
 Hand = Grab | Release  # what changes how a simulation goes on, without being an edit of the scene
