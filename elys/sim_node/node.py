@@ -8,6 +8,7 @@ import logging
 import math
 import socket
 from collections import deque
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Final, Protocol
 
@@ -121,6 +122,7 @@ class SimulationNode:
         self.recorder: BackPressure | None = None
         self.guard: Guard | None = None
         self.repetition: Repetition | None = None  # of a recorded session, which this one goes on like
+        self.players: list[Callable[[], Iterable[CommandRequest]]] = []  # of this process: asked before each step
         self.tick_times: deque[float] = deque(maxlen=TICK_TIMES_KEPT)  # [ms] of the last ticks, for the report
         self._step_limit = step_limit
         self._clock = FixedStepClock(simulation.settings.tick_rate, playing=playing, rate=1.0 if realtime else 0.0)
@@ -136,7 +138,7 @@ class SimulationNode:
         self._intake = InputIntake(
             simulation,
             session,
-            put=self._put,
+            put=self.put,
             wake=self._wake.set,
             is_rewound=lambda: self._is_rewound,
         )
@@ -238,6 +240,8 @@ class SimulationNode:
         stages = StageTimes()
         late = self._clock.lateness() * 1000.0
         self._intake.begin_tick()
+        for request in [request for player in self.players for request in player()] if self.playing else ():
+            self.put(request)
         cue = self._take_cue()
         self._edited.clear()
         stands = is_between or not self.playing if cue is None else not cue.steps
@@ -286,7 +290,7 @@ class SimulationNode:
             if cue.keeps_physics:
                 self._paused_physics.forget()
             for request in cue.requests:
-                self._put(request)
+                self.put(request)
         return cue
 
     def _step(self, stages: StageTimes) -> None:
@@ -359,12 +363,12 @@ class SimulationNode:
     async def _take_command(self, request: CommandRequest, key: str) -> CommandReply:
         if len(self._waiting) >= COMMAND_LIMIT:
             raise RequestError(f"{COMMAND_LIMIT} commands are waiting already: send fewer, or wait for their answers")
-        return await self._put(request)
+        return await self.put(request)
 
     def _put_edit(self, command: Command) -> None:
-        self._put(CommandRequest(origin=SCRIPT_FILES, command=command))
+        self.put(CommandRequest(origin=SCRIPT_FILES, command=command))
 
-    def _put(self, request: CommandRequest) -> asyncio.Future[CommandReply]:
+    def put(self, request: CommandRequest) -> asyncio.Future[CommandReply]:
         """Puts a command before the next tick; what becomes of it."""
         waiting = _Waiting(request, asyncio.get_running_loop().create_future())
         self._waiting.append(waiting)
