@@ -97,7 +97,7 @@ async def _say_why_alone(passed_on: Router, above: list[str], shown: Credentials
 def _why_alone(endpoint: str, shown: Credentials | None) -> str:
     if shown is not None and is_open(endpoint):
         return f"{endpoint} asks nobody who he is, and this router does: start both with --insecure, or neither"
-    return why_refused(endpoint, shown)
+    return why_refused(endpoint, shown).sentence
 
 
 def reachable(endpoint: str) -> str:

@@ -129,7 +129,7 @@ class Campaign:
         self.runs: list[Path] = []
         self.watchers: list[tuple[Command, int]] = []  # and how many of its lines were judged
         self.commands: dict[str, tuple[Machine, tuple[str, ...]]] = {
-            "recorder": (self.archive, ("record", "--connect", self.far)),
+            "recorder": (self.archive, ("record", "--connect", self.far, "--patience", "90")),
             "editor": (self.laptop, ("node", "editor", "--connect", self.near)),
         }
         self.running = {"simulation": self.simulate(), "viewer": self.watch()}
