@@ -168,7 +168,9 @@ class Campaign:
         wait_for_states(viewer)
         since = len(viewer.lines)
         viewer.tell("rename Ground Ground")
-        wait_until(lambda: any("reply rename accepted" in line for line in list(viewer.lines)[since:]), seconds=60)
+        wait_until(lambda: any(" reply rename " in line for line in list(viewer.lines)[since:]), seconds=60)
+        replies = [line for line in list(viewer.lines)[since:] if " state " not in line]
+        assert any("reply rename accepted" in line for line in replies), replies
         for kind, command in self.running.items():
             assert command.process.poll() is None, f"{kind} ended: {command.output[-2000:]}"
 
