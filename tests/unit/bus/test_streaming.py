@@ -75,12 +75,12 @@ async def test_a_viewer_gets_states_by_a_stream_and_says_how_they_do(random_host
 
 
 async def test_a_stream_says_what_is_past_and_what_is_of_a_fork(random_host):
-    """After a rewind, and after a fork from there, a viewer behind a stream knows as much of each state as one beside the host."""
+    """After a rewind, and a fork from there, who looks through a stream knows as much of each state as one beside the host."""
     host, random, server, serving, beside, viewer = await opened(LoopbackBroker(), random_host)
     frames = []
     viewer.subscribe(topics.STATE, lambda frame, _: frames.append(frame))
     await until(lambda: server.viewers)
-    told = dict(is_told_again=False, is_forked=False, playing=True)
+    told = {"is_told_again": False, "is_forked": False, "playing": True}
     for instant, tick, said in (
         (40, 40, told),
         (10, 9, {**told, "is_told_again": True, "playing": False}),
