@@ -149,6 +149,7 @@ class SimulationNode:
         self._repeated = False  # what the tick did was kept already
         self._is_whole = True  # its commands and its step are all that happened in it
         self._forked_until = -1.0  # [s] how far the future went that a fork made void
+        self._is_fork_told = True  # by a frame of its first beat, which says from where on what was told before is void
 
     @property
     def playing(self) -> bool:
@@ -262,7 +263,8 @@ class SimulationNode:
         self.chronicle.tell(steps=stepping, physics_of=-1 if self._is_whole else self._paused_physics.instant)
         is_told = self._scene.publish()
         # Between two steps nothing has moved but what the delta tells.
-        if (replies and not is_between) or (stepping and is_heard(self.session, topics.STATE)):
+        is_due = (replies and not is_between) or not self._is_fork_told
+        if is_due or (stepping and is_heard(self.session, topics.STATE)):
             self._publish_frame(steps=stepping and not self._repeated)
         if stepping and (found := publish_diagnostics(self.session, self.simulation)) and self.guard is not None:
             self._events += self.guard.look(found)
@@ -339,6 +341,7 @@ class SimulationNode:
         if self.flight is not None and self.flight.is_rewound:
             tick = self.simulation.tick
             self._forked_until = max(self._forked_until, self.flight.end_time)
+            self._is_fork_told = False
             dropped = self.flight.fork()
             self.chronicle.forked()
             self.history.forget_older()
@@ -350,9 +353,14 @@ class SimulationNode:
         """The flight recorder, with all in it that was done so far."""
         if self.flight is None:
             raise RequestError("nothing is kept to go back to: start the simulation with --keep SECONDS above 0")
-        if self.chronicle.has_changes:  # just before, in the same tick
+        has_changes = self.chronicle.has_changes  # just before, in the same tick
+        if has_changes:
             self.simulation.settle()
             self.chronicle.tell(steps=False)
+        if not self._is_fork_told:
+            self._scene.publish()
+            self._publish_frame()
+        if has_changes:
             self.chronicle.note(steps=False, is_told=True, seconds=0.0)
             self._events += self.simulation.take_events()
             self._scene.is_elsewhere = True  # nobody was told of it yet
@@ -552,6 +560,7 @@ class SimulationNode:
             instant=self.chronicle.leads_to(steps=steps) % INSTANTS,
         )
         self.session.publish_large(topics.STATE, frame)
+        self._is_fork_told |= not self._is_rewound
 
     def _publish_events(self) -> tuple[Event, ...]:
         events = (*self._events, *self.simulation.take_events())
