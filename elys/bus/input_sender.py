@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Mapping
 from typing import Final
 
 from elys.bus import topics
@@ -20,7 +21,8 @@ class InputSender:
 
     def __init__(self, session: Session, *, player: int = 1) -> None:
         self._session = session
-        self._player = player
+        self.player = player
+        self._bindings: dict[str, str] | None = None  # that wait to be sent
         self._held: set[str] = set()
         self.sequence = 0  # of the last message
         self._lets_go = False
@@ -60,6 +62,10 @@ class InputSender:
         """A text was typed."""
         self._text = (self._text + text)[:MOST_TEXT]
 
+    def bind(self, bindings: Mapping[str, str]) -> None:
+        """The player has bound names to controls of his own, see `input_controls`: these, and no others."""
+        self._bindings = dict(bindings)
+
     def let_go_of_all(self) -> None:
         """Nobody plays here any more: what waits is dropped, and all that is held is let go."""
         self._lets_go = True
@@ -74,20 +80,23 @@ class InputSender:
         """
         changes = tuple(self._changes.popleft() for _ in range(min(len(self._changes), MOST_CHANGES)))
         moved = {name: distance for name, distance in self._moved.items() if distance}
-        if not (self._lets_go or changes or moved or self._axes or self._text):
+        is_idle = not (self._lets_go or changes or moved or self._axes or self._text)
+        if is_idle and self._bindings is None:
             return False
         self.sequence += 1
         message = Input(
             sequence=self.sequence,
             seen_time=seen_time,
             done_at=host_time or 0.0,
-            player=self._player,
+            player=self.player,
             lets_go=self._lets_go,
             changes=changes,
             moved=moved,
             axes=self._axes,
             text=self._text,
+            bindings=self._bindings,
         )
+        self._bindings = None
         self._lets_go, self._moved, self._axes, self._text = False, {}, {}, ""
         self._session.publish(topics.INPUT, message, key=self._session.node.id)
         return True

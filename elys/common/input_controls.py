@@ -1,7 +1,7 @@
 """How it is written which keys, sticks and motions do something: texts of scenes, of files of bindings and of the bus.
 
     space, pad_a                              an action: any of them; +pad_left_x, -wheel_y: pushed or turned that way
-    a/d, pad_left_x dead=0.2 curve=0.5        an axis: to the left or down, and to the right or up; -pad_left_y the other way round
+    a/d, pad_left_x dead=0.2 curve=0.5        an axis: left or down, and right or up; -pad_left_y the other way round
     a/d/s/w, pad_left, pointer scale=1.5      a vector: left, right, down, up; a stick; the pointer
 
 Controls are separated by commas, their options by spaces. Names are those of `input_names`.

@@ -39,7 +39,11 @@ DERIVED: Final[Mapping[str, frozenset[str]]] = {
     "Animations": frozenset({"_clips", "_samplers", "_players", "_moved"}),
 }
 _STRANGERS: Final = (AssetStore, ComponentDeclaration, Query, MethodType)
-_SELF_KEPT: Final = (PhysicsWorld, Scripts, PlayerActions)  # that say themselves what is to be kept, and how it comes back
+_SELF_KEPT: Final = (
+    PhysicsWorld,
+    Scripts,
+    PlayerActions,
+)  # that say themselves what is to be kept, and how it comes back
 _PACKAGE: Final = "elys.sim_node."
 
 

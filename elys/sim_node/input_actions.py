@@ -27,6 +27,8 @@ from elys.sim_node.ecs.world import World
 MOST_BINDINGS: Final = 64  # names that a player binds
 PUSHED: Final = 0.5  # of the way, from which on a stick or a trigger is a button that is down
 LET_GO: Final = 0.4  # below which it is up again
+_TEXTS: Final = ("actions", "axes", "vectors")
+_NUMBERS: Final = ("stick_dead_zone", "trigger_dead_zone", "curve", "pointer_speed", "wheel_speed")
 Bindings = Mapping[str, str]  # controls by name, as `input_controls` reads them
 
 
@@ -97,16 +99,26 @@ def declared_in(world: World, tick_rate: float) -> Declared:
         return _defaults(tick_rate)
     table = world.table(InputMap)
     row = table.row_of[int(entities[0]) & MAX_ENTITIES]
-    stored = [table.whole_column(field)[row] for field in Declared._fields[:-1]]
-    texts = [world.strings.lookup(int(text)) for text in stored[:3]]
-    return Declared(*texts, *map(float, stored[3:]), tick_rate)
+    stored = {field: table.whole_column(field)[row] for field in _TEXTS + _NUMBERS}
+    return _declared(
+        {field: world.strings.lookup(int(stored[field])) for field in _TEXTS},
+        {field: float(stored[field]) for field in _NUMBERS},
+        tick_rate,
+    )
 
 
 @lru_cache(maxsize=4)
 def _defaults(tick_rate: float) -> Declared:
     usual = InputMap()
-    texts = (values_text(values) for values in (usual.actions, usual.axes, usual.vectors))
-    return Declared(*texts, *(getattr(usual, field) for field in Declared._fields[3:-1]), tick_rate)
+    return _declared(
+        {field: values_text(getattr(usual, field)) for field in _TEXTS},
+        {field: getattr(usual, field) for field in _NUMBERS},
+        tick_rate,
+    )
+
+
+def _declared(texts: Mapping[str, str], numbers: Mapping[str, float], tick_rate: float) -> Declared:
+    return Declared(**texts, **numbers, tick_rate=tick_rate)  # type: ignore[arg-type]  the fields of both
 
 
 @lru_cache(maxsize=64)

@@ -182,7 +182,8 @@ class Inputs:
     def end_tick(self) -> None:
         """What happened in the tick is over; what is held stays."""
         if self._devices or self.actions.players:
-            self.actions.end_tick({player: self[player] for player in {*self.players, *self.actions.players}})
+            players = sorted({*self.players, *self.actions.players})
+            self.actions.end_tick({player: self[player] for player in players})
         if self._devices:
             ended = (Device(player=d.player, source=d.source, held=d.held, axes=d.axes) for d in self._devices)
             self._devices = tuple(device for device in ended if device.held or device.axes)

@@ -29,7 +29,9 @@ from elys.common.errors import ComponentError
 Vec3 = tuple[float, float, float]
 Quat = tuple[float, float, float, float]  # x y z w, unit length
 Values = dict[str, Any]  # by name: numbers, booleans, texts and lists of numbers
-Check = Callable[[str, Any], None]  # where it stands and a value of the right kind; raises ComponentError for what is wrong
+Check = Callable[
+    [str, Any], None
+]  # where it stands and a value of the right kind; raises ComponentError for what is wrong
 
 
 class Kind(enum.Enum):
