@@ -141,8 +141,9 @@ class _Lines(NamedTuple):
         for number, line in enumerate(self.text.splitlines(), 1):
             head = re.match(r"\s*\[\s*([^\]]*?)\s*\]", line)
             if head:
-                is_inside = head[1].replace('"', "").replace(" ", "") == table
-                found = number if is_inside and not found else found
+                title = head[1].replace('"', "").replace(" ", "")
+                is_inside = title == table
+                found = number if not found and (is_inside or title.startswith(f"{table}.")) else found
             elif is_inside and name and re.match(rf"\s*[\"']?{re.escape(name)}[\"']?\s*=", line):
                 found = number
                 break

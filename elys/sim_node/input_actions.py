@@ -27,8 +27,6 @@ from elys.sim_node.ecs.world import World
 MOST_BINDINGS: Final = 64  # names that a player binds
 PUSHED: Final = 0.5  # of the way, from which on a stick or a trigger is a button that is down
 LET_GO: Final = 0.4  # below which it is up again
-_TEXTS: Final = ("actions", "axes", "vectors")
-_NUMBERS: Final = ("stick_dead_zone", "trigger_dead_zone", "curve", "pointer_speed", "wheel_speed")
 Bindings = Mapping[str, str]  # controls by name, as `input_controls` reads them
 
 
@@ -99,26 +97,34 @@ def declared_in(world: World, tick_rate: float) -> Declared:
         return _defaults(tick_rate)
     table = world.table(InputMap)
     row = table.row_of[int(entities[0]) & MAX_ENTITIES]
-    stored = {field: table.whole_column(field)[row] for field in _TEXTS + _NUMBERS}
-    return _declared(
-        {field: world.strings.lookup(int(stored[field])) for field in _TEXTS},
-        {field: float(stored[field]) for field in _NUMBERS},
-        tick_rate,
+    stored = {field: table.whole_column(field)[row] for field in Declared._fields[:-1]}
+    return Declared(
+        actions=world.strings.lookup(int(stored["actions"])),
+        axes=world.strings.lookup(int(stored["axes"])),
+        vectors=world.strings.lookup(int(stored["vectors"])),
+        stick_dead_zone=float(stored["stick_dead_zone"]),
+        trigger_dead_zone=float(stored["trigger_dead_zone"]),
+        curve=float(stored["curve"]),
+        pointer_speed=float(stored["pointer_speed"]),
+        wheel_speed=float(stored["wheel_speed"]),
+        tick_rate=tick_rate,
     )
 
 
 @lru_cache(maxsize=4)
 def _defaults(tick_rate: float) -> Declared:
     usual = InputMap()
-    return _declared(
-        {field: values_text(getattr(usual, field)) for field in _TEXTS},
-        {field: getattr(usual, field) for field in _NUMBERS},
-        tick_rate,
+    return Declared(
+        actions=values_text(usual.actions),
+        axes=values_text(usual.axes),
+        vectors=values_text(usual.vectors),
+        stick_dead_zone=usual.stick_dead_zone,
+        trigger_dead_zone=usual.trigger_dead_zone,
+        curve=usual.curve,
+        pointer_speed=usual.pointer_speed,
+        wheel_speed=usual.wheel_speed,
+        tick_rate=tick_rate,
     )
-
-
-def _declared(texts: Mapping[str, str], numbers: Mapping[str, float], tick_rate: float) -> Declared:
-    return Declared(**texts, **numbers, tick_rate=tick_rate)  # type: ignore[arg-type]  the fields of both
 
 
 @lru_cache(maxsize=64)
