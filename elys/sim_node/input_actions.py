@@ -83,6 +83,7 @@ class Doing(Protocol):
     """What a player's devices do in this tick, see `inputs.PlayerInput`."""
 
     def is_down(self, name: str) -> bool: ...
+    def is_kept_down(self, name: str) -> bool: ...
     def was_pressed(self, name: str) -> bool: ...
     def was_released(self, name: str) -> bool: ...
     def moved(self, name: str) -> float: ...
@@ -163,9 +164,8 @@ def action_of(doing: Doing, controls: Iterable[Control], *, was_down: bool) -> A
     for control in controls:
         name = control.names[0]
         if control.form == "button":
-            is_down, is_new = doing.is_down(name), doing.was_pressed(name)
-            down, held = down or is_down, held or (is_down and not is_new)
-            pressed, released = pressed or is_new, released or doing.was_released(name)
+            down, held = down or doing.is_down(name), held or doing.is_kept_down(name)
+            pressed, released = pressed or doing.was_pressed(name), released or doing.was_released(name)
         elif control.form == "axis":
             is_pushed = control.sign * doing.axis(name) >= (LET_GO if was_down else PUSHED)
             down, held = down or is_pushed, held or (is_pushed and was_down)

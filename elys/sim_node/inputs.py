@@ -112,6 +112,11 @@ class PlayerInput:
         _require(name, BUTTONS, "key or button")
         return any(name in device.released for device in self._devices)
 
+    def is_kept_down(self, name: str) -> bool:
+        """Whether one device has held it since before this tick."""
+        _require(name, BUTTONS, "key or button")
+        return any(name in device.held and name not in device.pressed for device in self._devices)
+
     def moved(self, name: str) -> float:
         """How far pointer or wheel went in this tick, see `input_names.MOTIONS`."""
         _require(name, MOTIONS, "motion")
