@@ -10,7 +10,6 @@ follows from it and from the raw input of the tick, so it may be asked at any ti
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Final, NamedTuple, Protocol
 
@@ -30,8 +29,7 @@ LET_GO: Final = 0.4  # below which it is up again
 Bindings = Mapping[str, str]  # controls by name, as `input_controls` reads them
 
 
-@dataclass(frozen=True, slots=True)
-class ActionState:
+class ActionState(NamedTuple):
     """What an action does in a tick; true where it is down."""
 
     is_down: bool

@@ -20,7 +20,9 @@ from elys.common.input_controls import controls_of
 
 
 def test_what_is_written_is_read_again(tmp_path: Path) -> None:
-    file = BindingsFile({"jump": "k, pad_b", "move": "i/j/k/l, pad_left dead=0.25"}, {2: {"jump": "kp_0"}, 11: {"run": ""}})
+    file = BindingsFile(
+        {"jump": "k, pad_b", "move": "i/j/k/l, pad_left dead=0.25"}, {2: {"jump": "kp_0"}, 11: {"run": ""}}
+    )
     path = save_bindings(file, tmp_path / "deep" / "bindings.toml")
     assert load_bindings(path) == file
     assert tomllib.loads(path.read_text())["player"]["2"] == {"jump": "kp_0"}

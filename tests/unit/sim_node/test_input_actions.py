@@ -161,7 +161,7 @@ def test_the_map_is_that_of_the_first_entity_that_is_on_and_may_be_edited() -> N
     apply_again(simulation, SetComponent(entity=entity, component="InputMap", values={"actions": {"roar": "e"}}))
     simulation.inputs.take(played(changes=down("e")))
     assert simulation.inputs[1].action("roar")
-    with pytest.raises(Exception, match="InputMap.actions.roar: 'ee' is no control"):
+    with pytest.raises(Exception, match=r"InputMap\.actions\.roar: 'ee' is no control"):
         apply_again(simulation, SetComponent(entity=entity, component="InputMap", values={"actions": {"roar": "ee"}}))
     assert simulation.inputs[1].action("roar")
     apply_again(simulation, LoadScene(name="none", records=(), settings=SceneSettings()))
