@@ -31,12 +31,12 @@ class Told:
 
     def start(self) -> None:
         """Listens from now on."""
-        self.refusal = ""
+        self.refusal, self._players = "", {}
         if self._close is None:
             self._close = self._session.subscribe(topics.COMMANDS, self._heard)
 
     def stop(self) -> None:
-        """Listens no more; who was heard is kept until his node is gone."""
+        """Listens no more."""
         if self._close is not None:
             self._close()
             self._close = None
@@ -52,14 +52,23 @@ class Told:
             return
         if record.origin == self._session.node.id:
             self.refusal = self.refusal if record.accepted else record.reason
+        elif record.accepted and command.lets_go and not command.changes and not command.axes:
+            self._forget(
+                record.origin, command.player
+            )  # he gave his keys back, or is gone: viewers do not hear of that
         elif record.accepted:
             self._players.setdefault(command.player, set()).add(record.origin)
 
     def _node_changed(self, node: Node, alive: bool) -> None:
         if not alive:
-            for nodes in self._players.values():
-                nodes.discard(node.id)
-            self._players = {player: nodes for player, nodes in self._players.items() if nodes}
+            for player in list(self._players):
+                self._forget(node.id, player)
+
+    def _forget(self, node: str, player: int) -> None:
+        nodes = self._players.get(player, set())
+        nodes.discard(node)
+        if not nodes:
+            self._players.pop(player, None)
 
 
 class LocalPlayers:

@@ -28,7 +28,7 @@ class State(NamedTuple):
 
 
 async def main(endpoint: str, player: int, bindings: Path) -> None:
-    session = await join_session(endpoint, kind="view", timeout=20)
+    session = await join_session(endpoint, kind="viewer", timeout=20)
     players = LocalPlayers(session, player=player, bindings=FollowedBindings(bindings))
     pad = State([0] * len(PAD_NAMES), [0.0, 0.0, 0.0, 0.0, -1.0, -1.0])
     print(f"joined {session.node.id}", flush=True)

@@ -197,23 +197,26 @@ def test_sixteen_play_and_no_more() -> None:
     in_session(scenario)
 
 
-@pytest.mark.parametrize("leaves", [True, False])
-def test_the_number_of_who_is_gone_is_free_again(leaves: bool) -> None:
+@pytest.mark.parametrize("how", ["stays", "leaves", "lets go"])
+def test_the_number_of_who_is_gone_is_free_again(how: str) -> None:
     async def scenario(host, session, heard, join) -> None:
         other = await join()
         players = LocalPlayers(session)
         players.start({})
         record = CommandRecord(tick=1, origin=other.node.id, command=Input(player=2), accepted=True)
         host.publish(topics.COMMANDS, record)
+        if how == "lets go":
+            let_go = CommandRecord(tick=2, origin=other.node.id, command=Input(player=2, lets_go=True), accepted=True)
+            host.publish(topics.COMMANDS, let_go)
         host.publish(topics.COMMANDS, refused_to(session))
-        await until(lambda: players.refusal)  # so the one before was heard
-        if leaves:
+        await until(lambda: players.refusal)  # so the ones before were heard
+        if how == "leaves":
             await other.close()
             await until(lambda: other.node.id not in session.nodes)
         states = {0: state(), 1: state()}
         players.update(states)
         players.update({**states, 1: state("pad_start")})
-        assert players.senders[1].player == (2 if leaves else 3)
+        assert players.senders[1].player == (3 if how == "stays" else 2)
         await other.close()
 
     in_session(scenario)
