@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cached_property
-from typing import Final
+from typing import Final, NamedTuple
 
 import msgspec
 
@@ -55,6 +55,15 @@ class Device(msgspec.Struct, frozen=True, kw_only=True):
     moved: tuple[tuple[str, float], ...] = ()  # in this tick, by name
     axes: tuple[tuple[str, float], ...] = ()  # that are not where they rest at 0
     text: str = ""  # typed in this tick
+
+
+class _Keys(NamedTuple):
+    """Names of keys and buttons of all devices of a player."""
+
+    held: set[str]
+    pressed: set[str]
+    released: set[str]
+    kept: set[str]  # by one device since before this tick
 
 
 class PlayerInput:
@@ -100,22 +109,22 @@ class PlayerInput:
     def is_down(self, name: str) -> bool:
         """Whether a key or button is held; one that went down and up again within a tick is not. ValueError for no such name."""
         _require(name, BUTTONS, "key or button")
-        return any(name in device.held for device in self._devices)
+        return name in self._keys.held
 
     def was_pressed(self, name: str) -> bool:
         """Whether it went down in this tick, however shortly."""
         _require(name, BUTTONS, "key or button")
-        return any(name in device.pressed for device in self._devices)
+        return name in self._keys.pressed
 
     def was_released(self, name: str) -> bool:
         """Whether it went up in this tick."""
         _require(name, BUTTONS, "key or button")
-        return any(name in device.released for device in self._devices)
+        return name in self._keys.released
 
     def is_kept_down(self, name: str) -> bool:
         """Whether one device has held it since before this tick."""
         _require(name, BUTTONS, "key or button")
-        return any(name in device.held and name not in device.pressed for device in self._devices)
+        return name in self._keys.kept
 
     def moved(self, name: str) -> float:
         """How far pointer or wheel went in this tick, see `input_names.MOTIONS`."""
@@ -126,6 +135,16 @@ class PlayerInput:
         """Where two axes of one device stand: of several the one that is pushed farthest, the first of equals."""
         places = [(axes.get(x, 0.0), axes.get(y, 0.0)) for axes in map(dict, (device.axes for device in self._devices))]
         return max(places, key=lambda place: place[0] * place[0] + place[1] * place[1], default=(0.0, 0.0))
+
+    @cached_property
+    def _keys(self) -> _Keys:
+        held, pressed, released, kept = set[str](), set[str](), set[str](), set[str]()
+        for device in self._devices:
+            held.update(device.held)
+            pressed.update(device.pressed)
+            released.update(device.released)
+            kept.update(name for name in device.held if name not in device.pressed)
+        return _Keys(held, pressed, released, kept)
 
     @property
     def held(self) -> tuple[str, ...]:
