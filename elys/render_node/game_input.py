@@ -12,7 +12,7 @@ from elys.bus.session import Session
 from elys.render_node.play_control import PlayControl
 from elys.render_node.window import Window
 
-NOTE: Final = "keys and mouse play the game - Escape gives them back"
+NOTE: Final = "keys, mouse and gamepads play the game - Escape gives them back"
 
 
 class Seen(NamedTuple):
@@ -60,7 +60,7 @@ class GameInput:
         if not self.is_on:
             return ()
         others = [sender.player for sender in self._players.senders[1:]]
-        also = f" - gamepads play as {', '.join(map(str, others))} too" if others else ""
+        also = f" - other pads play as {', '.join(map(str, others))}" if others else ""
         refusal = (f"input was refused: {self._players.refusal}",) if self._players.refusal else ()
         return (f"{NOTE}{also}", *refusal)
 

@@ -85,7 +85,7 @@ async def main():
     assert [(m.player, m.changes, m.axes) for m, _ in heard] == [
         (3, (), {"pad_left_x": 0.5}), (3, (("pad_a", True),), {}), (4, (), {"pad_left_x": 0.5})]
     assert heard[2][0].bindings == {"jump": "f4"}
-    assert game.note == (NOTE + " - gamepads play as 4 too",)
+    assert game.note == (NOTE + " - other pads play as 4",)
     heard.clear()
     w._key(None, glfw.KEY_ESCAPE, 0, glfw.PRESS, 0)
     assert game.update()
