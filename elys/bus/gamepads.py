@@ -128,6 +128,7 @@ class Gamepads:
             if number in states:
                 pad.ignore(states[number])
                 pad.forget()
+        self.update(states)
 
     def _meet(self, number: int, states: Mapping[int, PadState]) -> None:
         state = states[number]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping
-from typing import Final
+from typing import Any, Final
 
 from elys.bus import topics
 from elys.bus.messages.commands import Input
@@ -78,25 +78,27 @@ class InputSender:
 
         The player saw a simulation time [s] when the host's clock said `host_time` [s since 1970], see `host_clock`.
         """
+        stamps: dict[str, Any] = {"player": self.player, "seen_time": seen_time, "done_at": host_time or 0.0}
+        bindings, self._bindings = self._bindings, None
+        if bindings is not None:  # alone: they may be refused, and what was let go must not be with them
+            self._publish(Input(sequence=self.sequence + 1, bindings=bindings, **stamps))
         changes = tuple(self._changes.popleft() for _ in range(min(len(self._changes), MOST_CHANGES)))
         moved = {name: distance for name, distance in self._moved.items() if distance}
-        is_idle = not (self._lets_go or changes or moved or self._axes or self._text)
-        if is_idle and self._bindings is None:
-            return False
-        self.sequence += 1
+        if not (self._lets_go or changes or moved or self._axes or self._text):
+            return bindings is not None
         message = Input(
-            sequence=self.sequence,
-            seen_time=seen_time,
-            done_at=host_time or 0.0,
-            player=self.player,
+            sequence=self.sequence + 1,
             lets_go=self._lets_go,
             changes=changes,
             moved=moved,
             axes=self._axes,
             text=self._text,
-            bindings=self._bindings,
+            **stamps,
         )
-        self._bindings = None
         self._lets_go, self._moved, self._axes, self._text = False, {}, {}, ""
-        self._session.publish(topics.INPUT, message, key=self._session.node.id)
+        self._publish(message)
         return True
+
+    def _publish(self, message: Input) -> None:
+        self.sequence = message.sequence
+        self._session.publish(topics.INPUT, message, key=self._session.node.id)

@@ -271,10 +271,10 @@ class PlayerActions:
             RequestError: what is bound to a name of this scene is no control of it.
         """
         check_bindings(bindings)
-        for sort, known in self.meaning(0).controls.items():
-            for name in bindings.keys() & known.keys():
+        for sort, known in meaning_of(self._declared()).controls.items():
+            for name, text in bindings.items():
                 try:
-                    controls_of(sort, bindings[name])
+                    controls_of(sort, text if name in known else "")
                 except InputError as error:
                     raise RequestError(f"{name}: {error}") from error
         self._bindings.pop(player, None)

@@ -144,12 +144,16 @@ def test_further_pads_play_as_the_next_free_players_once_start_is_pressed() -> N
         players.update({0: start, 1: state("pad_a"), 5: state("pad_b")})
         assert [sender.player for sender in players.senders] == [2, 4, 5]
         assert players.send(seen_time=1.5, host_time=7.0)
-        await until(lambda: len(heard) == 3)
-        told = {message.player: message for message in heard}
-        assert told[2].changes == (("pad_start", True),) and told[2].bindings == {"jump": "kp_2"}
-        assert told[4].changes == (("pad_a", True),) and told[4].bindings == {"jump": "kp_4"}
-        assert told[5].changes == (("pad_b", True),)
-        assert {(message.seen_time, message.done_at, message.sequence) for message in heard} == {(1.5, 7.0, 1)}
+        await until(lambda: len(heard) == 6)
+        assert [(m.player, m.sequence, m.bindings, m.changes) for m in heard] == [
+            (2, 1, {"jump": "kp_2"}, ()),
+            (2, 2, None, (("pad_start", True),)),
+            (4, 1, {"jump": "kp_4"}, ()),
+            (4, 2, None, (("pad_a", True),)),
+            (5, 1, {"jump": "kp_5"}, ()),
+            (5, 2, None, (("pad_b", True),)),
+        ]
+        assert {(message.seen_time, message.done_at) for message in heard} == {(1.5, 7.0)}
         heard.clear()
         players.update({1: state("pad_a"), 5: state("pad_b")})  # the window's own is pulled out
         players.update({1: state("pad_a"), 5: state("pad_b"), 7: state()})  # whoever comes now is the window's player's
@@ -178,8 +182,9 @@ def test_who_begins_again_holds_what_sticks_say_and_no_button() -> None:
         players.start({0: state("pad_a", axes=pushed)})
         players.update({0: state("pad_a", axes=pushed)})
         players.send()
-        await until(lambda: len(heard) == 3)
-        assert heard[2].changes == () and heard[2].axes == {"pad_left_x": 1.0}
+        await until(lambda: len(heard) == 5)
+        assert heard[1].changes == (("pad_a", True),) and heard[2].lets_go
+        assert heard[4].changes == () and heard[4].axes == {"pad_left_x": 1.0}
 
     in_session(scenario)
 
