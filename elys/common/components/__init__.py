@@ -29,6 +29,7 @@ from elys.common.components.declaration import (
     declarations,
     forget,
 )
+from elys.common.components.input_map import InputMap
 from elys.common.components.values import check_value, component_from, values_of
 
 __all__ = [
@@ -40,6 +41,7 @@ __all__ = [
     "Curve",
     "Environment",
     "FieldDeclaration",
+    "InputMap",
     "Joint",
     "Kind",
     "Light",

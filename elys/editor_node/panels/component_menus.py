@@ -27,6 +27,7 @@ _ICONS: Final = {
     "Environment": icons.ICON_FA_CLOUD_SUN,
     "Camera": icons.ICON_FA_VIDEO,
     "Animation": icons.ICON_FA_PERSON_RUNNING,
+    "InputMap": icons.ICON_FA_GAMEPAD,
     "Script": icons.ICON_FA_CODE,
 }
 _LIST_LINES: Final = 16  # of a list that is longer the rest is scrolled to
