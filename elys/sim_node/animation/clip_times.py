@@ -1,7 +1,8 @@
 """Where in a clip somebody is: time that goes on, repeats, turns round or stops, and which instants it passes meanwhile.
 
-Who starts at an instant passes it, who ends a tick there does not: the next tick starts there. So each pass tells it once, however
-long ticks are. `fmod` gives the rest of a division exactly: what a tick ends with is the very number that the next one starts from.
+Who starts at an instant passes it, who ends a tick there does not: the next tick starts there. So each pass tells it once,
+however long ticks are. `fmod` gives the rest of a division exactly: what a tick ends with is the very number that the next one
+starts from.
 """
 
 from __future__ import annotations
@@ -33,6 +34,10 @@ class Way(NamedTuple):
     laps: NDArray[np.int64]
     goes_on: NDArray[np.int8]
     ended: NDArray[np.bool_]
+
+    def of(self, rows: NDArray[np.intp]) -> Way:
+        """Some of them."""
+        return Way(self.start[rows], self.end[rows], self.laps[rows], self.goes_on[rows], self.ended[rows])
 
 
 def periods(loop: NDArray[np.uint8], duration: Times) -> Times:
@@ -81,20 +86,18 @@ def instants_met(way: Way, row: int, loop: int, duration: float, instants: Seque
     start, end, sign = float(way.start[row]), float(way.end[row]), int(way.goes_on[row])
     if not sign or duration <= 0.0:
         return []
-    period = 2.0 * duration if loop == PING_PONG else duration
     laps = min(abs(int(way.laps[row])), MOST_PASSES)
-    met: list[tuple[float, int]] = []
+    met: list[tuple[int, float, int]] = []  # in which lap, how far on in it, which
     for number, instant in enumerate(instants):
         if instant > duration:
             continue
         for place in _places(instant, loop, duration):
-            count = laps + _is_before(place, end, sign) - _is_before(place, start, sign)
-            first = 0 if not _is_before(place, start, sign) else 1  # in which lap it is met first
-            away = (place - start) * sign
-            met += [(away + (first + lap) * period, number) for lap in range(count)]
+            first = int(_is_before(place, start, sign))
+            count = laps + _is_before(place, end, sign) - first
+            met += [(first + lap, place * sign, number) for lap in range(count)]
             if loop == ONCE and way.ended[row] and place == end:
-                met.append((away, number))
-    return [number for _, number in sorted(met)]
+                met.append((0, place * sign, number))
+    return [number for *_, number in sorted(met)]
 
 
 def _is_before(place: float, bound: float, sign: int) -> bool:

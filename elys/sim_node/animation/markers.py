@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from elys.bus.messages.session import Event
-from elys.common.components import Script
-from elys.common.components.animation_texts import Marker
+from elys.common.components import AnimationMarkers, Script
+from elys.common.components.animation_texts import Marker, markers_of
+from elys.common.errors import ComponentError
 from elys.common.ids import Entity
 from elys.sim_node.animation.clip_times import MOST_PASSES, PING_PONG, Way, instants_met
+from elys.sim_node.animation.voices import Voices
 from elys.sim_node.ecs.columns import NO_ROW
 from elys.sim_node.ecs.world import World
 
@@ -74,13 +76,24 @@ class MarkerTable:
         return np.asarray(moves & (around | here | turned))
 
 
-def markers_by_clip(markers: Iterable[Marker], clips: Iterable[str]) -> Mapping[str, tuple[Marker, ...]]:
-    """Of each clip its markers, by time."""
-    several = tuple(markers)
-    return {
-        clip: tuple(sorted((one for one in several if one.clip in ("", clip)), key=lambda one: one.time))
-        for clip in clips
-    }
+def marked_voices(
+    world: World, voices: Voices, players: Iterable[int], tell: Callable[[int, str], None]
+) -> list[MarkedVoice]:
+    """The voices whose players have markers, with those of their clips by time."""
+    found: dict[int, tuple[Marker, ...]] = {}
+    for entity in players:
+        component = world.try_get(Entity(entity), AnimationMarkers)
+        try:
+            found[entity] = markers_of(component.markers) if component is not None else ()
+        except ComponentError as error:
+            tell(entity, f"tells of nothing: {error}")
+            found[entity] = ()
+    marked = []
+    for voice, (entity, (_, clip)) in enumerate(zip(voices.entity.tolist(), voices.keys, strict=True)):
+        if found[entity] and voices.is_wanted[voice]:
+            mine = sorted((one for one in found[entity] if one.clip in ("", clip)), key=lambda one: one.time)
+            marked.append(MarkedVoice(voice, entity, clip, tuple(mine)))
+    return marked
 
 
 def _event(one: MarkedVoice, marker: Marker, listener: int) -> Event:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,6 @@ from elys.common.ids import Entity
 from elys.sim_node.animation.clip_library import ClipKey, ClipLibrary
 from elys.sim_node.ecs.world import World
 
-BY_VALUE: Final = 1  # place among the choices of AnimationBlend.by
-ADD: Final = 1  # place among the choices of AnimationLayer.mode
 Tell = Callable[[int, str], None]
 
 
@@ -115,36 +113,3 @@ def layers_of(world: World, players: list[int], tell: Tell) -> dict[int, Layer]:
         for number, (_, player, layer) in enumerate(ordered, 1):
             found[players[player]] = Layer(root, number, layer.mode == "add", layer.mask)
     return found
-
-
-class Crew(NamedTuple):
-    """The players of a world [N] and what belongs to them, voices [V] as they stand.
-
-    Attributes:
-        entities: [N]. reference: [N] s, the length that Animation.time is of: of the longest clip that is wanted.
-        is_single: [N] whether one clip is wanted, and no more.
-        owner: [V] which player each voice is of. duration: [V] s.
-        by_value: rows of voices that a value weighs. tent: [those, 3].
-        layers: rows of players that are layers over others.
-    """
-
-    entities: NDArray[np.uint32]
-    reference: NDArray[np.float64]
-    is_single: NDArray[np.bool_]
-    owner: NDArray[np.intp]
-    duration: NDArray[np.float64]
-    by_value: NDArray[np.intp]
-    tent: NDArray[np.float64]
-    layers: NDArray[np.intp]
-
-
-NOBODY: Final = Crew(
-    np.zeros(0, np.uint32),
-    np.zeros(0),
-    np.zeros(0, np.bool_),
-    np.zeros(0, np.intp),
-    np.zeros(0),
-    np.zeros(0, np.intp),
-    np.zeros((0, 3)),
-    np.zeros(0, np.intp),
-)

@@ -1,8 +1,8 @@
 """Several clips on the same entities: weighted means of what they say, and layers over those.
 
-Places, scales and weights of morph targets are mixed evenly. Of rotations it is the weighted sum of quaternions, each with the sign
-that brings it nearer to the sum so far, at length 1: between two that are 90 degrees apart it lies within 1 degree of the even
-turn (Blow, Understanding Slerp, 2004), and unlike that turn it does not depend on the order of three.
+Places, scales and weights of morph targets are mixed evenly. Of rotations it is the weighted sum of quaternions, each with the
+sign that brings it nearer to the sum so far, at length 1: between two it goes the way of slerp, at a speed that is not quite
+even.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ MOST_NUMBERS: Final = 2048  # of morph targets of one entity: more than there ca
 
 
 class Spots(NamedTuple):
-    """Where the values of a group go: `flat` [K] numbers of values, players by channels, and `slot` [K] which each is of the mix."""
+    """Where the values of a group go: `flat` [K] numbers of values (players by channels), `slot` [K] which each is of the mix."""
 
     flat: Indices
     slot: Indices

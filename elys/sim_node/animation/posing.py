@@ -45,7 +45,7 @@ class Part(NamedTuple):
 
 
 class _Alone(NamedTuple):
-    """Voices [G] of one clip that are all their entities play; `flat` numbers of values and the places they go to, by property."""
+    """Voices [G] of one clip, each all that its entity plays; `spots` by property have places of entities as their slots."""
 
     sampler: ClipSampler
     voices: Indices

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from elys.common.components import Transform
 from elys.common.math.arrays import Floats
@@ -49,10 +50,10 @@ class RestPoses:
         for name in ("position", "rotation", "scale"):
             getattr(self, name)[rows] = table.column(name)[table.row_of[indices_of(ids)]]
 
-    def of(self, name: str, ids: Entities) -> Floats:
+    def of(self, name: str, ids: Entities) -> NDArray[np.float64]:
         """[N, 3 or 4] float64: position, rotation or scale of known entities [N]."""
         column: Floats = getattr(self, name)
-        return column[np.searchsorted(self.entity, ids)].astype(np.float64)
+        return np.asarray(column[np.searchsorted(self.entity, ids)], np.float64)
 
     def knows(self, entity: int) -> bool:
         """Whether it is one of them."""

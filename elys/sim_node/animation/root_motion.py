@@ -1,8 +1,8 @@
 """Root motion: where a clip moves one of its nodes, the entity that plays it goes instead.
 
 Of the node's pose in the entity's space T is what lies in the plane: its place there and, if it shall turn, its turn about the
-vertical. From one tick to the next the entity goes by inverse(T(before)) T(after), over the end of a clip by as many whole clips as
-lie between, so that n rounds are n times one. The node keeps the T that it rests in.
+vertical. From one tick to the next the entity goes by inverse(T(before)) T(after), over the end of a clip by as many whole clips
+as lie between, so that n rounds are n times one. The node keeps the T that it rests in.
 
 Turns about the vertical are quaternions (y, w) of which x and z are 0: products and roots alone.
 """
@@ -124,10 +124,11 @@ class Frame(NamedTuple):
 
 def frame_of(chain: list[tuple[Floats64, Floats64, Floats64]], *, turns: bool, rises: bool) -> Frame:
     """From positions, rotations and scales at rest of those from below the entity down to the node, which is last."""
-    linear, origin, rotation = np.eye(3), np.zeros(3), quaternion.IDENTITY.copy()
+    linear: Floats64 = np.eye(3)
+    origin, rotation = np.zeros(3), quaternion.IDENTITY.copy()
     for position, turn, scale in chain[:-1]:
         origin = origin + linear @ position
-        linear = linear @ quaternion.to_matrix(turn) @ np.diag(scale)
+        linear = np.asarray(linear @ quaternion.to_matrix(turn) @ np.diag(scale), np.float64)
         rotation = np.asarray(quaternion.multiply(rotation, turn), np.float64)
     position, turn, _ = chain[-1]
     place = (origin + linear @ position)[None]
@@ -149,17 +150,14 @@ def held(position: Floats64, rotation: Floats64, frame: Frame) -> tuple[Floats64
     place = frame.origin + position @ frame.entity_from_parent.T
     kept = (0, 1, 2) if frame.rises else (0, 2)
     place[:, kept] = frame.rest.place[:, kept]
-    position = np.linalg.solve(frame.entity_from_parent, (place - frame.origin).T).T
-    if frame.turns:
-        seen = quaternion.multiply(frame.rotation, rotation)
-        turn = _about_vertical(seen)
-        still = after(
-            frame.rest._replace(turn=np.repeat(frame.rest.turn, len(turn), axis=0)), back(Ground(turn, place * 0.0))
-        )
-        rotation = quaternion.multiply(
-            quaternion.conjugate(frame.rotation), quaternion.multiply(rotation_of(still.turn), seen)
-        )
-    return position, np.asarray(rotation, np.float64)
+    still = np.asarray(np.linalg.solve(frame.entity_from_parent, (place - frame.origin).T).T, np.float64)
+    if not frame.turns:
+        return still, rotation
+    seen = np.asarray(quaternion.multiply(frame.rotation, rotation), np.float64)
+    rest, turn = (rotation_of(each) for each in (frame.rest.turn, _about_vertical(seen)))
+    kept_turn = quaternion.multiply(rest, quaternion.conjugate(turn))
+    local = quaternion.multiply(quaternion.conjugate(frame.rotation), quaternion.multiply(kept_turn, seen))
+    return still, np.asarray(local, np.float64)
 
 
 def rotation_of(turn: Floats64) -> Floats64:

@@ -132,7 +132,7 @@ class RootWalks:
         motions, of_voice, owners = [], [], []
         for stretch in self._stretches:
             rows = stretch.voices
-            part = Way(*(column[rows] for column in way))
+            part = way.of(rows)
             motions.append(
                 of_entity(stretch.track.gone(part, loop[rows], stretch.duration, stretch.frame), stretch.frame)
             )

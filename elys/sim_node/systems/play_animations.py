@@ -15,24 +15,13 @@ from numpy.typing import NDArray
 from elys.bus.messages.session import Event
 from elys.common.assets.store import AssetStore
 from elys.common.components import Animation, AnimationBlend, AnimationLayer, AnimationMarkers, RootMotion, Transform
-from elys.common.components.animation_texts import Marker, markers_of
-from elys.common.errors import ComponentError
 from elys.common.ids import Entity
 from elys.sim_node.animation.binding import Binding
 from elys.sim_node.animation.clip_library import ClipLibrary
 from elys.sim_node.animation.clip_times import Way, clip_times, ends_met, go_on, wrapped
-from elys.sim_node.animation.markers import MarkedVoice, MarkerTable, markers_by_clip
-from elys.sim_node.animation.players import (
-    ADD,
-    BY_VALUE,
-    NOBODY,
-    Crew,
-    Layer,
-    layers_of,
-    tent_weights,
-    tents,
-    wanted_by,
-)
+from elys.sim_node.animation.crew import NOBODY, Crew, crew_of
+from elys.sim_node.animation.markers import MarkerTable, marked_voices
+from elys.sim_node.animation.players import Layer, layers_of, tent_weights, tents, wanted_by
 from elys.sim_node.animation.posing import Part, Poser
 from elys.sim_node.animation.rest_poses import RestPoses
 from elys.sim_node.animation.root_walks import Driven, RootWalks, find_walker
@@ -209,12 +198,14 @@ class Animations:
         wanted = voices.is_wanted
         voices.rate = np.where(wanted, steps[crew.owner] / seconds * ratio, voices.rate)
         own = go_on(voices.time, np.where(goes[crew.owner], voices.rate * seconds, 0.0), voices.loop, crew.duration)
-        scale = (ratio, ratio, 1, 1, 1)
-        of_voices = (
-            np.where(wanted, (theirs[crew.owner] * factor).astype(mine.dtype), mine)
-            for theirs, mine, factor in zip(way, own, scale, strict=True)
+        theirs = way.of(crew.owner)
+        found = Way(
+            np.where(wanted, theirs.start * ratio, own.start),
+            np.where(wanted, theirs.end * ratio, own.end),
+            np.where(wanted, theirs.laps, own.laps),
+            np.where(wanted, theirs.goes_on, own.goes_on),
+            np.where(wanted, theirs.ended, own.ended),
         )
-        found = Way(*of_voices)
         voices.time = found.end
         return found
 
@@ -322,53 +313,15 @@ class Animations:
         world = self._world
         players = list(dict.fromkeys(self.voices.entity.tolist()))
         layers = layers_of(world, players, self._tell)
-        self._crew = self._crew_of(players, layers)
+        self._crew = crew_of(world, self.voices, self.library, players, layers)
         table = world.table(Animation)
         self._written = table.column("time")[table.rows(self._crew.entities)]
         parts = self._parts(layers)
         self._poser = Poser(world, parts, self.rest) if parts else None
         self._bind_walks(players, layers)
-        self._markers = MarkerTable(self._marked(players))
+        self._markers = MarkerTable(marked_voices(world, self.voices, players, self._tell))
         moved = [self._poser.moved if self._poser is not None else np.zeros(0, np.intp), self.walks.places(world)]
         self._moved = np.unique(np.concatenate(moved))
-
-    def _crew_of(self, players: list[int], layers: dict[int, Layer]) -> Crew:
-        voices = self.voices
-        number = {entity: row for row, entity in enumerate(players)}
-        owner = np.array([number[entity] for entity in voices.entity.tolist()], np.intp)
-        duration = np.array([self.library.sampler(key).duration for key in voices.keys])
-        reference = np.zeros(len(players))
-        np.maximum.at(reference, owner[voices.is_wanted], duration[voices.is_wanted])
-        wanted = np.bincount(owner[voices.is_wanted], minlength=len(players))
-        by_value, tent = self._valued(players)
-        return Crew(
-            entities=np.array(players, np.uint32),
-            reference=reference,
-            is_single=wanted <= 1,
-            owner=owner,
-            duration=duration,
-            by_value=by_value,
-            tent=tent,
-            layers=np.array([number[e] for e, layer in layers.items() if layer.number], np.intp),
-        )
-
-    def _valued(self, players: list[int]) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-        rows: list[int] = []
-        found: list[tuple[float, float, float]] = []
-        table = self._world.table(AnimationBlend)
-        blends = table.rows(np.array(players, np.uint32)) if players else np.zeros(0, np.int32)
-        of_entity: dict[int, list[int]] = {}
-        for row, entity in enumerate(self.voices.entity.tolist()):
-            if self.voices.is_wanted[row]:
-                of_entity.setdefault(entity, []).append(row)
-        for entity, blend in zip(players, blends.tolist(), strict=True):
-            if blend < 0 or int(table.column("by")[blend]) != BY_VALUE:
-                continue
-            wanted = wanted_by(self._world, entity, self.library, lambda *_: None)
-            if wanted.is_by_value:
-                rows += of_entity.get(entity, [])
-                found += tents(list(wanted.clips.values()))
-        return np.array(rows, np.intp), np.array(found).reshape(-1, 3)
 
     def _parts(self, layers: dict[int, Layer]) -> list[Part]:
         counts = np.bincount(self._crew.owner, minlength=len(self._crew.entities)).tolist()
@@ -400,22 +353,6 @@ class Animations:
             if entity in walkers
         ]
         self.walks.bind(self._world, list(walkers.values()), voices)
-
-    def _marked(self, players: list[int]) -> list[MarkedVoice]:
-        found: dict[int, tuple[Marker, ...]] = {}
-        for entity in players:
-            component = self._world.try_get(Entity(entity), AnimationMarkers)
-            try:
-                found[entity] = markers_of(component.markers) if component is not None else ()
-            except ComponentError as error:
-                self._tell(entity, f"tells of nothing: {error}")
-                found[entity] = ()
-        marked = []
-        for voice, (entity, key) in enumerate(zip(self.voices.entity.tolist(), self.voices.keys, strict=True)):
-            if found[entity] and self.voices.is_wanted[voice]:
-                mine = markers_by_clip(found[entity], [key[1]])[key[1]]
-                marked.append(MarkedVoice(voice, entity, key[1], mine))
-        return marked
 
     def _tell(self, entity: int, what: str) -> None:
         if (entity, what) not in self._told:
