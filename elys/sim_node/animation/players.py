@@ -22,7 +22,7 @@ class Wanted(NamedTuple):
     """What an entity shall play.
 
     Attributes:
-        clips: with the weights, or the values at which each is all there is.
+        clips: with the weights, together 1, or the values at which each is all there is.
     """
 
     clips: dict[ClipKey, float]
@@ -64,7 +64,10 @@ def wanted_by(world: World, entity: int, library: ClipLibrary, tell: Tell) -> Wa
             tell(entity, f"leaves '{name}' out of its mix: a weight must be at least 0, not {number:g}")
         else:
             found[key] = number
-    return Wanted(found, blend.by == "value")
+    if blend.by == "value":
+        return Wanted(found, True)
+    total = sum(found.values())
+    return Wanted({key: number / total if total > 0.0 else 0.0 for key, number in found.items()}, False)
 
 
 def tents(values: list[float]) -> list[tuple[float, float, float]]:
