@@ -28,6 +28,7 @@ from elys.sim_node.animation.root_motion import (
     rotation_of,
     standing,
 )
+from elys.sim_node.ecs.changes import WorldChanges
 from elys.sim_node.ecs.columns import NO_ROW
 from elys.sim_node.ecs.entities import Entities, Indices
 from elys.sim_node.ecs.world import World
@@ -45,13 +46,18 @@ class Driven(NamedTuple):
 
 
 class Walker(NamedTuple):
-    """An entity with RootMotion whose clips may move it; `node` is the place of the one whose motion it takes."""
+    """An entity with RootMotion whose clips may move it.
+
+    Attributes:
+        node: place of the one whose motion it takes. chain: those from below it down to that one.
+    """
 
     entity: int
     node: int
     path: tuple[str, ...]
     frame: Frame
     is_told: bool
+    chain: frozenset[int]
 
 
 class _Stretch(NamedTuple):
@@ -82,6 +88,11 @@ class RootWalks:
 
     def __len__(self) -> int:
         return len(self._walkers)
+
+    def is_touched(self, changes: WorldChanges) -> bool:
+        """Whether somebody edited how a node rests, or one above it."""
+        edited = {entity for entity, component in changes.set if component == Transform.__name__}
+        return bool(edited) and any(edited & one.chain for one in self._walkers)
 
     def places(self, world: World) -> Indices:
         """Those whose Transforms are written."""
@@ -199,7 +210,7 @@ def find_walker(
     if not world.has(Entity(entity), Transform):
         tell(entity, "goes nowhere: give it a Transform")
         return None
-    chain = []
+    chain, ids = [], set[int]()
     table = world.table(Transform)
     for length in range(1, len(path) + 1):
         place = below[path[:length]]
@@ -207,6 +218,7 @@ def find_walker(
         if row == NO_ROW:
             continue
         values = [table.column(name)[row].astype(np.float64) for name in ("position", "rotation", "scale")]
+        ids.add(int(world.allocator.ids[place]))
         if rest.knows(int(world.allocator.ids[place])):
             values = [rest.of(name, world.allocator.ids[[place]])[0] for name in ("position", "rotation", "scale")]
         chain.append((values[0], values[1], values[2]))
@@ -214,7 +226,7 @@ def find_walker(
         tell(entity, f"goes nowhere: '{component.node}' has no Transform, or one above it is squeezed flat")
         return None
     frame = frame_of(chain, turns=component.turn, rises=component.height)
-    return Walker(entity, below[path], path, frame, component.mode == "tell")
+    return Walker(entity, below[path], path, frame, component.mode == "tell", frozenset(ids))
 
 
 def _angle(turn: Floats64) -> Floats64:

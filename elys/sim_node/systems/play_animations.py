@@ -124,6 +124,8 @@ class Animations:
             self._binding.forget()
         if is_touched or self._deciding() != self._seen:
             self._bind()
+        elif self.walks.is_touched(changes):
+            self._plan()
         self._take_times()
         self.pose()
         stopped = np.setdiff1d(before, self._world.allocator.ids[self._moved]).tolist()
