@@ -25,7 +25,9 @@ def track(target: tuple[str, ...], values: Any, *, name: Property = "position", 
     return Channel(target=target, property=name, interpolation="linear", times=times, values=keys)
 
 
-def constant(name: str, target: tuple[str, ...], value: Any, *, duration: float = 1.0, of: Property = "position") -> Clip:
+def constant(
+    name: str, target: tuple[str, ...], value: Any, *, duration: float = 1.0, of: Property = "position"
+) -> Clip:
     """A clip in which one thing stands still."""
     return Clip(name=name, channels=(track(target, [value, value], name=of, duration=duration),))
 
@@ -35,7 +37,9 @@ def turn(axis: Any, degrees: float) -> np.ndarray:
 
 
 class Puppet:
-    def __init__(self, *clips: Clip, more: tuple[Component, ...] = (), at: Transform | None = None, **animation: Any) -> None:
+    def __init__(
+        self, *clips: Clip, more: tuple[Component, ...] = (), at: Transform | None = None, **animation: Any
+    ) -> None:
         self.assets = AssetStore()
         self.simulation = Simulation(settings=SceneSettings(tick_rate=RATE), assets=self.assets)
         self.world = self.simulation.world

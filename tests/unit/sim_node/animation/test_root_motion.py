@@ -127,7 +127,9 @@ def test_of_a_mix_it_goes_the_weighted_way() -> None:
 
 
 def test_only_told_it_stays_and_says_how_far() -> None:
-    puppet = walker(root=RootMotion(node="Hips", mode="tell"), at=Transform(rotation=tuple(turn((0, 1, 0), 90).tolist())))
+    puppet = walker(
+        root=RootMotion(node="Hips", mode="tell"), at=Transform(rotation=tuple(turn((0, 1, 0), 90).tolist()))
+    )
     gone = np.zeros(3)
     for _ in range(35):
         puppet.run()
