@@ -91,15 +91,10 @@ def _ball(
 ) -> list[Ring]:
     angles = np.linspace(0.0, np.pi, 9)
     x, y, z = middle
+    heights, widths = np.cos(angles).tolist(), np.sin(angles).tolist()
     return [
-        Ring(
-            (x, y - sizes[1] * float(np.cos(a)), z),
-            sizes[0] * float(np.sin(a)),
-            sizes[2] * float(np.sin(a)),
-            ((joint, 1.0),),
-            color,
-        )
-        for a in angles
+        Ring((x, y - sizes[1] * height, z), sizes[0] * width, sizes[2] * width, ((joint, 1.0),), color)
+        for height, width in zip(heights, widths, strict=True)
     ]
 
 

@@ -76,11 +76,19 @@ def sample(name: str) -> Sample:
 
 
 def write_sample(name: str, path: str | Path) -> None:
-    """Writes a sample's scene file, and beside it the files that it names; raises SceneError if there is none of this name or the file cannot be written."""
-    found = sample(name)
-    write_scene(found.build(), path)
-    for file in found.files:
+    """Writes a sample's scene file, and beside it what it names.
+
+    Raises:
+        SceneError: there is none of this name, or a file cannot be written.
+    """
+    write_scene(sample(name).build(), path)
+    copy_files(name, Path(path).parent)
+
+
+def copy_files(name: str, folder: Path) -> None:
+    """Puts the files that a sample names into a folder; SceneError where that fails."""
+    for file in sample(name).files:
         try:
-            Path(path).with_name(file).write_bytes((FOLDER / file).read_bytes())
+            (folder / file).write_bytes((FOLDER / file).read_bytes())
         except OSError as error:
-            raise SceneError(f"{file}, which {path} names, cannot be written beside it: {error}") from error
+            raise SceneError(f"{file}, which {name} names, cannot be written to {folder}: {error}") from error

@@ -1,4 +1,4 @@
-"""Times of clips and the instants they pass, against exact fractions: no pass is missed and none told twice, whatever the tick."""
+"""Times of clips and the instants they pass, against exact fractions: each pass is told once, whatever the tick."""
 
 from __future__ import annotations
 

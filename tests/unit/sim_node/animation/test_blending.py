@@ -173,7 +173,7 @@ def test_a_layer_adds_how_its_clip_differs_from_its_beginning() -> None:
             track(SPINE, [turn((0, 0, 1), 30), turn((0, 0, 1), 70)], name="rotation"),
         ),
     )
-    puppet, layer = layered("add", wave, weight=0.5)
+    puppet, _ = layered("add", wave, weight=0.5)
     puppet.world.set_fields(puppet.spine, Transform, {"rotation": tuple(turn((1, 0, 0), 90).tolist())})
     puppet.run(25)
     assert puppet.place(puppet.arm) == pytest.approx((-1.0, 0.25, 0.0))
