@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from elys.common.scene import EntityNode, SceneDocument
+from elys.common.scene import ComponentChanges, EntityNode, SceneDocument
 from elys.samples.entities import camera, group, obstacle, sun
 from elys.samples.figure import RUN, WALK, WALK_ROUND
 
@@ -80,6 +80,9 @@ def _mixed() -> EntityNode:
 def _waving() -> EntityNode:
     """It stands, and its arm waves: a layer over the rest."""
     node = figure("Waver", (4.1, 0.0, -1.2), heading=2.6)
-    layer = {"Animation": {"clips": f"{FIGURE}#clips", "clip": "Wave"}, "AnimationLayer": {"mask": "R Arm"}}
+    layer: ComponentChanges = {
+        "Animation": {"clips": f"{FIGURE}#clips", "clip": "Wave"},
+        "AnimationLayer": {"mask": "R Arm"},
+    }
     node.children.append(EntityNode(name="Greeting", components=layer))
     return node

@@ -38,7 +38,7 @@ DERIVED: Final[Mapping[str, frozenset[str]]] = {
     "Animations": frozenset(
         {"library", "_binding", "_crew", "_poser", "_markers", "_moved", "_written", "_seen", "_driven", "_events"}
     ),
-    "RootWalks": frozenset({"_walkers", "_stretches", "_tracks"}),
+    "RootWalks": frozenset({"_walkers", "_stretches", "_held", "_tracks"}),
 }
 _STRANGERS: Final = (AssetStore, ComponentDeclaration, Query, MethodType)
 _SELF_KEPT: Final = (PhysicsWorld, Scripts)  # that say themselves what is to be kept, and how it comes back

@@ -23,10 +23,22 @@ MOST_NUMBERS: Final = 2048  # of morph targets of one entity: more than there ca
 
 
 class Spots(NamedTuple):
-    """Where the values of a group go: `flat` [K] numbers of values (players by channels), `slot` [K] which each is of the mix."""
+    """Where K values of a group go: `flat` numbers of values (players by channels), `slot` which each is of the mix."""
 
-    flat: Indices
-    slot: Indices
+    flat: Indices | slice
+    slot: Indices | slice
+    size: int
+
+
+def spots(flat: Indices, slot: Indices) -> Spots:
+    """Those of [K] numbers each; what rises by 1 becomes a slice, which is read and written several times faster."""
+    return Spots(_compact(flat), _compact(slot), len(flat))
+
+
+def _compact(numbers: Indices) -> Indices | slice:
+    if len(numbers) and np.array_equal(numbers, np.arange(numbers[0], numbers[0] + len(numbers))):
+        return slice(int(numbers[0]), int(numbers[0]) + len(numbers))
+    return numbers
 
 
 class MixGroup(NamedTuple):
@@ -48,7 +60,7 @@ class Mix(NamedTuple):
     """Layers, the lowest first, over how what they move rests.
 
     Attributes:
-        keys: by property [S] rising: places of entities, of weights places times MOST_NUMBERS plus which target.
+        keys: by property [S]: places of entities, of weights places times MOST_NUMBERS plus which target.
         rest: by property [S, width].
     """
 
@@ -75,8 +87,8 @@ def _replace(pose: dict[Property, Floats64], groups: list[MixGroup], times: Floa
     for group in groups:
         samples = group.sampler.sample(times[group.voices])
         for name in PROPERTIES:
-            flat, slot = group.spots[name]
-            if not len(slot):
+            flat, slot, size = group.spots[name]
+            if not size:
                 continue
             values, weight = _values(samples, name)[flat], _weights(shares, group, name)[flat]
             if name == "rotation":
@@ -99,8 +111,8 @@ def _replace(pose: dict[Property, Floats64], groups: list[MixGroup], times: Floa
 def _add(pose: dict[Property, Floats64], group: MixGroup, times: Floats64, shares: Floats64) -> None:
     samples, first = group.sampler.sample(times[group.voices]), group.sampler.sample(np.zeros(1))
     for name in PROPERTIES:
-        flat, slot = group.spots[name]
-        if not len(slot):
+        flat, slot, size = group.spots[name]
+        if not size:
             continue
         values = _values(samples, name)
         begins = np.tile(_values(first, name), (len(group.voices), 1))[flat]

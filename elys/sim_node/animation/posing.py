@@ -18,7 +18,7 @@ from elys.common.components import Morph, Transform
 from elys.common.errors import AssetError
 from elys.common.ids import Entity
 from elys.sim_node.animation.binding import NOWHERE
-from elys.sim_node.animation.pose_mixing import MOST_NUMBERS, Floats64, Mix, MixGroup, Spots
+from elys.sim_node.animation.pose_mixing import MOST_NUMBERS, Floats64, Mix, MixGroup, spots
 from elys.sim_node.animation.rest_poses import RestPoses
 from elys.sim_node.ecs.entities import Entities, Indices
 from elys.sim_node.ecs.world import World
@@ -44,12 +44,19 @@ class Part(NamedTuple):
     places: dict[Property, Indices]
 
 
+class Goals(NamedTuple):
+    """Where the values of voices alone go: `flat` [K] numbers of values, and the places [K] of the entities they are for."""
+
+    flat: Indices
+    places: Indices
+
+
 class _Alone(NamedTuple):
-    """Voices [G] of one clip, each all that its entity plays; `spots` by property have places of entities as their slots."""
+    """Voices [G] of one clip, each all that its entity plays."""
 
     sampler: ClipSampler
     voices: Indices
-    spots: dict[Property, Spots]
+    goals: dict[Property, Goals]
     weight_keys: Indices
 
 
@@ -89,10 +96,10 @@ class Poser:
         for alone in self._alone:
             samples = alone.sampler.sample(times[alone.voices])
             for name in () if only_weights else MOVED:
-                flat, places = alone.spots[name]
+                flat, places = alone.goals[name]
                 values = getattr(samples, name)
                 self._write(name, places, values.reshape(-1, values.shape[-1])[flat])
-            weights.append(samples.weights.ravel()[alone.spots["weights"].flat])
+            weights.append(samples.weights.ravel()[alone.goals["weights"].flat])
         if self._mix is not None:
             pose = self._mix.pose(times, shares)
             for name in () if only_weights else MOVED:
@@ -120,13 +127,13 @@ def _grouped(parts: Iterable[Part]) -> list[list[Part]]:
 
 def _alone(parts: list[Part]) -> _Alone:
     sampler = parts[0].sampler
-    spots = {}
+    found = {}
     for name in PROPERTIES:
         places = np.concatenate([part.places[name] for part in parts])
         flat = np.flatnonzero(places != NOWHERE)
-        spots[name] = Spots(flat, places[flat])
-    keys = _keys(parts, "weights")[spots["weights"].flat]
-    return _Alone(sampler, np.array([part.voice for part in parts], np.intp), spots, keys)
+        found[name] = Goals(flat, places[flat])
+    keys = _keys(parts, "weights")[found["weights"].flat]
+    return _Alone(sampler, np.array([part.voice for part in parts], np.intp), found, keys)
 
 
 def _keys(parts: list[Part], name: Property) -> Indices:
@@ -142,16 +149,19 @@ def _mix(world: World, parts: list[Part], rest: RestPoses) -> Mix:
     groups = [(group, {name: _keys(group, name) for name in PROPERTIES}) for group in _grouped(parts)]
     keys: dict[Property, Indices] = {}
     for name in PROPERTIES:
-        several = np.unique(np.concatenate([found[name] for _, found in groups]))
-        keys[name] = several[several != NOWHERE]
+        several = np.concatenate([found[name] for _, found in groups])
+        several = several[several != NOWHERE]
+        keys[name] = several[np.sort(np.unique(several, return_index=True)[1])]  # in the order of the first clip
     layers: dict[int, list[MixGroup]] = {}
     for group, found in groups:
-        spots = {}
+        of_group = {}
         for name in PROPERTIES:
             flat = np.flatnonzero(found[name] != NOWHERE)
-            spots[name] = Spots(flat, np.searchsorted(keys[name], found[name][flat]))
+            order = np.argsort(keys[name])
+            slot = order[np.searchsorted(keys[name], found[name][flat], sorter=order)]
+            of_group[name] = spots(flat, slot)
         voices = np.array([part.voice for part in group], np.intp)
-        layers.setdefault(group[0].layer, []).append(MixGroup(group[0].sampler, voices, spots, group[0].is_added))
+        layers.setdefault(group[0].layer, []).append(MixGroup(group[0].sampler, voices, of_group, group[0].is_added))
     rests = {name: rest.of(name, world.allocator.ids[keys[name]]) for name in MOVED}
     return Mix(
         [layers[number] for number in sorted(layers)],

@@ -60,10 +60,14 @@ def times_over(motion: Ground, counts: NDArray[np.int64]) -> Ground:
     result, power, left = standing(len(counts)), motion, counts.copy()
     while left.any():
         longer = after(result, power)
-        is_odd = (left & 1).astype(np.bool_)[:, None]
-        result = Ground(np.where(is_odd, longer.turn, result.turn), np.where(is_odd, longer.place, result.place))
+        result = chosen((left & 1).astype(np.bool_), longer, result)
         power, left = after(power, power), left >> 1
     return Ground(_unit(result.turn), result.place)
+
+
+def chosen(which: NDArray[np.bool_], these: Ground, others: Ground) -> Ground:
+    """Of each row [N] one of two motions."""
+    return Ground(*(np.where(which[:, None], a, b) for a, b in zip(these, others, strict=True)))
 
 
 class RootTrack:
@@ -88,22 +92,19 @@ class RootTrack:
     def gone(self, way: Way, loop: NDArray[np.uint8], duration: float, frame: Frame) -> Ground:
         """How far players [N] of the clip went in a tick, seen from the node."""
         lengths = np.full(len(loop), duration)
-        before = self.at(clip_times(way.start, loop, lengths), frame)
-        now = self.at(clip_times(way.end, loop, lengths), frame)
+        times = [clip_times(way.start, loop, lengths), clip_times(way.end, loop, lengths), self._ends]
+        count, every = len(loop), self.at(np.concatenate(times), frame)
+        before, now = (Ground(*(part[first : first + count] for part in every)) for first in (0, count))
+        straight = after(back(before), now)
         laps = np.where(loop == PING_PONG, 0, way.laps)  # there and back is nowhere
         if not laps.any():
-            return after(back(before), now)
-        begin, end = (
-            Ground(*(np.repeat(part, len(loop), axis=0) for part in self.at(self._ends[[n]], frame))) for n in (0, 1)
-        )
-        is_back = (laps < 0)[:, None]
-        into = Ground(*(np.where(is_back, a, b) for a, b in zip(begin, end, strict=True)))
-        out = Ground(*(np.where(is_back, b, a) for a, b in zip(begin, end, strict=True)))
+            return straight
+        is_around = laps != 0
+        begin, end = (Ground(*(np.repeat(part[[row]], count, axis=0) for part in every)) for row in (-2, -1))
+        out, into = chosen(laps < 0, end, begin), chosen(laps < 0, begin, end)
         whole = times_over(after(back(out), into), np.maximum(np.abs(laps) - 1, 0))
         around = after(after(after(back(before), into), whole), after(back(out), now))
-        straight = after(back(before), now)
-        is_around = (laps != 0)[:, None]
-        return Ground(*(np.where(is_around, a, b) for a, b in zip(around, straight, strict=True)))
+        return chosen(is_around, around, straight)
 
 
 class Frame(NamedTuple):

@@ -84,6 +84,7 @@ class RootWalks:
         self.rotation = np.zeros((0, 4))
         self._walkers: list[Walker] = []
         self._stretches: list[_Stretch] = []
+        self._held: list[tuple[Frame, Indices]] = []
         self._tracks: dict[tuple[ClipKey, tuple[str, ...]], RootTrack] = {}
 
     def __len__(self) -> int:
@@ -107,13 +108,11 @@ class RootWalks:
         together: dict[object, list[tuple[int, int, ClipKey, Clip]]] = {}
         for voice, entity, key, clip in voices:
             walker = self._walkers[number[entity]]
-            alike = (
-                key,
-                walker.path,
-                *(np.asarray(part).tobytes() for part in (*walker.frame[:3], *walker.frame.rest)),
-                *walker.frame[4:],
-            )
-            together.setdefault(alike, []).append((voice, number[entity], key, clip))
+            together.setdefault((key, walker.path, _alike(walker.frame)), []).append((voice, number[entity], key, clip))
+        nodes: dict[object, tuple[Frame, list[int]]] = {}
+        for walker in self._walkers:
+            nodes.setdefault(_alike(walker.frame), (walker.frame, []))[1].append(walker.node)
+        self._held = [(frame, np.array(places, np.intp)) for frame, places in nodes.values()]
         self._stretches = []
         for several in together.values():
             _, owner, key, clip = several[0]
@@ -134,7 +133,7 @@ class RootWalks:
         """Takes out of the nodes' poses what the entities do instead."""
         table = world.table(Transform)
         position, rotation = table.column("position"), table.column("rotation")
-        for frame, nodes in self._nodes_by_frame():
+        for frame, nodes in self._held:
             rows = table.row_of[nodes]
             position[rows], rotation[rows] = held(position[rows], rotation[rows].astype(np.float64), frame)
 
@@ -187,15 +186,6 @@ class RootWalks:
             rotation[at] = quaternion.normalize(quaternion.multiply(turn, rotation_of(motion.turn[rows])))
         world.transforms.mark_dirty(places)
 
-    def _nodes_by_frame(self) -> list[tuple[Frame, Indices]]:
-        found: dict[int, tuple[Frame, list[int]]] = {}
-        for stretch in self._stretches:
-            for owner in stretch.owner.tolist():
-                nodes = found.setdefault(id(stretch.frame), (stretch.frame, []))[1]
-                if self._walkers[owner].node not in nodes:
-                    nodes.append(self._walkers[owner].node)
-        return [(frame, np.array(nodes, np.intp)) for frame, nodes in found.values()]
-
 
 def find_walker(
     world: World, entity: int, binding: Binding, rest: RestPoses, tell: Callable[[int, str], None]
@@ -227,6 +217,11 @@ def find_walker(
         return None
     frame = frame_of(chain, turns=component.turn, rises=component.height)
     return Walker(entity, below[path], path, frame, component.mode == "tell", frozenset(ids))
+
+
+def _alike(frame: Frame) -> tuple[object, ...]:
+    """The same for frames of the same numbers."""
+    return (*(part.tobytes() for part in (*frame[:3], *frame.rest)), frame.turns, frame.rises)
 
 
 def _angle(turn: Floats64) -> Floats64:
