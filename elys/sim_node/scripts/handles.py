@@ -6,7 +6,7 @@ physics in its next step.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeVar
 
 from elys.common.components import Component, RigidBody, Transform
@@ -14,6 +14,7 @@ from elys.common.errors import EntityError
 from elys.common.ids import MAX_ENTITIES, NO_ENTITY, Entity
 from elys.common.math import poses
 from elys.sim_node.inputs import PlayerInput
+from elys.sim_node.scripts import clip_playing
 from elys.sim_node.scripts.vector import Rotation, Vector
 
 if TYPE_CHECKING:
@@ -166,6 +167,40 @@ class EntityHandle:
         return self._scripts.prelude(
             "move_to", self._scripts.world, self, Vector(position), target, float(duration), ease
         )
+
+    # --- how it moves: clips of its own Animation, or of the first below it
+
+    def play(
+        self,
+        clip: str,
+        *,
+        fade: float | None = None,
+        speed: float | None = None,
+        loop: str | None = None,
+        time: float | None = None,
+    ) -> None:
+        """Plays a clip, coming in over `fade` seconds; of what is not given the Animation's own. One that plays goes on, unless a
+        `time` [s] is given. LookupError if there is no such clip."""
+        values = {"fade": fade, "speed": speed, "loop": loop, "time": time}
+        clip_playing.play(self._scripts.simulation, self.id, clip, values)
+
+    def blend(self, mix: Mapping[str, float], *, value: float | None = None, fade: float | None = None) -> None:
+        """Plays several clips in step: by their weights; or, with a `value`, by where it is between their numbers."""
+        clip_playing.blend(self._scripts.simulation, self.id, mix, value, fade)
+
+    def animation_end(self) -> Call:
+        """To be awaited: until the clip comes to its end, of one that repeats its next one, or another clip is played."""
+        return self._scripts.prelude("animation_end", self)
+
+    @property
+    def animation_passes(self) -> tuple[str, int]:
+        """The clip that is named, and how often it has come to an end since it began."""
+        return clip_playing.passes_of(self._scripts.simulation, self.id)
+
+    @property
+    def root_motion(self) -> tuple[Vector, Rotation]:
+        """How far it went by root motion in the last tick, in the world [m], and how it turned, in its own space."""
+        return clip_playing.root_motion_of(self._scripts.simulation, self.id)
 
     # --- what it has
 

@@ -1,7 +1,7 @@
 """Async functions that every script may await; written as scripts are, so that they are kept and gone on from like those."""
 
 from elys.common.components import RigidBody
-from elys.sim_node.scripts.waiting import ticks
+from elys.sim_node.scripts.waiting import ticks, until
 
 
 async def move_to(world, entity, position, rotation, duration, ease):
@@ -24,3 +24,8 @@ async def move_to(world, entity, position, rotation, duration, ease):
         entity.position = position
     if rotation is not None:
         entity.rotation = rotation
+
+
+async def animation_end(entity):
+    clip, passes = entity.animation_passes
+    await until(lambda: entity.animation_passes != (clip, passes))
