@@ -20,7 +20,8 @@ from elys.common.scene_document import (
     SceneDocument,
     SceneSettings,
 )
-from elys.common.scene_expansion import expand, relative_name
+from elys.common.scene_expansion import expand
+from elys.common.scene_files import relative_name
 from elys.common.scene_naming import Names
 from elys.common.scene_reading import MAX_DEPTH
 
@@ -232,14 +233,17 @@ def _in_files(job: _Collapse, record: EntityRecord, changes: ComponentChanges) -
     return {
         component: None
         if values is None
-        else {
-            field: _source(job, record, f"{component}.{field}", value)
-            if isinstance(value, str) and is_reference(split_texture(value)[0])
-            else value
-            for field, value in values.items()
-        }
+        else {field: _in_file(job, record, f"{component}.{field}", value) for field, value in values.items()}
         for component, values in changes.items()
     }
+
+
+def _in_file(job: _Collapse, record: EntityRecord, place: str, value: Any) -> Any:
+    if isinstance(value, dict) and place == "Script.values":
+        return {key: _in_file(job, record, f"{place}.{key}", item) for key, item in value.items()}
+    if isinstance(value, str) and is_reference(split_texture(value)[0]):
+        return _source(job, record, place, value)
+    return value
 
 
 def _source(job: _Collapse, record: EntityRecord, place: str, text: str) -> str:

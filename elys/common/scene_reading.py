@@ -20,9 +20,9 @@ from elys.common.scene_document import (
     SceneDocument,
     SceneSettings,
 )
+from elys.common.scene_files import PREFAB_SUFFIX
 
 SCENE_SUFFIX: Final = ".scene.json"
-PREFAB_SUFFIX: Final = ".prefab.json"
 MAX_FILE_SIZE: Final = 1 << 28  # [B]
 MAX_DEPTH: Final = 128  # entities inside entities in one file
 

@@ -20,10 +20,12 @@ from __future__ import annotations
 
 import inspect
 import logging
+import math
 import random
 import types
 import typing
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, get_args, get_origin
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, get_args, get_origin
 
 from elys.common.components.declaration import (
     About,
@@ -38,7 +40,8 @@ from elys.common.errors import ComponentError, ScriptError
 
 if TYPE_CHECKING:
     from elys.bus.messages.session import Event
-    from elys.sim_node.scripts.handles import EntityHandle, GameWorld, Touch
+    from elys.sim_node.scripts.game_world import GameWorld
+    from elys.sim_node.scripts.handles import EntityHandle, Touch
     from elys.sim_node.scripts.waiting import Call
 
 _log = logging.getLogger("elys.script")
@@ -81,9 +84,31 @@ class Behaviour:
             self._random = self.entity._scripts.random_of(self)
         return self._random
 
-    def log(self, text: str) -> None:
+    def every(self, interval: float, function: Callable[[], Any]) -> None:
+        """Calls a method of its own every so many seconds, until it returns False: `self.every(0.5, self.blink)`."""
+        name = self._own_method("every", function)
+        if not 0.0 < float(interval) < math.inf:
+            raise ValueError(f"every() takes an interval above 0 s, not {interval!r}")
+        self.begin(self.entity._scripts.prelude("every", self, name, float(interval)))
+
+    def after(self, delay: float, function: Callable[..., Any], *arguments: Any) -> None:
+        """Calls a method of its own once, in so many seconds: `self.after(2.0, self.open, door)`."""
+        name = self._own_method("after", function)
+        if not 0.0 <= float(delay) < math.inf:
+            raise ValueError(f"after() takes a delay of 0 s or more, not {delay!r}")
+        self.begin(self.entity._scripts.prelude("after", self, name, float(delay), arguments))
+
+    def _own_method(self, what: str, function: Callable[..., Any]) -> str:
+        """The name of a method, which is what a state can hold of it."""
+        name = getattr(function, "__name__", "")
+        if getattr(function, "__self__", None) is not self or not hasattr(type(self), name):
+            raise TypeError(f"{what}() takes a method of the script itself, as in self.{what}(0.5, self.blink)")
+        return str(name)
+
+    def log(self, text: str, *, level: Literal["info", "warning", "error"] = "info") -> None:
         """A line for the console, with the entity's name."""
-        _log.info("%s: %s", self.entity._scripts.simulation.named(self.entity.id), text)
+        number = {"info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}[level]
+        _log.log(number, "%s: %s", self.entity._scripts.simulation.named(self.entity.id), text)
 
     def start(self) -> None:
         """It begins: in the first tick in which its entity and script are there and enabled."""
