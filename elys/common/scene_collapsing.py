@@ -203,6 +203,9 @@ def _differences(was: ComponentValues, now: ComponentValues) -> ComponentChanges
         if name in now:
             old, new = _full_values(name, was.get(name, {})), _full_values(name, now[name])
             changed = {field: value for field, value in new.items() if value != old[field]}
+            for field in declaration_of(name).fields:
+                if field.kind is Kind.VALUES and field.name in changed:
+                    changed[field.name] = _named_differences(old[field.name], new[field.name])
             if changed or name not in was:
                 changes[name] = changed
         elif name in was:
@@ -210,6 +213,12 @@ def _differences(was: ComponentValues, now: ComponentValues) -> ComponentChanges
     for name in now:
         declaration_of(name)  # an unknown component must not get lost without a word
     return changes
+
+
+def _named_differences(was: dict[str, Any], now: dict[str, Any]) -> dict[str, Any]:
+    """Named values are laid over one by one; None takes one away."""
+    taken = dict.fromkeys(name for name in was if name not in now)
+    return taken | {name: value for name, value in now.items() if name not in was or was[name] != value}
 
 
 def _full_values(name: str, values: dict[str, Any]) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from elys.common.assets.primitives import PRIMITIVES, is_primitive
 from elys.common.assets.scripts import SELF, read_script
 from elys.common.assets.store import AssetKind, AssetStore, is_reference
 from elys.common.assets.texture import parse_texture, split_texture
-from elys.common.components import Kind, declaration_of
+from elys.common.components import Kind, declaration_of, laid_over
 from elys.common.errors import AssetError, SceneError
 from elys.common.scene_document import ComponentChanges, ComponentValues, EntityNode, EntityRecord, SceneDocument
 from elys.common.scene_files import is_prefab_name, path_of
@@ -227,7 +227,7 @@ def _lay_over(job: _Expansion, row: int, changes: ComponentChanges, place: _Plac
             draft.components.pop(name, None)
             continue
         plain = {key: value for key, value in values.items() if key not in named}
-        draft.components[name] = {**draft.components.get(name, {}), **plain}
+        draft.components[name] = laid_over(name, draft.components.get(name, {}), plain)
         job.references += [
             _Reference(row, name, key, text, place.at(f"{name}.{key}"))
             for key, text in values.items()

@@ -29,7 +29,7 @@ from elys.common.components.declaration import (
     declarations,
     forget,
 )
-from elys.common.components.values import check_value, component_from, values_of
+from elys.common.components.values import check_value, component_from, laid_over, values_of
 
 __all__ = [
     "Animation",
@@ -59,5 +59,6 @@ __all__ = [
     "declaration_of",
     "declarations",
     "forget",
+    "laid_over",
     "values_of",
 ]

@@ -24,8 +24,8 @@ import math
 import random
 import types
 import typing
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, get_args, get_origin
+from collections.abc import Callable, Coroutine
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, TypeGuard, TypeVar, get_args, get_origin
 
 from elys.common.components.declaration import (
     About,
@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from elys.sim_node.scripts.handles import EntityHandle, Touch
     from elys.sim_node.scripts.waiting import Call
 
+B = TypeVar("B", bound="Behaviour")
 _log = logging.getLogger("elys.script")
 # Hooks that are called with nothing but the behaviour itself, or with what happened.
 HOOKS: Final = (
@@ -73,9 +74,9 @@ class Behaviour:
     entity: EntityHandle
     world: GameWorld
 
-    def begin(self, call: Call) -> None:
+    def begin(self, call: Call | Coroutine[Any, Any, Any]) -> None:
         """Begins an async function beside everything else: `self.begin(self.blink())`."""
-        self.entity._scripts.start_task(self, call)
+        self.entity._scripts.start_task(self, call)  # type: ignore[arg-type]  # a script's async functions give Calls
 
     @property
     def random(self) -> random.Random:
@@ -110,38 +111,38 @@ class Behaviour:
         number = {"info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}[level]
         _log.log(number, "%s: %s", self.entity._scripts.simulation.named(self.entity.id), text)
 
-    def start(self) -> None:
+    def start(self) -> Any:
         """It begins: in the first tick in which its entity and script are there and enabled."""
 
-    def fixed_update(self, dt: float) -> None:
+    def fixed_update(self, dt: float) -> Any:
         """Each tick, before physics moves anything; dt [s]."""
 
-    def update(self, dt: float) -> None:
+    def update(self, dt: float) -> Any:
         """Each tick, after physics has moved everything; dt [s]."""
 
-    def on_trigger_enter(self, other: EntityHandle) -> None:
+    def on_trigger_enter(self, other: EntityHandle) -> Any:
         """Something has come into its trigger, or it has come into one."""
 
-    def on_trigger_stay(self, other: EntityHandle) -> None:
+    def on_trigger_stay(self, other: EntityHandle) -> Any:
         """It is still inside, each tick."""
 
-    def on_trigger_exit(self, other: EntityHandle) -> None:
+    def on_trigger_exit(self, other: EntityHandle) -> Any:
         """It has left, or is no more."""
 
-    def on_contact(self, other: EntityHandle, touch: Touch) -> None:
+    def on_contact(self, other: EntityHandle, touch: Touch) -> Any:
         """It has begun to touch something."""
 
-    def on_event(self, event: Event) -> None:
+    def on_event(self, event: Event) -> Any:
         """Something was told to all (`world.emit`), or to this entity."""
 
-    def on_input(self, player: int) -> None:
+    def on_input(self, player: int) -> Any:
         """A player did something in this tick; `world.input(player)` says what."""
 
-    def on_destroy(self) -> None:
+    def on_destroy(self) -> Any:
         """It ends: its entity, its script or the component is taken away. Not at the end of the run."""
 
 
-def is_a(itself: Behaviour | None, behaviour: type[Behaviour]) -> bool:
+def is_a(itself: Behaviour | None, behaviour: type[B]) -> TypeGuard[B]:
     """Whether it is one of a class, or of the same class of the same file as another script has imported it.
 
     Each script runs with copies of its own of the files it imports, so that each can be reloaded by itself.

@@ -204,7 +204,7 @@ class GameWorld:
         """Those who do or hold anything."""
         return self._scripts.simulation.inputs.players
 
-    def emit(self, name: str, to: EntityHandle | None = None, **values: Any) -> None:
+    def emit(self, name: str, /, to: EntityHandle | None = None, **values: Any) -> None:
         """Tells an event: to one entity's script, or to all; they hear it in the next tick, in the order in which it was told."""
         self._scripts.emit(name, to.id if to is not None else NO_ENTITY, values)
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import msgspec
 
-from elys.common.components import Kind, declaration_of
+from elys.common.components import Kind, declaration_of, laid_over
 from elys.common.errors import SceneError
 from elys.common.ids import Entity
 from elys.common.scene_document import ComponentChanges, EntityRecord
@@ -62,10 +62,6 @@ def _changed(record: EntityRecord, changes: ComponentChanges) -> EntityRecord:
             references.pop(f"{name}.{key}", None)
         if values is None:
             components.pop(name, None)
-        elif name == "Script" and isinstance(values.get("values"), dict):
-            before = components.get(name, {})
-            fields = {**before.get("values", {}), **values["values"]}
-            components[name] = {**before, **values, "values": fields}
         else:
-            components[name] = {**components.get(name, {}), **values}
+            components[name] = laid_over(name, components.get(name, {}), values)
     return msgspec.structs.replace(record, components=components, references=references)
