@@ -14,6 +14,7 @@ from elys.common.scene import SceneDocument, write_scene
 from elys.samples.bridge import bridge, check_bridge
 from elys.samples.empty import empty
 from elys.samples.hard_cases import HARD_CASES
+from elys.samples.pieces import check_pieces, pieces
 from elys.samples.pile import pile
 from elys.samples.stack import check_stack, stack
 from elys.samples.yard import check_yard, yard
@@ -39,6 +40,12 @@ SAMPLES: Final[Mapping[str, Sample]] = {
         Sample(name="stack", title="A tower of ten cubes", build=stack, check_final=check_stack),
         Sample(name="bridge", title="A cart drives over a hanging bridge", build=bridge, check_final=check_bridge),
         Sample(name="pile", title="A thousand cubes in a bin", build=pile),
+        Sample(
+            name="pieces",
+            title="Doors, belts, wind, coins: all gameplay pieces",
+            build=pieces,
+            check_final=check_pieces,
+        ),
         Sample(name="empty", title="A ground, a sun and a camera", build=empty),
     )
 }
