@@ -128,11 +128,11 @@ def _course() -> EntityNode:
 def _zones() -> EntityNode:
     """In front on the left: air that rises, water that lifts, and a flag to come back to."""
     feather = body(
-        "Feather", "sphere", size=(0.5, 0.5, 0.5), position=(-8.5, 1.0, 0.5), color=PALETTE[7], density=120.0
+        "Feather", "sphere", size=(0.5, 0.5, 0.5), position=(-8.5, 1.0, -1.0), color=PALETTE[7], density=120.0
     )
     rim = [
         obstacle("Near rim", size=(4.4, 1.0, 0.2), position=(-8.0, 0.5, 6.1), color=_DECK),
-        obstacle("Far rim", size=(4.4, 1.0, 0.2), position=(-8.0, 0.5, 1.9 + 0.0), color=_DECK),
+        obstacle("Far rim", size=(4.4, 1.0, 0.2), position=(-8.0, 0.5, 1.9), color=_DECK),
         obstacle("Left rim", size=(0.2, 1.0, 4.4), position=(-10.1, 0.5, 4.0), color=_DECK),
         obstacle("Right rim", size=(0.2, 1.0, 4.4), position=(-5.9, 0.5, 4.0), color=_DECK),
     ]
@@ -174,7 +174,7 @@ def _shots() -> EntityNode:
                     "interval": 3.0,
                     "limit": 2,
                     "spread": [1.0, 0.0, 0.0],
-                    "velocity": [0.0, 1.0, -16.0],
+                    "velocity": [0.0, 2.0, -16.0],
                 },
             ),
         ],

@@ -12,7 +12,6 @@ import time
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
-import msgspec
 import numpy as np
 
 from elys.bus.messages.session import Event
@@ -20,30 +19,28 @@ from elys.common.components import Script
 from elys.common.errors import ScriptError
 from elys.common.ids import Entity
 from elys.sim_node.scripts.behaviour import Behaviour, is_a
+from elys.sim_node.scripts.budget import Budget
 from elys.sim_node.scripts.field_values import field_values
 from elys.sim_node.scripts.game_world import GameWorld
 from elys.sim_node.scripts.handles import EntityHandle
-from elys.sim_node.scripts.happenings import contacts_of, visits_of
+from elys.sim_node.scripts.happenings import checked_event, contacts_of, visits_of
 from elys.sim_node.scripts.library import LoadedScript, ScriptLibrary
-from elys.sim_node.scripts.modules import describe, line_in
+from elys.sim_node.scripts.memory_watch import MemoryWatch
 from elys.sim_node.scripts.program import Program
 from elys.sim_node.scripts.recollection import Recollection
-from elys.sim_node.scripts.running import Running
+from elys.sim_node.scripts.running import Running, failure_text
 from elys.sim_node.scripts.task import Task
 from elys.sim_node.scripts.waiting import Call
-from elys.sim_node.scripts.watchdog import LIMIT, ScriptTimeout, Watchdog
+from elys.sim_node.scripts.watchdog import ScriptGrowth, ScriptTimeout, Watchdog
 
 if TYPE_CHECKING:
     from elys.sim_node.ecs.world import World
     from elys.sim_node.simulation import Simulation
 
 B = TypeVar("B", bound=Behaviour)
-BUDGET: Final = 0.5  # of a tick's length, for all scripts together
 LOADING_LIMIT: Final = 20.0  # [s] that a file may take to be run as it is loaded: it may import much
-FAILURE_LENGTH: Final = 1000  # characters
 MOST_EVENTS: Final = 10_000  # told in a tick; a script that tells more fails
-_SAID_EVERY: Final = 5.0  # [s]
-_FAILURES: Final = (Exception, SystemExit, ScriptTimeout)  # of a script, which end it alone
+_FAILURES: Final = (Exception, SystemExit, ScriptTimeout, ScriptGrowth)  # of a script, which end it alone
 _log = logging.getLogger(__name__)
 
 
@@ -63,9 +60,9 @@ class Scripts:
         self._events: list[Event] = []
         self._recollection = Recollection(self)
         self.watchdog = Watchdog()
-        self._said = -_SAID_EVERY
+        self._budget = Budget()
+        self._memory = MemoryWatch()
         self._spent = 0.0  # [s] in this tick, before physics
-        self._measures = False  # how long each takes
         self._are_new = False  # some have not started yet
         self._listening: dict[str, list[Running]] = {}  # by hook; made anew when anybody comes, goes or changes
 
@@ -81,6 +78,12 @@ class Scripts:
             return
         began = time.thread_time()
         self.watchdog.begin()
+        with self._memory.bounded():
+            self._run_early()
+        self.watchdog.end()
+        self._spent = time.thread_time() - began
+
+    def _run_early(self) -> None:
         self._follow()
         heard, self._queue = self._queue, []
         self._events += heard
@@ -94,8 +97,6 @@ class Scripts:
             self._resume(one, happened)
         self._call_all("fixed_update", self.world.dt)
         self._end_doomed()
-        self.watchdog.end()
-        self._spent = time.thread_time() - began
 
     def run_late(self, world: World) -> None:
         """After physics: `update`."""
@@ -103,10 +104,13 @@ class Scripts:
             return
         began = time.thread_time()
         self.watchdog.begin()
-        self._call_all("update", self.world.dt)
-        self._end_doomed()
+        with self._memory.bounded():
+            self._call_all("update", self.world.dt)
+            self._end_doomed()
         self.watchdog.end()
-        self._look_at_budget(self._spent + time.thread_time() - began)
+        spent = self._spent + time.thread_time() - began
+        self._budget.look(spent, self._running.values(), dt=self.world.dt, named=self.named_script)
+        self._look_at_memory()
 
     def _waiting_to_start(self) -> list[Running]:
         if not self._are_new:
@@ -133,7 +137,7 @@ class Scripts:
     def _call_all(self, hook: str, *arguments: Any) -> None:
         """Calls a hook of all that have it. One loop, entered anew only behind a script that fails: this is what a tick costs."""
         listening, place, watchdog = self.listening(hook), 0, self.watchdog
-        measures = self._measures
+        measures = self._budget.measures
         watchdog.is_inside = True
         while place < len(listening):
             try:
@@ -169,7 +173,7 @@ class Scripts:
             one.tasks.remove(task)
 
     def _resume(self, one: Running, happened: Mapping[str, Event]) -> None:
-        began = time.thread_time() if self._measures else 0.0
+        began = time.thread_time() if self._budget.measures else 0.0
         mine = {kind: event for kind, event in happened.items() if event.entity in (0, one.entity)}
         try:
             with self.watchdog.inside():
@@ -179,7 +183,7 @@ class Scripts:
                         one.tasks.remove(task)
         except _FAILURES as error:
             self.fail(one, error)
-        if self._measures:
+        if self._budget.measures:
             one.spent += time.thread_time() - began
 
     def _ticks_in(self, seconds: float) -> int:
@@ -295,14 +299,7 @@ class Scripts:
 
     def fail(self, one: Running, error: BaseException) -> None:
         """Switches a script off and says why; nothing else is harmed."""
-        if isinstance(error, ScriptError):
-            text = str(error)
-        else:
-            places = [] if one.script is None else one.script.modules.places
-            where = next((line for place in places if (line := line_in(place, error)) != place), "")
-            what = f"it did not come back within {LIMIT:g} s" if isinstance(error, ScriptTimeout) else describe(error)
-            text = f"{where}: {what}" if where else what
-        text = text[:FAILURE_LENGTH].encode(errors="backslashreplace").decode()  # it goes over the bus
+        text = failure_text(one, error)
         one.failure = text
         one.tasks.clear()
         self._listening = {}
@@ -313,23 +310,12 @@ class Scripts:
         name = one.script.name if one.script is not None else "the script"
         return f"{name} of {self.simulation.named(one.entity)}"
 
-    def _look_at_budget(self, spent: float) -> None:
-        """Names the script that takes most when all together take too much: the next tick measures each."""
-        allowed = BUDGET * self.world.dt
-        if self._measures:
-            worst = max(self._running.values(), key=lambda one: one.spent, default=None)
-            if worst is not None and spent > allowed:
-                self._said = time.monotonic()
-                _log.warning(
-                    "scripts took %.1f of a tick's %.1f ms, %s alone %.1f ms",
-                    1e3 * spent,
-                    1e3 * self.world.dt,
-                    self.named_script(worst),
-                    1e3 * worst.spent,
-                )
-            for one in self._running.values():
-                one.spent = 0.0
-        self._measures = spent > allowed and time.monotonic() - self._said > _SAID_EVERY
+    def _look_at_memory(self) -> None:
+        """Switches off who holds most when all together have grown too much, and lets go of what that was."""
+        if self._memory.is_too_much() and (found := self._memory.culprit(self._running.values())) is not None:
+            one, sentence = found
+            self.fail(one, ScriptError(sentence))
+            one.forget()
 
     # --- what scripts ask
 
@@ -343,13 +329,7 @@ class Scripts:
         """Tells an event, heard in the next tick."""
         if len(self._queue) >= MOST_EVENTS:
             raise ScriptError(f"more than {MOST_EVENTS} events were told in one tick")
-        told = Event(kind=kind, entity=entity, values=values)
-        for name, value in values.items():
-            if not _is_plain(value):
-                raise TypeError(
-                    f"{name} of the event {kind!r} must be a number, a text or a tuple of such, not a {type(value).__name__}"
-                )
-        msgspec.json.encode(told)  # raises here, in the script, what could not go over the bus
+        told = checked_event(kind, entity, values)
         self._queue.append(told)
 
     def require_trust(self) -> None:
@@ -413,9 +393,3 @@ class Scripts:
         self._running = {}
         for one, error in self._recollection.found(saved["running"] or (), self._running):
             self.fail(one, error)
-
-
-def _is_plain(value: object) -> bool:
-    if isinstance(value, tuple):
-        return all(map(_is_plain, value))
-    return value is None or isinstance(value, bool | int | float | str)
