@@ -36,7 +36,9 @@ def reason_of(error: BaseException) -> str:
         case ScriptGrowth():
             return f"it took {memory_watch.LIMIT >> 20} MB of memory and went on: something in it grows without end"
         case MemoryError():
-            return "MemoryError: it asked for more memory than a script may have at once: take less, or a part at a time"
+            return (
+                "MemoryError: it asked for more memory than a script may have at once: take less, or a part at a time"
+            )
     return ""
 
 
