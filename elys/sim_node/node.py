@@ -45,6 +45,7 @@ from elys.bus.messages.history import HistoryReply, HistoryRequest
 from elys.bus.messages.physics import Touching, TouchingRequest
 from elys.bus.messages.plan import PhysicsPlan, PlanRequest
 from elys.bus.messages.scene import Snapshot, SnapshotRequest
+from elys.bus.messages.scripts import ScriptForm, ScriptFormRequest
 from elys.bus.messages.session import Event, EventBatch, SessionStatus
 from elys.bus.messages.state_frame import INSTANTS
 from elys.bus.messages.timeline import Markers, MarkersRequest
@@ -61,6 +62,7 @@ from elys.sim_node.input_intake import InputIntake
 from elys.sim_node.paused_physics import PausedPhysics
 from elys.sim_node.repetition import Cue, Repetition
 from elys.sim_node.scene_telling import SceneTelling
+from elys.sim_node.scripts.forms import form_of
 from elys.sim_node.scripts.reloading import SCRIPT_FILES, ScriptFiles
 from elys.sim_node.simulation import Simulation
 from elys.sim_node.systems.apply_commands import apply_command
@@ -179,6 +181,7 @@ class SimulationNode:
         session.serve(topics.TOUCHING, self._give_touching)
         serve_assets(session, self.simulation.assets)
         serve_prefabs(session, self.simulation.world.hierarchy.has_instance_of)
+        session.serve(topics.SCRIPT_FORM, self._give_script_form)
         self._publish_status()
         self._publish_frame()  # who subscribes before the first tick sees the scene as it was loaded
         async with asyncio.TaskGroup() as group:
@@ -530,6 +533,9 @@ class SimulationNode:
 
     async def _give_markers(self, request: MarkersRequest, key: str) -> Markers:
         return self._markers.reply(request)
+
+    async def _give_script_form(self, request: ScriptFormRequest, _: str) -> ScriptForm:
+        return form_of(self.simulation.scripts, request.source)
 
     async def _give_plan(self, request: PlanRequest, key: str) -> PhysicsPlan:
         return physics_plan(self.simulation)

@@ -36,7 +36,7 @@ from elys.common.components.declaration import (
     forget,
 )
 from elys.common.components.input_map import InputMap
-from elys.common.components.values import check_value, component_from, values_of
+from elys.common.components.values import check_value, component_from, laid_over, values_of
 
 __all__ = [
     "Animation",
@@ -71,5 +71,6 @@ __all__ = [
     "declaration_of",
     "declarations",
     "forget",
+    "laid_over",
     "values_of",
 ]
