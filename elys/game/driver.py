@@ -59,12 +59,13 @@ class Driver:
         wanted = way * self._speeds[self._at] / TOP_SPEED
         right = wanted[0] * math.cos(heading) - wanted[1] * math.sin(heading)
         ahead = -wanted[0] * math.sin(heading) - wanted[1] * math.cos(heading)
-        axes = {
-            "pad_left_x": _stick(right, math.hypot(right, ahead)),
-            "pad_left_y": -_stick(ahead, math.hypot(right, ahead)),
-        }
+        length = math.hypot(right, ahead)
+        out = (DEAD_ZONE + (1.0 - DEAD_ZONE) * min(length, 1.0)) / max(
+            length, 1e-9
+        )  # past the middle of a stick, that is dead
+        axes = {"pad_left_x": right * out, "pad_left_y": -ahead * out}
         jumps = self._is_before_gap(place)
-        changes = ((("pad_a", jumps),)) if jumps != self._jumps else ()
+        changes = (("pad_a", jumps),) if jumps != self._jumps else ()
         self._jumps = jumps
         return Input(player=self._player, axes=axes, changes=changes)
 
@@ -103,9 +104,3 @@ class Driver:
             length = float(np.linalg.norm(points[number + 1] - points[number]))
             speeds[number] = min(speeds[number], math.sqrt(speeds[number + 1] ** 2 + 2.0 * style.braking * length))
         return speeds
-
-
-def _stick(part: float, length: float) -> float:
-    """Where a stick must stand so that a part of a push counts, its dead middle passed over."""
-    pushed = part / max(length, 1.0)
-    return math.copysign(DEAD_ZONE + (1.0 - DEAD_ZONE) * abs(pushed), pushed) if abs(pushed) > 1e-3 else 0.0

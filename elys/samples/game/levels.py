@@ -71,6 +71,7 @@ def _laid_out(
         sun((-0.5, -0.75, -0.35), intensity=3.4),
         EntityNode(name="Sky", components={"Transform": {}, "Environment": {"kind": "sky", "turbidity": 2.6}}),
         kit.race(medals),
+        EntityNode(name="Controls", components={"Transform": {}, "InputMap": {}}),
         kit.road(course, assets),
         *(kit.gate(place, number, width=course.width) for number, place in enumerate(gates, 1)),
         *things,

@@ -3,12 +3,14 @@
 import math
 from typing import Annotated
 
-from race import Race
+from elys.script import Behaviour, Entity, Rotation, Vector, about, components
 
-from elys.script import *
+from .race import Race
+
 
 COYOTE = 0.10  # [s] after it has left the ground in which it may still jump
 SLIP = 3.0  # [m/s] by which its skin may be faster than the road
+LOOK = 2.8  # [rad/s] of a stick at its end
 BUFFER = 0.12  # [s] before it reaches the ground in which a jump is not lost
 
 
@@ -45,15 +47,15 @@ class Ball(Behaviour):
         if race is not None and not race.is_on:
             self.entity.velocity, self.entity.spin = (0, min(self.entity.velocity.y, 0), 0), (0, 0, 0)
             return
-        if player.was_pressed("space") or player.was_pressed("pad_a"):
+        if player.action("jump").was_pressed:
             self.jump_time = self.world.time
         push = self.wanted(player)
         self.roll(push)
         if self.world.time - self.jump_time <= BUFFER and self.world.time - self.ground_time <= COYOTE:
             self.jump()
-        if player.was_pressed("backspace") or player.was_pressed("pad_b"):
+        if player.action("use").was_pressed:
             self.go_back()
-        if player.was_pressed("r") or player.was_pressed("pad_back"):
+        if player.action("restart").was_pressed:
             self.world.emit("race_wanted", what="restart", player=self.player)
 
     def update(self, dt):
@@ -66,11 +68,9 @@ class Ball(Behaviour):
 
     def wanted(self, player):
         """Where the player pushes, level, at most 1 long."""
-        keys = lambda *names: any(player.is_down(name) for name in names)  # noqa: E731
-        right = keys("d", "right") - keys("a", "left") + dead(player.axis("pad_left_x"))
-        ahead = keys("w", "up") - keys("s", "down") - dead(player.axis("pad_left_y"))
-        push = Vector(math.cos(self.heading), 0, -math.sin(self.heading)) * right
-        push += Vector(-math.sin(self.heading), 0, -math.cos(self.heading)) * ahead
+        move = player.vector("move")
+        push = Vector(math.cos(self.heading), 0, -math.sin(self.heading)) * move.x
+        push += Vector(-math.sin(self.heading), 0, -math.cos(self.heading)) * move.y
         return push / max(push.length, 1.0)
 
     def roll(self, push):
@@ -123,7 +123,7 @@ class Ball(Behaviour):
 
     def look(self, player, dt):
         """Turns the camera: by hand, or behind the way that the ball goes."""
-        by_hand = player.moved("pointer_x") * 0.003 + dead(player.axis("pad_right_x")) * 2.8 * dt
+        by_hand = player.vector("look").x * LOOK * dt
         if by_hand:
             self.heading -= by_hand
             self.hand_time = self.world.time
@@ -133,11 +133,6 @@ class Ball(Behaviour):
             off = math.remainder(math.atan2(-now.x, -now.z) - self.heading, math.tau)
             if abs(off) < 2.4:  # who rolls backwards looks where he looks
                 self.heading += off * min(1.0, 1.6 * dt * min(speed / 8.0, 1.0))
-
-
-def dead(place, zone=0.15):
-    """Where a stick stands, without the middle in which it never rests quite."""
-    return 0.0 if abs(place) <= zone else math.copysign((abs(place) - zone) / (1.0 - zone), place)
 
 
 class ChaseCamera(Behaviour):

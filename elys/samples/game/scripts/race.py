@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from elys.script import *
+from elys.script import Behaviour, about
 
 
 class Gate(Behaviour):
@@ -39,7 +39,7 @@ class Race(Behaviour):
     silver: Annotated[float, about("Time for a silver medal.", unit="s", minimum=0.0)] = 40.0
     bronze: Annotated[float, about("Time for a bronze medal.", unit="s", minimum=0.0)] = 60.0
     countdown: Annotated[float, about("Before it begins.", unit="s", minimum=0.0)] = 1.5
-    fall: Annotated[float, about("How far below the last gate a ball counts as fallen.", unit="m", minimum=1.0)] = 12.0
+    fall: Annotated[float, about("How far below the last gate a ball has fallen.", unit="m", minimum=1.0)] = 12.0
 
     def start(self):
         self.gates = sorted(self.world.behaviours(Gate), key=lambda gate: gate.number)
