@@ -1,7 +1,7 @@
 """Gamepads: from what GLFW says of them to what is sent, and which pad plays as whom.
 
 The first pad is of the player who sits at the window. On others somebody presses start, and plays as another from then on. Who a
-pad plays as stays, though it be unplugged and come again.
+pad plays as stays, though it be unplugged and come again while play goes on.
 """
 
 from __future__ import annotations
@@ -109,9 +109,9 @@ class Gamepads:
         self._waiting: dict[int, bool] = {}  # whether start was down already, of those that play as nobody yet
 
     @property
-    def playing(self) -> dict[int, InputSender]:
-        """Who plays with which pad."""
-        return {number: pad.sender for number, pad in self._pads.items()}
+    def senders(self) -> tuple[InputSender, ...]:
+        """Of those who play with pads."""
+        return tuple(pad.sender for pad in self._pads.values())
 
     def update(self, states: Mapping[int, PadState]) -> None:
         """Call it once a frame with all pads there are."""
@@ -122,12 +122,12 @@ class Gamepads:
             self._meet(number, states)
 
     def begin(self, states: Mapping[int, PadState]) -> None:
-        """Somebody begins to play: what is down already counts when it is pressed again."""
+        """Somebody begins to play: what is down already counts when it is pressed again; pads that are gone are nobody's."""
         self._waiting = dict.fromkeys(states, True)
+        self._pads = {number: pad for number, pad in self._pads.items() if number in states}
         for number, pad in self._pads.items():
-            if number in states:
-                pad.ignore(states[number])
-                pad.forget()
+            pad.ignore(states[number])
+            pad.forget()
         self.update(states)
 
     def _meet(self, number: int, states: Mapping[int, PadState]) -> None:

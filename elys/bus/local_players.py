@@ -101,9 +101,10 @@ class LocalPlayers:
     def start(self, states: Mapping[int, PadState]) -> None:
         """They play from now on, with their own bindings; what is down on pads already counts when it is pressed again."""
         self._told.start()
+        self._pads.begin(states)
+        self._others = {sender.player: sender for sender in self._pads.senders if sender is not self.main}
         for sender in self.senders:
             sender.bind(self._bindings(sender.player))
-        self._pads.begin(states)
 
     def update(self, states: Mapping[int, PadState]) -> None:
         """What pads do; call it once a frame."""

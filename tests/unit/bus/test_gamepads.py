@@ -166,6 +166,17 @@ def test_further_pads_play_as_the_next_free_players_once_start_is_pressed() -> N
         players.send()
         await until(lambda: len(heard) == 3)
         assert all(message.lets_go and not message.changes for message in heard)
+        heard.clear()
+        players.start({7: state("pad_start"), 5: state()})  # 1 is gone, and 4 with it
+        players.update({7: state("pad_start"), 5: state("pad_a"), 1: state("pad_start")})
+        players.send()
+        assert [sender.player for sender in players.senders] == [2, 5]
+        await until(lambda: len(heard) == 3)
+        assert [(m.player, m.bindings, m.changes) for m in heard] == [
+            (2, {"jump": "kp_2"}, ()),
+            (5, {"jump": "kp_5"}, ()),
+            (5, None, (("pad_a", True),)),
+        ]
 
     in_session(scenario)
 
