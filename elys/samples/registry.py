@@ -15,6 +15,7 @@ from elys.samples.bridge import bridge, check_bridge
 from elys.samples.dance import FIGURE, check_dance, dance
 from elys.samples.empty import empty
 from elys.samples.hard_cases import HARD_CASES
+from elys.samples.pieces import check_pieces, pieces
 from elys.samples.pile import pile
 from elys.samples.stack import check_stack, stack
 from elys.samples.yard import check_yard, yard
@@ -50,6 +51,12 @@ SAMPLES: Final[Mapping[str, Sample]] = {
             build=dance,
             check_final=check_dance,
             files=(FIGURE,),
+        ),
+        Sample(
+            name="pieces",
+            title="Doors, belts, wind, coins: all gameplay pieces",
+            build=pieces,
+            check_final=check_pieces,
         ),
         Sample(name="empty", title="A ground, a sun and a camera", build=empty),
     )

@@ -19,6 +19,7 @@ from elys.common.components.columns import StringTable
 from elys.common.errors import ComponentError, StateError
 from elys.sim_node.ecs.columns import ComponentTable
 from elys.sim_node.ecs.query import Query
+from elys.sim_node.input_actions import PlayerActions
 from elys.sim_node.physics.kernels.tables import GEAR
 from elys.sim_node.physics.world import PhysicsWorld
 from elys.sim_node.scripts.runner import Scripts
@@ -41,7 +42,7 @@ DERIVED: Final[Mapping[str, frozenset[str]]] = {
     "RootWalks": frozenset({"_walkers", "_stretches", "_held", "_tracks"}),
 }
 _STRANGERS: Final = (AssetStore, ComponentDeclaration, Query, MethodType)
-_SELF_KEPT: Final = (PhysicsWorld, Scripts)  # that say themselves what is to be kept, and how it comes back
+_SELF_KEPT: Final = (PhysicsWorld, Scripts, PlayerActions)  # that say themselves what is kept, and how it comes back
 # What came to be after states that are still around: parts that were empty then, and fields that had their defaults.
 _LATER: Final = frozenset({"Voices", "RestPoses", "RootWalks"})
 _LATER_FIELDS: Final[Mapping[str, tuple[str, ...]]] = {"Animation": ("fade", "passes")}

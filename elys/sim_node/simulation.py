@@ -34,6 +34,7 @@ from elys.sim_node.capture import captured, restored
 from elys.sim_node.ecs.changes import WorldChanges
 from elys.sim_node.ecs.schedule import System, run
 from elys.sim_node.ecs.world import World
+from elys.sim_node.input_actions import Declared, declared_in
 from elys.sim_node.inputs import Inputs
 from elys.sim_node.physics.checks import named
 from elys.sim_node.physics.settings import Attractor, PhysicsSettings
@@ -59,7 +60,7 @@ class Simulation:
         tick: steps done since the beginning.
         path: the file its scene came from; empty if from none.
         edited: what steps have moved, as it was edited.
-        inputs: what players do, by their numbers: `inputs[1].is_down("w")`.
+        inputs: what players do, by their numbers: `inputs[1].action("jump")`.
         systems: what a step does, in this order.
         stage_times: what each of them took in the last step [ms], the stages of physics as `physics.STAGE` among them.
     """
@@ -92,7 +93,7 @@ class Simulation:
         )
         self.stage_times: dict[str, float] = {}
         self.hands = Hands(self.physics)
-        self.inputs = Inputs()
+        self.inputs = Inputs(self.declared_input)
         self._bodies = RigidBodies(self.world, self.physics, self.assets)
         self._animations = Animations(self.world, self.assets)
         self.scripts = Scripts(self)
@@ -219,6 +220,10 @@ class Simulation:
             self._events.append(Event(kind="physics", entity=problem.entity, values=values))
 
     # What others ask
+
+    def declared_input(self) -> Declared:
+        """What players can do in the scene as it is now."""
+        return declared_in(self.world, self.settings.tick_rate)
 
     def named(self, entity: int) -> str:
         """How an entity is called in a sentence: by its id and, where it lives and has one, its name."""

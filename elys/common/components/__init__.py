@@ -35,7 +35,8 @@ from elys.common.components.declaration import (
     declarations,
     forget,
 )
-from elys.common.components.values import check_value, component_from, values_of
+from elys.common.components.input_map import InputMap
+from elys.common.components.values import check_value, component_from, laid_over, values_of
 
 __all__ = [
     "Animation",
@@ -49,6 +50,7 @@ __all__ = [
     "Curve",
     "Environment",
     "FieldDeclaration",
+    "InputMap",
     "Joint",
     "Kind",
     "Light",
@@ -69,5 +71,6 @@ __all__ = [
     "declaration_of",
     "declarations",
     "forget",
+    "laid_over",
     "values_of",
 ]

@@ -27,6 +27,7 @@ _ICONS: Final = {
     "Environment": icons.ICON_FA_CLOUD_SUN,
     "Camera": icons.ICON_FA_VIDEO,
     "Animation": icons.ICON_FA_PERSON_RUNNING,
+    "InputMap": icons.ICON_FA_GAMEPAD,
     "AnimationBlend": icons.ICON_FA_PERSON_RUNNING,
     "AnimationLayer": icons.ICON_FA_LAYER_GROUP,
     "AnimationMarkers": icons.ICON_FA_FLAG,
