@@ -69,6 +69,8 @@ async def after(behaviour, name, delay, arguments):
     answer = getattr(behaviour, name)(*arguments)
     if isinstance(answer, Call):
         await answer
+
+
 async def animation_end(entity):
     clip, passes = entity.animation_passes
     await until(lambda: entity.animation_passes != (clip, passes))
