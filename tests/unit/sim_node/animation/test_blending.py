@@ -110,7 +110,7 @@ def test_clips_of_a_mix_go_in_step() -> None:
     assert puppet.animation().time == pytest.approx(0.4 * 0.5)
 
 
-@pytest.mark.parametrize(("degrees", "most"), [(30.0, 0.02), (60.0, 0.16), (90.0, 0.6), (120.0, 1.6), (179.0, 8.4)])
+@pytest.mark.parametrize(("degrees", "most"), [(30.0, 0.036), (60.0, 0.28), (90.0, 0.95), (120.0, 2.3), (179.0, 8.4)])
 def test_how_far_a_blend_is_from_the_even_turn(degrees: float, most: float) -> None:
     """The most at any share [degrees] as docs/animation.md has it, against SciPy's Slerp; and nearly all of it is there."""
     ends = turn((1, 2, 3), 10.0), -turn((1, 2, 3), 10.0 + degrees)  # the other sign is the same turn
