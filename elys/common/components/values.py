@@ -52,6 +52,13 @@ def laid_over(component: str, before: Mapping[str, Any], values: Mapping[str, An
 def check_value(declaration: ComponentDeclaration, field: FieldDeclaration, value: Any) -> Any:
     """`value` in the field's own type (lists become tuples, ints become floats), or ComponentError."""
     where = f"{declaration.name}.{field.name}"
+    checked = _checked(where, field, value)
+    if field.check is not None:
+        field.check(where, checked)
+    return checked
+
+
+def _checked(where: str, field: FieldDeclaration, value: Any) -> Any:
     match field.kind:
         case Kind.FLOAT:
             return _in_range(where, field, _number(where, value))

@@ -6,12 +6,13 @@ physics in its next step.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeVar, overload
 
 from elys.common.components import Component, RigidBody, Transform
 from elys.common.ids import MAX_ENTITIES, NO_ENTITY, Entity
 from elys.common.math import poses
+from elys.sim_node.scripts import clip_playing
 from elys.sim_node.scripts.easing import checked
 from elys.sim_node.scripts.tweening import goal_of
 from elys.sim_node.scripts.vector import Rotation, Vector
@@ -182,6 +183,40 @@ class EntityHandle:
         self._world.get(self.id, name)  # raises for one that it has not
         goals = {field: goal_of(name, field, value) for field, value in values.items()}
         return self._scripts.prelude("tween", self._scripts.world, self, name, goals, *checked(duration, ease))
+
+    # --- how it moves: clips of its own Animation, or of the first below it
+
+    def play(
+        self,
+        clip: str,
+        *,
+        fade: float | None = None,
+        speed: float | None = None,
+        loop: str | None = None,
+        time: float | None = None,
+    ) -> None:
+        """Plays a clip, coming in over `fade` seconds; of what is not given the Animation's own. One that plays goes on, unless a
+        `time` [s] is given. LookupError if there is no such clip."""
+        values = {"fade": fade, "speed": speed, "loop": loop, "time": time}
+        clip_playing.play(self._scripts.simulation, self.id, clip, values)
+
+    def blend(self, mix: Mapping[str, float], *, value: float | None = None, fade: float | None = None) -> None:
+        """Plays several clips in step: by their weights; or, with a `value`, by where it is between their numbers."""
+        clip_playing.blend(self._scripts.simulation, self.id, mix, value, fade)
+
+    def animation_end(self) -> Call:
+        """To be awaited: until the clip comes to its end, of one that repeats its next one, or another clip is played."""
+        return self._scripts.prelude("animation_end", self)
+
+    @property
+    def animation_passes(self) -> tuple[str, int]:
+        """The clip that is named, and how often it has come to an end since it began."""
+        return clip_playing.passes_of(self._scripts.simulation, self.id)
+
+    @property
+    def root_motion(self) -> tuple[Vector, Rotation]:
+        """How far it went by root motion in the last tick, in the world [m], and how it turned, in its own space."""
+        return clip_playing.root_motion_of(self._scripts.simulation, self.id)
 
     # --- what it has
 

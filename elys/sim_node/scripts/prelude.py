@@ -3,7 +3,7 @@
 from elys.common.components import RigidBody
 from elys.sim_node.scripts.easing import eased
 from elys.sim_node.scripts.tweening import between, spin_between, turned
-from elys.sim_node.scripts.waiting import Call, ticks
+from elys.sim_node.scripts.waiting import Call, ticks, until
 
 
 async def move_to(world, entity, position, rotation, duration, ease):
@@ -69,3 +69,6 @@ async def after(behaviour, name, delay, arguments):
     answer = getattr(behaviour, name)(*arguments)
     if isinstance(answer, Call):
         await answer
+async def animation_end(entity):
+    clip, passes = entity.animation_passes
+    await until(lambda: entity.animation_passes != (clip, passes))

@@ -74,7 +74,8 @@ class Scripts:
     def run(self, world: World) -> None:
         """Before physics: all but `update`."""
         if not (self._running or len(self._query)):
-            self._queue.clear()
+            self._events += self._queue
+            self._queue = []
             return
         began = time.thread_time()
         self.watchdog.begin()
@@ -331,6 +332,10 @@ class Scripts:
             raise ScriptError(f"more than {MOST_EVENTS} events were told in one tick")
         told = checked_event(kind, entity, values)
         self._queue.append(told)
+
+    def hear(self, events: list[Event]) -> None:
+        """Tells what happened in this tick; heard in the next one."""
+        self._queue += events
 
     def require_trust(self) -> None:
         """Raises ScriptError if any script may not run here, so that ticks would be other than they were."""
