@@ -10,7 +10,16 @@ import pytest
 
 from elys.common.assets.scripts import decode_script
 from elys.common.assets.store import AssetStore
-from elys.common.scene import collapse, expand, open_scene, read_script_file
+from elys.common.components import InputMap
+from elys.common.scene import (
+    EntityNode,
+    SceneDocument,
+    SceneSettings,
+    collapse,
+    expand,
+    open_scene,
+    read_script_file,
+)
 from elys.common.scene_files import PIECES_FOLDER, path_of, relative_name
 from elys.pieces import events
 from elys.samples.pieces import check_pieces, pieces
@@ -98,3 +107,26 @@ def test_the_sample_does_what_its_check_asks(tmp_path: Path) -> None:
     hierarchy, transforms = simulation.world.hierarchy, simulation.world.transforms
     entities = simulation.world.entities().tolist()
     assert check_pieces({hierarchy.name_of(one): transforms.world_pose(one)[0] for one in entities}) == ""
+
+
+def test_named_values_are_written_and_read_as_what_they_are_with_a_prefab_and_without(tmp_path: Path) -> None:
+    assets = AssetStore()
+
+    def again(values: dict[str, object], component: str, field: str, prefab: str = "") -> tuple[object, object]:
+        node = EntityNode(name="One", prefab=prefab, components={component: {field: values}})
+        records = expand(SceneDocument(entities=[node]), directory=tmp_path, assets=assets)
+        written = collapse(records, name="", directory=tmp_path, assets=assets, settings=SceneSettings())
+        back = expand(written, directory=tmp_path, assets=assets)
+        assert back[0].components[component][field] == records[0].components[component][field]
+        return records[0].components[component][field], written.entities[0].components[component][field]  # type: ignore[index]
+
+    wind = "elys:wind.prefab.json"
+    assert again({"signal": "a"}, "Script", "values", wind) == (
+        {"wind": [0, 6, 0], "drag": 2.5, "signal": "a"},
+        {"signal": "a"},
+    )
+    assert again({"drag": None}, "Script", "values", wind) == ({"wind": [0, 6, 0]}, {"drag": None})
+    # Defaults that are not empty are replaced, not laid over.
+    known = InputMap().actions
+    assert again({"go": "g"}, "InputMap", "actions") == ({"go": "g"}, {"go": "g"})
+    assert again({**known, "go": "g"}, "InputMap", "actions")[0] == {**known, "go": "g"}
