@@ -205,7 +205,9 @@ def _differences(was: ComponentValues, now: ComponentValues) -> ComponentChanges
             changed = {field: value for field, value in new.items() if value != old[field]}
             for field in declaration_of(name).fields:
                 if field.kind is Kind.VALUES and field.name in changed:
-                    changed[field.name] = _named_differences(old[field.name], new[field.name])
+                    # Over what the file itself says: defaults are not laid over, but replaced.
+                    said = old[field.name] if field.name in was.get(name, {}) else {}
+                    changed[field.name] = _named_differences(said, new[field.name])
             if changed or name not in was:
                 changes[name] = changed
         elif name in was:

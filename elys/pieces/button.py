@@ -21,6 +21,7 @@ class Button(Behaviour):
     tells: Annotated[str, about("Name of the signal that it switches.")] = ""
     mass: Annotated[float, about("What has to stand on a plate, all together.", unit="kg", minimum=0.0)] = 0.1
     key: Annotated[str, about("Key or button with which it is used.")] = "e"
+    action: Annotated[str, about("Action of the scene's InputMap with which it is used, in place of the key.")] = ""
     cap: Annotated[str, about("Name of the part below it that goes down; without one nothing moves.")] = ""
     travel: Annotated[float, about("How far that goes down.", unit="m", minimum=0.0)] = 0.08
 
@@ -62,9 +63,13 @@ class Button(Behaviour):
         if not self.inside:
             return False
         if self.mode == "use":
-            return any(self.world.input(player).is_down(self.key) for player in self.world.players)
+            return any(self._is_used_by(player) for player in self.world.players)
         bodies = dict.fromkeys(body_of(one) for one in self.inside if one.is_alive)
         return sum(body.get(RigidBody).mass for body in bodies if body.has(RigidBody)) >= self.mass
+
+    def _is_used_by(self, player: int) -> bool:
+        given = self.world.input(player)
+        return given.action(self.action).is_down if self.action else given.is_down(self.key)
 
     async def go(self, down):
         """Brings the cap down or up."""

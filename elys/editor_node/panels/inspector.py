@@ -193,7 +193,11 @@ class InspectorPanel:
                 field
                 for field in declaration.fields
                 if shows_field(self._search, declaration, field)
-                or (field.kind is Kind.VALUES and self._script_rows.finds(ui, entities, self._search))
+                or (
+                    name == "Script"
+                    and field.kind is Kind.VALUES
+                    and self._script_rows.finds(ui, entities, self._search)
+                )
             ]
             if fields or not self._search:
                 imgui.push_id(name)
@@ -223,8 +227,10 @@ class InspectorPanel:
             written = {} if ui.model.is_replay else ui.model.set_values.written_fields(entities[-1], now)
             overridden = {} if is_added else self._overridden(ui, entities[-1], now)
             for declared in fields:
-                if declared.kind is Kind.VALUES and self._script_rows.draw(
-                    ui, self.rows, entities, self._search, overridden.get(declared.name)
+                if (
+                    name == "Script"
+                    and declared.kind is Kind.VALUES
+                    and self._script_rows.draw(ui, self.rows, entities, self._search, overridden.get(declared.name))
                 ):
                     continue
                 self._draw_field(ui, declaration, declared, entities, now, written, overridden)
