@@ -18,6 +18,7 @@ TOP_SPEED: Final = 17.0  # [m/s] of a ball, see ball.py
 DEAD_ZONE: Final = 0.15  # of its sticks
 SEARCH: Final = 40  # stations ahead in which it looks for where it is
 FAR: Final = 6.0  # [m] moved in a tick means that it was put elsewhere
+RAMP: Final = 0.1  # of what leads up so steeply one flies off by itself
 GAP: Final = 1.5  # [m] between two stations that nothing joins
 
 
@@ -36,6 +37,7 @@ class Driver:
 
     def __init__(self, line: Sequence[Place], *, player: int = 1, style: Style | None = None) -> None:
         self._points = np.array([place.position for place in line])
+        self._rises = np.array([place.forward[1] for place in line])
         self._style = style or Style()
         self._player = player
         self._speeds = self._allowed()
@@ -85,7 +87,10 @@ class Driver:
 
     def _is_before_gap(self, place: Array) -> bool:
         for number in range(self._at, min(self._at + 6, len(self._points) - 1)):
-            if np.linalg.norm(self._points[number + 1] - self._points[number]) > GAP:
+            step = self._points[number + 1] - self._points[number]
+            if np.linalg.norm(step) > GAP:
+                if self._rises[number] > RAMP:  # which throws it farther than a jump would
+                    return False
                 return float(np.linalg.norm((self._points[number] - place)[[0, 2]])) <= self._style.jump_before
         return False
 

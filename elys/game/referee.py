@@ -94,7 +94,7 @@ class Referee:
         self.is_done = asyncio.Event()
         self._wishes: asyncio.Queue[tuple[str, dict[str, Any]]] = asyncio.Queue()
         self._ghosts: list[asyncio.Task[None]] = []
-        self._proofs: set[asyncio.Task[None]] = set()
+        self._beside: set[asyncio.Task[None]] = set()  # what goes on while others race
 
     async def run(self) -> None:
         """Until `race_limit` races were finished, or for ever."""
@@ -119,7 +119,7 @@ class Referee:
     async def _close(self) -> None:
         await self._drop()
         await self._end_ghosts()
-        await asyncio.gather(*self._proofs, return_exceptions=True)
+        await asyncio.gather(*self._beside, return_exceptions=True)
         self.is_done.set()
 
     async def _choose(self, level: Level) -> None:
@@ -167,9 +167,11 @@ class Referee:
         place = self.board.add(entry)
         _log.info("%s: %s", self.level.title, told(entry, place))
         if place:
-            proof = asyncio.create_task(self._verify(entry, self.board))
-            self._proofs.add(proof)
-            proof.add_done_callback(self._proofs.discard)
+            self._keep(asyncio.create_task(self._verify(entry, self.board)))
+
+    def _keep(self, task: asyncio.Task[None]) -> None:
+        self._beside.add(task)
+        task.add_done_callback(self._beside.discard)
 
     async def _verify(self, entry: Entry, board: Board) -> None:
         began = time.monotonic()
@@ -193,7 +195,7 @@ class Referee:
                 attempt.finished[event.values["player"]] = event
                 attempt.ended_at = self._node.simulation.time
                 if len(attempt.finished) == self._players:
-                    asyncio.create_task(self._finish_soon(attempt))
+                    self._keep(asyncio.create_task(self._finish_soon(attempt)))
 
     async def _finish_soon(self, attempt: Attempt) -> None:
         """What comes right after the finish belongs to the race as well."""

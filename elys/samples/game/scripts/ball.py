@@ -7,7 +7,6 @@ from elys.script import Behaviour, Entity, Rotation, Vector, about, components
 
 from .race import Race
 
-
 COYOTE = 0.10  # [s] after it has left the ground in which it may still jump
 SLIP = 3.0  # [m/s] by which its skin may be faster than the road
 LOOK = 2.8  # [rad/s] of a stick at its end
@@ -156,7 +155,7 @@ class ChaseCamera(Behaviour):
         self.middle = Vector(now.x, self.middle.y + (now.y - self.middle.y) * min(1.0, 9.0 * dt), now.z)
         back = Vector(math.sin(ball.heading), 0, math.cos(ball.heading))
         eye = back * self.distance + (0, self.height, 0)
-        look_at = self.middle + (0, 0.7, 0)
+        look_at = self.middle + Vector(0, 0.7, 0)
         reach = eye.length
         hit = self.world.raycast(look_at, eye.normalized(), reach, exclude=[self.ball.id])
         eye = look_at + eye.normalized() * (max(hit.distance - 0.3, 0.6) if hit is not None else reach)
