@@ -24,6 +24,7 @@ from elys.render_node.ghost_worlds import GhostWorlds, ShownGhost
 from elys.render_node.gpu import Context, offscreen_context
 from elys.render_node.lettering import write_on
 from elys.render_node.marks import LETTERS, NO_MARKS, Marks, stamp_text
+from elys.render_node.overlays import OverlayBoard
 from elys.render_node.passes.bloom import Glow
 from elys.render_node.passes.data import DataKind
 from elys.render_node.picture_files import PICTURE_SUFFIXES, holds_numbers, output_kind, save_picture, save_values
@@ -98,6 +99,7 @@ class OfflineRenderer:
         self._ghosts: list[ShownGhost] = []  # of pictures of light
         self._shows = shows
         self._reader = SceneReader(mirror)
+        self._overlays = OverlayBoard(mirror)
         self._owns_context = context is None
         self._context = context if context is not None else offscreen_context()
         self._tile_edge = min(tile_edge, self._context.max_size)
@@ -137,6 +139,7 @@ class OfflineRenderer:
         if self._settled != (renderer, self.world.scene_version):
             renderer.settle(self.world)
             self._settled = (renderer, self.world.scene_version)
+        renderer.settle_images(self.world, self._overlays.images)
         self.world.place(simulation_time=time)
         if self._tracks and self._shows == "shaded":
             self._ghosts = self._ghost_worlds.shown(self._tracks, self.world, settled=True)
@@ -218,6 +221,7 @@ class OfflineRenderer:
     def _draw_shaded(self, pixels: NDArray[np.uint8], camera: ViewCamera) -> None:
         renderer, marks = self._renderer(self._quality), self.overlay.marks(self.world, self._ghosts)
         parts, glow = self._parts(renderer, camera, marks)
+        overlays = self._overlays.shown(self.world)
         for part in parts:
             target = renderer.draw(
                 self.world,
@@ -226,6 +230,7 @@ class OfflineRenderer:
                 self.height,
                 marks=marks,
                 ghosts=self._ghosts,
+                overlays=overlays,
                 region=part.drawn,
                 glow=glow,
             )

@@ -182,6 +182,7 @@ class _Viewer:
             int(now / NOTE_TIME) if self.tells_age else 0,
             self._follower.revision if self._debug else 0,
             self._follower.ghost_revision,
+            self._follower.overlays.version,
         )
         what = (world.scene_version, world.pose_version, self._follower.arrived_count, width, height, *told)
         if not (self._is_dirty or what != self._drawn or always):
@@ -191,7 +192,8 @@ class _Viewer:
         marks = self._follower.drawing.marks(world, self._debug, notes=self.notes(now), ghosts=ghosts)
         camera = self._camera(width / height)
         tell_interest(self._session, StreamInterest(cameras=(camera,), aspect=width / height))
-        self._renderer.draw(world, camera, width, height, marks=marks, ghosts=ghosts, target=target)
+        overlays = self._follower.overlays.shown(world)
+        self._renderer.draw(world, camera, width, height, marks=marks, ghosts=ghosts, overlays=overlays, target=target)
         self._window.swap()
         self._shown_at.append(time.monotonic())
         self._drawn, self._is_dirty = what, False

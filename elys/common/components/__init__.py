@@ -29,6 +29,8 @@ from elys.common.components.declaration import (
     declarations,
     forget,
 )
+from elys.common.components.overlay import Overlay, OverlayBar, OverlayImage, OverlayPanel, OverlayText
+from elys.common.components.sound import SoundSource
 from elys.common.components.values import check_value, component_from, values_of
 
 __all__ = [
@@ -46,10 +48,16 @@ __all__ = [
     "Material",
     "MeshRenderer",
     "Morph",
+    "Overlay",
+    "OverlayBar",
+    "OverlayImage",
+    "OverlayPanel",
+    "OverlayText",
     "Quat",
     "RigidBody",
     "Script",
     "Skin",
+    "SoundSource",
     "Transform",
     "Vec3",
     "about",
