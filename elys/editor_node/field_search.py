@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping
 from typing import Final, NamedTuple
 
 from elys.common.components import ComponentDeclaration, FieldDeclaration
+from elys.common.components.overlay import OVERLAY_COMPONENTS
 from elys.editor_node.field_values import label_of
 from elys.editor_node.language import tr
 
@@ -14,7 +15,8 @@ GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
     "Physics": ("RigidBody", "Collider", "Joint"),
     "Picture": ("MeshRenderer", "Material", "Skin", "Morph"),
     "Light and view": ("Light", "Environment", "Camera"),
-    "Behaviour": ("Animation", "Script"),
+    "Over the picture": OVERLAY_COMPONENTS,
+    "Behaviour": ("Animation", "SoundSource", "Script"),
 }
 OTHERS: Final = "Others"  # the group of what a project declares itself
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -29,6 +30,7 @@ def unit_of(width: int, height: int) -> float:
     return min(float(height), width / SHAPE)
 
 
+@cache
 def share_of(anchor: Anchor) -> tuple[float, float]:
     """Where an anchor is in a rectangle: 0, 0.5 or 1 to the right and down."""
     words = anchor.split("_")

@@ -6,6 +6,7 @@ QUAD is what the shader reads of one: where it is, its colour, and by its kind w
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -57,6 +58,15 @@ class _Placed(NamedTuple):
     layout: TextLayout | None
 
 
+class _Written(NamedTuple):
+    """Letters of a text in one colour, from a row of the quads on."""
+
+    first: int
+    cells: list[int]  # rows of the sheet's table
+    pen: NDArray[np.float64]  # (L, 2) [pixels]
+    numbers: tuple[float, ...]  # x, y of the text [pixels], its magnification, r, g, b, a
+
+
 class QuadMaker:
     """Lays overlays out. Letters come from its `sheet`."""
 
@@ -65,6 +75,7 @@ class QuadMaker:
         self._setter = TextSetter()
         self._rows = np.zeros((1024, QUAD_WIDTH), np.float32)
         self._count = 0
+        self._writing: list[_Written] = []
 
     def quads(self, overlays: Overlays, view: View, image_size: ImageSize) -> Quads:
         """What a picture of this view shows of them."""
@@ -76,26 +87,27 @@ class QuadMaker:
         return made
 
     def _quads(self, overlays: Overlays, view: View, image_size: ImageSize) -> Quads:
-        self._count = 0
-        runs: list[Run] = []
+        self._count, self._writing = 0, []
+        starts: list[tuple[int, str]] = [(0, "")]  # of runs
         unit = unit_of(view.width, view.height)
         found = self._placed(overlays, view, unit, image_size)
         for one in sorted(found, key=lambda one: one.node.overlay.order):  # of equals the tree's order holds
-            first = self._count
+            if starts[-1][1]:
+                starts.append((self._count, ""))
             if one.node.panel is not None:
                 self._add_panel(one, one.node.panel, unit)
+                one = _inner(one, one.node.panel.padding * unit)
             if one.node.bar is not None:
                 self._add_bar(one, one.node.bar, unit)
-            _append(runs, Run(first, self._count - first, ""))
             if one.node.image is not None and (size := image_size(one.node.image.image)) is not None:
-                first = self._count
-                self._add_image(_inner(one, unit), one.node.image, size)
-                _append(runs, Run(first, self._count - first, one.node.image.image))
+                starts.append((self._count, one.node.image.image))
+                self._add_image(one, one.node.image, size)
             if one.node.text is not None and one.layout is not None:
-                first = self._count
-                self._add_text(_inner(one, unit), one.node.text, one.layout, unit)
-                _append(runs, Run(first, self._count - first, ""))
-        return Quads(self._rows[: self._count], tuple(runs))
+                if starts[-1][1]:
+                    starts.append((self._count, ""))
+                self._add_text(one, one.node.text, one.layout, unit)
+        self._write_letters()
+        return Quads(self._rows[: self._count], _runs(starts, self._count))
 
     def _placed(self, overlays: Overlays, view: View, unit: float, image_size: ImageSize) -> list[_Placed]:
         """All that are visible, with where they are."""
@@ -186,38 +198,60 @@ class QuadMaker:
     def _add_letters(
         self, layout: TextLayout, corner: tuple[int, int], color: Vec3, opacity: float, stroke: int
     ) -> None:
-        sheet, size = self.sheet, layout.size
-        cells = [sheet.cell(letter, size, stroke) for letter in layout.letters]
-        shown = [k for k, cell in enumerate(cells) if cell is not None]
-        if not shown:
+        first = self._count
+        count = len(self._room(len(layout.letters)))
+        if count:
+            letters = layout.letters[:count]
+            self._writing.append(
+                _Written(
+                    first,
+                    self.sheet.rows(letters, layout.size, stroke),
+                    layout.pen[:count],
+                    (*corner, layout.scale, *to_screen(color), opacity),
+                )
+            )
+
+    def _write_letters(self) -> None:
+        """All letters of the picture at once: one by one they would cost ten times as much."""
+        writing, self._writing = self._writing, []
+        if not writing:
             return
-        rows = self._room(len(shown))
-        shown = shown[: len(rows)]
-        table = np.array([cells[k] for k in shown], np.float32).reshape(-1, 6)
-        pens = layout.pen if len(shown) == len(cells) else layout.pen[shown]
-        pens = pens[: len(rows)]
-        rows[:, 0:2] = np.floor(pens + 0.5) + corner + table[:, 4:6] * layout.scale
-        rows[:, 2:4] = table[:, 2:4] * layout.scale
-        rows[:, 4:7], rows[:, 7] = to_screen(color), opacity
-        rows[:, 8:10], rows[:, 10], rows[:, 11] = table[:, 0:2], 1.0 / layout.scale, GLYPH
-        rows[:, 12:] = EVERYWHERE
+        counts = np.array([len(one.cells) for one in writing])
+        starts = np.array([one.first for one in writing]) - np.concatenate([[0], np.cumsum(counts)[:-1]])
+        into = np.repeat(starts, counts) + np.arange(counts.sum())
+        of = np.repeat(np.array([one.numbers for one in writing], np.float32), counts, axis=0)
+        table = self.sheet.table[np.fromiter((cell for one in writing for cell in one.cells), np.intp, len(into))]
+        pens = np.floor(np.concatenate([one.pen for one in writing]) + 0.5)
+        scale = of[:, 2:3]
+        made = np.empty((len(into), QUAD_WIDTH), np.float32)
+        made[:, 0:2] = pens + of[:, 0:2] + table[:, 4:6] * scale
+        made[:, 2:4] = table[:, 2:4] * scale
+        made[:, 4:8] = of[:, 3:7]
+        made[:, 8:10], made[:, 10:11], made[:, 11] = table[:, 0:2], 1.0 / scale, GLYPH
+        made[:, 12:] = EVERYWHERE
+        made[table[:, 2] == 0.0, 7] = 0.0  # nothing is shown of it
+        self._rows[into] = made
 
 
-def _inner(one: _Placed, unit: float) -> _Placed:
-    """The same without what its panel keeps free, as far as anything is left."""
+def _inner(one: _Placed, free: float) -> _Placed:
+    """The same without what its panel keeps free [pixels], as far as anything is left."""
     x, y, width, height = one.rectangle
-    free = min(_padding(one.node, unit), width / 2, height / 2)
+    free = min(free, width / 2, height / 2)
     return one._replace(rectangle=Rectangle(x + free, y + free, width - 2 * free, height - 2 * free))
 
 
-def _append(runs: list[Run], run: Run) -> None:
-    """Adds a run, to the last one where that shows the same."""
-    if not run.length:
-        return
-    if runs and runs[-1].image == run.image:
-        runs[-1] = runs[-1]._replace(length=runs[-1].length + run.length)
-    else:
-        runs.append(run)
+def _runs(starts: list[tuple[int, str]], end: int) -> tuple[Run, ...]:
+    """Those of the runs in which there is anything; neighbours that show the same are one."""
+    ends = [*(first for first, _ in starts[1:]), end]
+    runs: list[Run] = []
+    for (first, image), last in zip(starts, ends, strict=True):
+        if last == first:
+            continue
+        if runs and runs[-1].image == image:
+            runs[-1] = Run(runs[-1].first, last - runs[-1].first, image)
+        else:
+            runs.append(Run(first, last - first, image))
+    return tuple(runs)
 
 
 def _needed(node: OverlayNode, layout: TextLayout | None, unit: float, image_size: ImageSize) -> tuple[float, float]:
@@ -252,6 +286,7 @@ def _radius(radius: float, rectangle: Rectangle) -> float:
     return min(radius, rectangle.width / 2, rectangle.height / 2)
 
 
+@lru_cache(maxsize=256)
 def to_screen(color: Vec3) -> tuple[float, float, float]:
     """Linear colour as the screen has it. IEC 61966-2-1."""
     red, green, blue = (12.92 * c if c <= 0.0031308 else 1.055 * min(c, 1.0) ** (1 / 2.4) - 0.055 for c in color)

@@ -121,7 +121,7 @@ def _why_overlays(plan: PicturePlan) -> str:
     count = len(plan.overlays.nodes)
     if not count:
         return "the scene has no overlays"
-    return f"{count} entit{'y is' if count == 1 else 'ies are'} drawn over the picture"
+    return "1 entity is drawn over the picture" if count == 1 else f"{count} entities are drawn over the picture"
 
 
 def _why_set(value: float, name: str, effect: str) -> str:

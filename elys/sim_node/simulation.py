@@ -31,6 +31,7 @@ from elys.common.scene import OpenedScene, SceneSettings
 from elys.sim_node.capture import captured, restored
 from elys.sim_node.ecs.changes import WorldChanges
 from elys.sim_node.ecs.schedule import System, run
+from elys.sim_node.ecs.text_sweep import EVERY, sweep_texts
 from elys.sim_node.ecs.world import World
 from elys.sim_node.inputs import Inputs
 from elys.sim_node.physics.checks import named
@@ -117,6 +118,8 @@ class Simulation:
         """One tick: every system in its turn."""
         self.stage_times = {}
         self.edited.capture()
+        if self.tick % EVERY == 0 and sweep_texts(self.world):
+            self.scripts.outdate()
         run(self.world, self.systems, self.stage_times)
         self.inputs.end_tick()
         self.tick += 1

@@ -1,8 +1,8 @@
 """What stands over the picture: texts, panels, bars and images, laid out in the picture and not in the world.
 
-An `Overlay` is a rectangle; what an entity has besides is drawn in it, from below to above: OverlayPanel, OverlayBar, then
-OverlayImage and OverlayText. Without one, the rectangle is that of the default `Overlay`. Lengths are shares of the height of the largest 16:9
-picture that fits into the view: 1 from top to bottom, 1.778 from left to right, in every view of that shape or wider.
+An `Overlay` is a rectangle; what an entity has besides is drawn in it, from below to above: OverlayPanel, OverlayBar,
+OverlayImage, then OverlayText. Without one, the rectangle is that of the default `Overlay`. Lengths are shares of the height of
+the largest 16:9 picture that fits into the view: 1 from top to bottom, in every view of that shape or wider.
 """
 
 from __future__ import annotations

@@ -371,6 +371,10 @@ class Scripts:
         msgspec.json.encode(told)  # raises here, in the script, what could not go over the bus
         self._queue.append(told)
 
+    def outdate(self) -> None:
+        """What components say has to be looked at anew: their texts are kept elsewhere."""
+        self._seen = ()
+
     def require_trust(self) -> None:
         """Raises ScriptError if any script may not run here, so that ticks would be other than they were."""
         for entity in self._query.entities.tolist():
