@@ -15,9 +15,11 @@ from elys.common.assets.heights import HEIGHT_SUFFIXES, read_height_mesh, read_h
 from elys.common.assets.images import IMAGE_SUFFIXES, read_image
 from elys.common.assets.primitives import PRIMITIVES, is_primitive
 from elys.common.assets.scripts import read_script
+from elys.common.assets.sounds import SOUND_SUFFIXES, read_sound
 from elys.common.assets.store import AssetKind, AssetStore, is_reference
 from elys.common.assets.texture import parse_texture, split_texture
 from elys.common.components import Kind, declaration_of
+from elys.common.components.sound import BUILT_IN_SOUNDS
 from elys.common.errors import AssetError, SceneError
 from elys.common.scene_document import ComponentChanges, ComponentValues, EntityNode, EntityRecord, SceneDocument
 from elys.common.scene_naming import Names
@@ -30,6 +32,7 @@ _KINDS: Final[Mapping[str, AssetKind]] = {
     "clips": "clips",
     "skin": "skin",
     "source": "script",
+    "sound": "sound",
 }
 _HEIGHT_READERS: Final[Mapping[AssetKind, Callable[[Path, AssetStore], str]]] = {
     "heights": read_heights,
@@ -265,7 +268,9 @@ def _asset(job: _Expansion, value: str, field_name: str, place: _Place) -> str:
             _fail(place, str(error), error)
     if field_name == "source" and not is_reference(value):
         return _script(job, value, place)
-    if field_name != "heights" and is_primitive(value):
+    if field_name == "sound" and value in BUILT_IN_SOUNDS:
+        return value
+    if field_name not in ("heights", "sound") and is_primitive(value):
         return value
     reference = value if is_reference(value) else _file_asset(job, value, field_name, place)
     if not job.assets.has(reference):
@@ -304,6 +309,14 @@ def _file_asset(job: _Expansion, value: str, field_name: str, place: _Place) -> 
     expected = expected_kind(field_name)
     if expected is not None and expected in _HEIGHT_READERS and suffix in HEIGHT_SUFFIXES:
         return _read_once(job, expected, _HEIGHT_READERS[expected], _path(place.directory, name, place), place)
+    if expected == "sound":
+        if suffix in SOUND_SUFFIXES:
+            return _read_once(job, "sound", read_sound, _path(place.directory, name, place), place)
+        close = difflib.get_close_matches(value.lower(), BUILT_IN_SOUNDS, n=1, cutoff=0.6)
+        remedy = f"did you mean '{close[0]}'?" if close else f"built in are {', '.join(BUILT_IN_SOUNDS)}"
+        _fail(
+            place, f"{value!r} is no sound that is built in and no file of one ({', '.join(SOUND_SUFFIXES)}); {remedy}"
+        )
     if suffix in IMAGE_SUFFIXES:
         return _read_once(job, "image", read_image, _path(place.directory, name, place), place)
     if expected == "heights":

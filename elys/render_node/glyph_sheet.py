@@ -1,5 +1,5 @@
-"""Letters of all sizes in one picture, from which the card draws them: made when first asked for. It grows, and is begun anew when
-it is full.
+"""Letters of all sizes in one picture, from which the card draws them: made when first asked for. It grows, and is begun anew
+when it is full.
 """
 
 from __future__ import annotations

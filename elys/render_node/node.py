@@ -102,7 +102,7 @@ class SceneFollower:
         self.overlays = OverlayBoard(self.mirror)
         self._loop = asyncio.get_running_loop()
         self._assets = AssetClient(session, _asset_store())
-        self.world = RenderWorld(DrawableAssets(self._fetch, on_ready=self._asset_arrived))
+        self.world = RenderWorld(DrawableAssets(self.fetch, on_ready=self._asset_arrived))
         self.drawing = DebugDrawing(self.mirror)
         self._debug = DebugListener(session, self.drawing, self._lines_arrived)
         self._wanted: frozenset[Debug] = frozenset()
@@ -229,8 +229,8 @@ class SceneFollower:
         self.world.assets.retry_due()
         self._plan_retry()
 
-    def _fetch(self, reference: str) -> bytes:
-        """On a thread of the assets' pool: asks the bus, which lives on the loop."""
+    def fetch(self, reference: str) -> bytes:
+        """The bytes of an asset. On another thread than the loop's: asks the bus, which lives there."""
         return asyncio.run_coroutine_threadsafe(self._assets.fetch(reference), self._loop).result(timeout=60.0)
 
 

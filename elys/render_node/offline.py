@@ -34,6 +34,7 @@ from elys.render_node.quality import EXACT, FULL, Quality
 from elys.render_node.render_world import RenderWorld
 from elys.render_node.renderer import Renderer
 from elys.render_node.scene_tables import SceneReader
+from elys.render_node.sound.film_sound import FilmSound
 
 MAX_EDGE: Final = 32768  # [pixels]
 MAX_PIXELS: Final = 1 << 27  # of a picture; two gibibytes as numbers
@@ -194,16 +195,17 @@ class OfflineRenderer:
         fps: float = 30.0,
         duration: float | None = None,
         camera_at: CameraAt | None = None,
+        sound: FilmSound | None = None,
         progress: Progress = lambda drawn, total: None,
     ) -> int:
         """Films `frames` in the time of their simulation, `fps` pictures a second; returns how many there are.
 
         Whoever gives the frames may let the mirror follow the scene meanwhile. Pictures between two frames are interpolated:
-        the same frames always give the same film. Raises ElysError where it cannot be written.
+        the same frames always give the same film. With `sound` it has a track. Raises ElysError where it cannot be written.
         """
         total = max(1, round(duration * fps)) if duration is not None else 0
         drawn, start = 0, None
-        with VideoWriter(path, self.width, self.height, fps=fps) as video:
+        with VideoWriter(path, self.width, self.height, fps=fps, sound=sound is not None) as video:
             for frame in frames:
                 self.mirror.keep_frame(frame)
                 start = frame.simulation_time if start is None else start
@@ -211,7 +213,10 @@ class OfflineRenderer:
                 self.world.take_state(frame)
                 while start + drawn / fps <= frame.simulation_time + 1e-9 and (not total or drawn < total):
                     moment = start + drawn / fps
-                    video.add(self.picture(time=moment, camera=camera_at(moment) if camera_at else None))
+                    camera = camera_at(moment) if camera_at else None
+                    video.add(self.picture(time=moment, camera=camera))
+                    if sound is not None:
+                        video.add_sound(sound.until(moment, camera or self._camera(), self.world))
                     drawn += 1
                     progress(drawn, total)
                 if total and drawn >= total:

@@ -198,6 +198,22 @@ class EntityHandle:
         if self.is_alive:
             self._scripts.destroy_later(self.id)
 
+    def play_sound(
+        self,
+        sound: str,
+        *,
+        volume: float = 1.0,
+        pitch: float = 1.0,
+        spatial: bool = True,
+        reference_distance: float = 2.0,
+        max_distance: float = 0.0,
+    ) -> None:
+        """Lets a sound be heard once, from where it is now: a built in one, or a file beside the scene. See docs/sound.md."""
+        values: dict[str, Any] = {"reference_distance": reference_distance, "max_distance": max_distance}
+        if spatial:
+            values["position"] = tuple(self.position)
+        self._scripts.play_sound(sound, self.id, {"volume": volume, "pitch": pitch, **values})
+
     # --- forces on its body, until the next step of physics
 
     def apply_force(self, force: Iterable[float], at: Iterable[float] | None = None) -> None:
@@ -341,6 +357,10 @@ class GameWorld:
     def emit(self, name: str, to: EntityHandle | None = None, **values: Any) -> None:
         """Tells an event: to one entity's script, or to all; they hear it in the next tick, in the order in which it was told."""
         self._scripts.emit(name, to.id if to is not None else NO_ENTITY, values)
+
+    def play_sound(self, sound: str, *, volume: float = 1.0, pitch: float = 1.0) -> None:
+        """Lets a sound be heard once, on both sides alike, wherever the camera is."""
+        self._scripts.play_sound(sound, NO_ENTITY, {"volume": volume, "pitch": pitch})
 
     def entity(self, number: int) -> EntityHandle:
         """The handle of an id; EntityError if nobody has it."""

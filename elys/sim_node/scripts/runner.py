@@ -28,6 +28,7 @@ from elys.sim_node.scripts.library import LoadedScript, ScriptLibrary
 from elys.sim_node.scripts.memory import Finder, Keeper
 from elys.sim_node.scripts.modules import describe, line_in
 from elys.sim_node.scripts.program import Program
+from elys.sim_node.scripts.sounds import ScriptSounds
 from elys.sim_node.scripts.task import Task
 from elys.sim_node.scripts.waiting import Call
 from elys.sim_node.scripts.watchdog import LIMIT, ScriptTimeout, Watchdog
@@ -87,6 +88,7 @@ class Scripts:
         self._queue: list[Event] = []  # told in this tick, heard in the next
         self._doomed: list[Entity] = []
         self._events: list[Event] = []
+        self._sounds = ScriptSounds(simulation)
         self.watchdog = Watchdog()
         self._said = -_SAID_EVERY
         self._cannot: set[tuple[int, str]] = set()  # what was said to be no memory
@@ -370,6 +372,10 @@ class Scripts:
                 )
         msgspec.json.encode(told)  # raises here, in the script, what could not go over the bus
         self._queue.append(told)
+
+    def play_sound(self, name: str, entity: int, values: dict[str, Any]) -> None:
+        """Lets a sound be heard by who watches; in the simulation nothing comes of it."""
+        self._events.append(self._sounds.event(name, entity, values))
 
     def outdate(self) -> None:
         """What components say has to be looked at anew: their texts are kept elsewhere."""
