@@ -6,7 +6,7 @@ nothing clips, and everything is heard 5 ms later.
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ CEILING: Final = 0.97  # that no sample exceeds
 RELEASE: Final = 0.06  # of what it is turned down, that the limiter gives back in a quantum
 MOST_VOICES: Final = 64
 SILENT: Final = 1e-5  # gain below which a voice is left out of the sum, and goes on unheard
+_STEPS: Final = np.arange(QUANTUM)
+_RISE: Final = (_STEPS + 1) / QUANTUM
 Samples = NDArray[np.float32]  # (N, C), C of 1 or 2
 
 
@@ -59,28 +61,39 @@ class Voice:
         self._gain = end
         if max(*start, *end) > SILENT:
             heard = self._read()
-            rise = np.arange(1, QUANTUM + 1) / QUANTUM
             for channel, (a, b) in enumerate(zip(start, end, strict=True)):
-                stream[:, channel] += heard[:, min(channel, heard.shape[1] - 1)] * (a + (b - a) * rise)
+                gain = b if a == b else a + (b - a) * _RISE
+                stream[:, channel] += heard[:, min(channel, heard.shape[1] - 1)] * gain
         self._place += QUANTUM * self.pitch
         if self.loop:
             self._place %= len(self.samples)
         self.is_over = self._is_stopping or self._place >= len(self.samples) + 1
 
-    def _read(self) -> NDArray[np.float64]:
+    def _read(self) -> NDArray[np.floating[Any]]:
         """The next quantum of the sound, at its pitch: between samples by cubics through four of them (Catmull and Rom)."""
-        count = len(self.samples)
-        place = self._place + np.arange(QUANTUM) * self.pitch
-        whole = np.floor(place)
+        if self.pitch == 1.0 and self._place == int(self._place):
+            return self._segment(int(self._place), QUANTUM)
+        place = self._place + _STEPS * self.pitch
+        first = int(place[0]) - 1
+        whole = place.astype(np.intp)
+        near = self._segment(first, int(whole[-1]) + 3 - first)
         t = (place - whole)[:, None]
-        rows = whole.astype(np.intp)[:, None] + np.arange(-1, 3)
+        row = whole - first
+        a, b, c, d = near[row - 1], near[row], near[row + 1], near[row + 2]
+        return b + 0.5 * t * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a)))
+
+    def _segment(self, first: int, count: int) -> Samples:
+        """Samples from one on, of the loop or with silence before and behind."""
+        samples, last = self.samples, first + count
+        if first >= 0 and last <= len(samples):
+            return samples[first:last]
         if self.loop:
-            a, b, c, d = (self.samples[row].astype(np.float64) for row in (rows % count).T)
-        else:
-            inside = (rows >= 0) & (rows < count)
-            near = np.where(inside[..., None], self.samples[np.clip(rows, 0, count - 1)], 0.0)
-            a, b, c, d = (near[:, k].astype(np.float64) for k in range(4))
-        return np.asarray(b + 0.5 * t * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a))))
+            return samples[np.arange(first, last) % len(samples)]
+        found = np.zeros((count, samples.shape[1]), np.float32)
+        start, end = max(first, 0), min(last, len(samples))
+        if end > start:
+            found[start - first : end - first] = samples[start:end]
+        return found
 
 
 class Limiter:
@@ -97,7 +110,7 @@ class Limiter:
         need = min(1.0, CEILING / peak) if peak > 0.0 else 1.0
         # The line between two gains stays below what either quantum needs where both ends do.
         end = min(self._need, need, self._gain + (1.0 - self._gain) * RELEASE)
-        gains = self._gain + (end - self._gain) * (np.arange(1, QUANTUM + 1) / QUANTUM)
+        gains = self._gain + (end - self._gain) * _RISE
         out = self._waiting * gains[:, None]
         self._waiting, self._need, self._gain = quantum, need, end
         return out
@@ -140,6 +153,6 @@ class Mixer:
         if any(voice.is_over for voice in voices):
             self.voices = [voice for voice in self.voices if not voice.is_over]
         end = self.volume
-        stream *= (self._volume + (end - self._volume) * (np.arange(1, QUANTUM + 1) / QUANTUM))[:, None]
+        stream *= (self._volume + (end - self._volume) * _RISE)[:, None]
         self._volume = end
         return self._limiter.pass_through(stream).astype(np.float32)
