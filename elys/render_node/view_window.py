@@ -208,6 +208,8 @@ class _Viewer:
 
     def _listen(self) -> None:
         """Sounds are heard from where the camera stands, also while no picture is drawn."""
+        if not self.loudspeaker.is_needed:
+            return
         width, height = self._window.framebuffer_size
         world, mirror = self._follower.world, self._follower.mirror
         camera = self._camera(width / max(height, 1))

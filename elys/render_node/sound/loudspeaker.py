@@ -41,9 +41,14 @@ class Loudspeaker:
         self.is_muted = False
         session.subscribe(topics.EVENTS, self._heard)
 
+    @property
+    def is_needed(self) -> bool:
+        """Whether anything sounds, or would."""
+        return self._stage.has_sounds
+
     def place(self, camera: ViewCamera, places: Callable[[], PlaceOf], *, is_running: bool = True) -> None:
         """Listens from where a camera stands; `places` is asked where sources are when there are any."""
-        if not self._stage.has_sounds:
+        if not self.is_needed:
             return
         if self._output is None:
             self._output = self._open_output(self._mix)
