@@ -16,7 +16,16 @@ GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
     "Picture": ("MeshRenderer", "Material", "Skin", "Morph"),
     "Light and view": ("Light", "Environment", "Camera"),
     "Over the picture": OVERLAY_COMPONENTS,
-    "Behaviour": ("Animation", "SoundSource", "Script"),
+    "Behaviour": (
+        "Animation",
+        "AnimationBlend",
+        "AnimationLayer",
+        "AnimationMarkers",
+        "RootMotion",
+        "SoundSource",
+        "InputMap",
+        "Script",
+    ),
 }
 OTHERS: Final = "Others"  # the group of what a project declares itself
 

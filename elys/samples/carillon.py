@@ -74,7 +74,7 @@ def _board() -> EntityNode:
     """A panel with a title and a row for each bar."""
     rows = [
         _overlay(
-            "Row",
+            f"Row {number + 1}",
             {"anchor": "top", "y": 0.1 + _ROW * number, "width": 0.24, "height": _ROW},
             OverlayPanel={"color": [0.55, 0.36, 0.06], "opacity": 0.0, "radius": 0.012},
             OverlayText={"text": name, "size": 0.036, "align": "center"},

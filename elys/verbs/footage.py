@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from elys.bus.messages.physics import ContactBatch, DebugLines
-from elys.bus.messages.scene import SceneDelta
 from elys.bus.messages.session import Event, EventBatch
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.messages.views import Debug
@@ -24,6 +23,7 @@ if TYPE_CHECKING:
     from elys.bus.recording import Recording
     from elys.common.assets.store import AssetStore
     from elys.common.scene import OpenedScene
+    from elys.sim_node.simulation import Simulation
 
 SCENE_DURATION: Final = 5.0  # [s] of a video of a scene or a session when nobody says how long
 Heard = deque[tuple[float, Event]]  # what happened, at simulation times [s]
@@ -178,53 +178,28 @@ def simulated(
     debug: tuple[Debug, ...] = (),
 ) -> Footage:
     """A scene from `time` [s] on, simulated in this process as it is drawn, debug drawing kept up to date."""
-    from elys.sim_node.scene.delta import scene_changes
-    from elys.sim_node.scene.snapshot import take_snapshot
     from elys.sim_node.simulation import Simulation
     from elys.sim_node.systems.publish_state import debug_lines, state_frame
 
     simulation = Simulation.load(scene, assets)
     mirror = SceneMirror()
-
-    def look() -> None:
-        snapshot = take_snapshot(
-            simulation.world,
-            epoch=1,
-            tick=simulation.tick,
-            simulation_time=simulation.time,
-            sequence=0,
-            scene=simulation.name,
-            settings=simulation.settings,
-        )
-        mirror.apply_snapshot(snapshot)
-
-    look()
+    follow = _following(simulation, mirror)
     drawing = DebugDrawing(mirror)
     heard: Heard = deque(maxlen=MOST_HEARD)
 
     def frame_now() -> StateFrame:
-        frame = state_frame(simulation, epoch=1, delta_sequence=mirror.sequence, playing=True)
+        frame = state_frame(simulation, epoch=1, delta_sequence=follow(), playing=True)
+        heard.extend((simulation.time, event) for event in simulation.take_events())
         if "trajectories" in debug:
             drawing.take_state(frame)
         return frame
-
-    def follow() -> None:
-        """What scripts and physics have changed in the scene is drawn too."""
-        logs = simulation.take_changes()
-        if any(log.overflowed for log in logs):
-            look()
-        elif changes := scene_changes(simulation.world, logs):
-            delta = SceneDelta(epoch=1, sequence=mirror.sequence + 1, tick=simulation.tick, changes=changes)
-            mirror.apply_delta(delta)
-        heard.extend((simulation.time, event) for event in simulation.take_events())
 
     def frames() -> Iterator[StateFrame]:
         for _ in range(round(time * simulation.settings.tick_rate)):
             if time - simulation.time <= TRAIL_SECONDS and debug:
                 frame_now()
             simulation.step()
-        follow()
-        heard.clear()  # it was before
+        simulation.take_events()  # they were before
         while True:
             for kind in debug:
                 if kind in PHYSICS_LINES:
@@ -232,6 +207,40 @@ def simulated(
                     drawing.take_lines(key, debug_lines(simulation, key, epoch=1))
             yield frame_now()
             simulation.step()
-            follow()
 
     return Footage(mirror=mirror, frames=frames(), fetch=assets.get, duration=duration, drawing=drawing, heard=heard)
+
+
+def _following(simulation: Simulation, mirror: SceneMirror) -> Callable[[], int]:
+    """What brings a mirror to where the scene of a simulation is, scripts' spawning and ending too, and says by which delta."""
+    from elys.sim_node.scene.snapshot import take_snapshot
+    from elys.sim_node.systems.publish_state import scene_delta
+
+    sequence, settings = 0, simulation.settings
+
+    def look() -> None:
+        mirror.apply_snapshot(
+            take_snapshot(
+                simulation.world,
+                epoch=1,
+                tick=simulation.tick,
+                simulation_time=simulation.time,
+                sequence=sequence,
+                scene=simulation.name,
+                settings=simulation.settings,
+            )
+        )
+
+    def follow() -> int:
+        nonlocal sequence, settings
+        changes, told = simulation.take_changes(), settings
+        settings = simulation.settings
+        if changes or settings is not told:
+            sequence += 1
+            changed = settings is not told
+            delta = scene_delta(simulation, changes, epoch=1, sequence=sequence, settings_changed=changed)
+            look() if delta.resync else mirror.apply_delta(delta)
+        return sequence
+
+    look()
+    return follow

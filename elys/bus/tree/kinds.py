@@ -22,6 +22,7 @@ _KINDS: Final = (
     ("MeshRenderer", "Mesh"),
     ("RigidBody", "Body"),
     ("Collider", "Collider"),
+    ("InputMap", "Input"),
     ("Script", "Script"),
 )
 KIND_NAMES: Final = (*dict.fromkeys(name for _, name in _KINDS), EMPTY)

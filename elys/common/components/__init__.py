@@ -1,7 +1,13 @@
 """Components: declared once, known everywhere."""
 
-from elys.common.components.builtin import (
+from elys.common.components.animation import (
     Animation,
+    AnimationBlend,
+    AnimationLayer,
+    AnimationMarkers,
+    RootMotion,
+)
+from elys.common.components.builtin import (
     Camera,
     Collider,
     Environment,
@@ -29,12 +35,16 @@ from elys.common.components.declaration import (
     declarations,
     forget,
 )
+from elys.common.components.input_map import InputMap
 from elys.common.components.overlay import Overlay, OverlayBar, OverlayImage, OverlayPanel, OverlayText
 from elys.common.components.sound import SoundSource
-from elys.common.components.values import check_value, component_from, values_of
+from elys.common.components.values import check_value, component_from, laid_over, values_of
 
 __all__ = [
     "Animation",
+    "AnimationBlend",
+    "AnimationLayer",
+    "AnimationMarkers",
     "Camera",
     "Collider",
     "Component",
@@ -42,6 +52,7 @@ __all__ = [
     "Curve",
     "Environment",
     "FieldDeclaration",
+    "InputMap",
     "Joint",
     "Kind",
     "Light",
@@ -55,6 +66,7 @@ __all__ = [
     "OverlayText",
     "Quat",
     "RigidBody",
+    "RootMotion",
     "Script",
     "Skin",
     "SoundSource",
@@ -67,5 +79,6 @@ __all__ = [
     "declaration_of",
     "declarations",
     "forget",
+    "laid_over",
     "values_of",
 ]

@@ -33,7 +33,8 @@ class Carillon(Behaviour):
     def start(self):
         self.balls = []
         self.struck = 0
-        self.glow = [0.0] * len(self.world.find_all("Row"))
+        self.rows = [child for child in self.world.find("Board").children if child.name.startswith("Row")]
+        self.glow = [0.0] * len(self.rows)
         self.next = 0.5
 
     def on_event(self, event):
@@ -52,7 +53,7 @@ class Carillon(Behaviour):
             self.next += self.pause
             self.drop()
             self.entity.play_sound("whoosh", volume=0.25, pitch=1.6, spatial=False)
-        for number, row in enumerate(self.world.find_all("Row")):
+        for number, row in enumerate(self.rows):
             if self.glow[number] > 0.0:
                 self.glow[number] = max(self.glow[number] - dt / FADE, 0.0)
                 row.set(components.OverlayPanel, opacity=0.9 * self.glow[number])

@@ -29,9 +29,15 @@ class ScriptSounds:
         self._simulation = simulation
         self._references: dict[str, str] = {}
         self._tick, self._count = -1, 0
+        self._told: list[Event] = []
 
-    def event(self, name: str, entity: int, values: dict[str, Any]) -> Event:
-        """The event of a sound.
+    def take(self) -> list[Event]:
+        """What was played since this was last asked."""
+        told, self._told = self._told, []
+        return told
+
+    def play(self, name: str, entity: int, values: dict[str, Any]) -> None:
+        """Lets a sound be heard by who watches; in the simulation nothing comes of it.
 
         Raises:
             ScriptError: there are too many in this tick. TypeError, ValueError: a value is none that a sound can have.
@@ -49,7 +55,7 @@ class ScriptSounds:
         self._count += 1
         if self._count > MOST:
             raise ScriptError(f"more than {MOST} sounds were played in one tick")
-        return event_of(msgspec.structs.replace(sound, sound=self._reference(name)), entity)
+        self._told.append(event_of(msgspec.structs.replace(sound, sound=self._reference(name)), entity))
 
     def _reference(self, name: str) -> str:
         """What others find the sound by; the name itself where there is none: whether there is a file changes no run."""

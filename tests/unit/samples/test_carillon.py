@@ -46,7 +46,7 @@ def test_bars_ring_at_their_pitch_and_the_board_says_which() -> None:
     assert world.get(find("Count"), OverlayText).value == told
     assert world.get(find("Clock"), OverlayText).value == pytest.approx(SECONDS, abs=0.05)
     assert world.get(find("Label"), Overlay).visible
-    rows = [child for child in world.hierarchy.children_of(find("Board")) if world.hierarchy.name_of(child) == "Row"]
+    rows = [child for child in world.hierarchy.children_of(find("Board")) if world.hierarchy.name_of(child) != "Title"]
     assert len(rows) == len(NAMES)
     assert max(world.get(row, OverlayPanel).opacity for row in rows) > 0.3
 
