@@ -193,7 +193,7 @@ class LastSeconds:
             yield from parts
             said = [*said, *kept.commands]
         for body, name, moment in _in_order(scenes, said):
-            if name in (topics.SNAPSHOT.name, topics.DELTA.name):
+            if name in (topics.SNAPSHOT.name, topics.DELTA.name, topics.EVENTS.name):
                 yield from self._assets_of(body, sent, moment)
             yield from _framed(FrameKind.MESSAGE, name, body, moment)
 

@@ -12,12 +12,13 @@ from elys.bus.edit_parts import edits_of
 from elys.bus.messages.commands import CommandRecord, LoadScene
 from elys.bus.messages.physics import ContactBatch
 from elys.bus.messages.session import EventBatch
+from elys.bus.messages.sounds import SOUND
 from elys.bus.messages.timeline import Marker, Markers, MarkersRequest
 
 MOST: Final = 4000  # markers kept; of more the weakest collisions go first
 MOST_OF_A_TICK: Final = 8  # collisions, the strongest
 _ERRORS: Final = ("physics", "animation")
-_QUIET: Final = ("playing", "paused")  # a timeline shows them otherwise
+_QUIET: Final = ("playing", "paused", SOUND)  # a timeline shows them otherwise, or would show nothing else
 
 
 class MarkerLog:

@@ -157,6 +157,8 @@ class _OutsideRecording:
         self._exact.heard(topic, body)
         if topic is topics.DELTA:
             self._heard_delta(body)
+        if topic is topics.EVENTS:
+            self._want(body)  # the files of sounds
         self._write_or_wait(topic.name, body, time.time_ns())
 
     def _write_or_wait(self, channel: str, body: bytes, now: int) -> None:

@@ -17,7 +17,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from elys.bus import codec
+from elys.bus import codec, topics
 from elys.bus.compressed_video import VIDEO_PREFIX
 from elys.bus.exports.files import whole_file
 from elys.bus.exports.selection import Progress, Selection, no_progress, selected_positions
@@ -62,11 +62,11 @@ def cut(source: Path, target: Path, selection: Selection, progress: Progress = n
         writing = _PartWriting(part, recording, Sources(made_by="cut", of=(source_of(recording, first, last),)))
         with writing:
             for message in _before(recording) if first == 0 else ():
-                writing.message(message)
+                writing.message(recording, message)
             for position in range(first, last + 1):
                 writing.frame(recording, position)
                 for message in _beside(recording, position):
-                    writing.message(message)
+                    writing.message(recording, message)
                 progress(position + 1 - first, last + 1 - first)
         return PartReport(len(positions), float(recording.time[last] - recording.time[first]), 0, ())
 
@@ -91,7 +91,7 @@ def merge(sources: Sequence[Path], target: Path, progress: Progress = no_progres
         with writing:
             for number, recording in enumerate(recordings):
                 for message in _before(recording):
-                    writing.message(message, source=number)
+                    writing.message(recordings[number], message, source=number)
             for tick, having in _by_tick(recordings):
                 ticks.append(tick)
                 number, first, last = having[0]
@@ -100,7 +100,7 @@ def merge(sources: Sequence[Path], target: Path, progress: Progress = no_progres
                 for number, first, last in having:
                     for position in range(first, last + 1):
                         for message in _beside(recordings[number], position):
-                            writing.message(message, source=number)
+                            writing.message(recordings[number], message, source=number)
                     done += last + 1 - first
                 progress(done, total)
         duration = max(float(r.time[-1]) for r in recordings) - min(float(r.time[0]) for r in recordings)
@@ -175,7 +175,7 @@ class _PartWriting:
             self._given_up = target
         return followed
 
-    def message(self, message: RecordedMessage, *, source: int = 0) -> None:
+    def message(self, recording: Recording, message: RecordedMessage, *, source: int = 0) -> None:
         """Writes what was said beside the frames, unless another source had it before."""
         key = (message.channel, blake2b(message.body, digest_size=16).digest())
         if self._told.get(key, source) != source:
@@ -191,9 +191,16 @@ class _PartWriting:
                 self._unknown.add(message.channel)
                 _log.warning("the channel %r is none of a recording: it is left out", message.channel[:80])
             return
+        if message.channel == topics.EVENTS.name:
+            self._attach(recording, message.body)  # the files of sounds
         self._writer.write(message.channel, message.body, log_time=message.log_time)
 
     def _scene(self, recording: Recording, channel: str, body: bytes, now: int) -> None:
+        self._attach(recording, body)
+        self._writer.write(channel, body, log_time=now)
+
+    def _attach(self, recording: Recording, body: bytes) -> None:
+        """Adds the assets that are named in it."""
         for reference in references_in(body):
             if reference in self._assets:
                 continue
@@ -202,7 +209,6 @@ class _PartWriting:
                 self._writer.attach(reference, recording.asset(reference), media_type="application/octet-stream")
             except RecordingError as error:
                 _log.warning("left out: %s", error)
-        self._writer.write(channel, body, log_time=now)
 
 
 def _beside(recording: Recording, position: int) -> Iterator[RecordedMessage]:

@@ -106,7 +106,7 @@ class RecordingTap:
             return
         # A frame of many bodies is not worth a copy in the tick.
         body = memoryview(payload)[codec.PREFIX.size :] if topic is topics.STATE else payload[codec.PREFIX.size :]
-        if topic is topics.DELTA:
+        if topic is topics.DELTA or topic is topics.EVENTS:  # events name sounds
             assert isinstance(body, bytes)
             self._send_assets(body)
         if not self._lossless and self._is_too_long(topic.delivery):

@@ -51,6 +51,7 @@ def render(
     ] = [],  # noqa: B006
     ghost: Ghost = [],  # noqa: B006
     stamp: Annotated[bool, typer.Option("--stamp", help="write tick and simulation time onto the pictures")] = False,
+    sound: Annotated[bool, typer.Option("--sound", help="give a film its sound")] = False,
     environment: Annotated[
         bool,
         typer.Option(help="light from all around and a sky, as the scene has them; else lamps alone, before black"),
@@ -77,4 +78,5 @@ def render(
         debug_of=debug_of,
         stamp=stamp,
         ghosts=ghost,
+        sound=sound,
     )

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
+from elys.common.asset_kinds import expected_kind
 from elys.common.assets.gltf import MODEL_SUFFIXES, ImportedModel, import_model
 from elys.common.assets.heights import HEIGHT_SUFFIXES, read_height_mesh, read_heights
 from elys.common.assets.images import IMAGE_SUFFIXES, read_image
@@ -16,23 +17,17 @@ from elys.common.assets.model_parts import part_of_model
 from elys.common.assets.prefabs import put_prefab
 from elys.common.assets.primitives import PRIMITIVES, is_primitive
 from elys.common.assets.scripts import SELF, read_script
+from elys.common.assets.sounds import SOUND_SUFFIXES, no_sound, read_sound
 from elys.common.assets.store import AssetKind, AssetStore, is_reference
 from elys.common.assets.texture import parse_texture, split_texture
 from elys.common.components import Kind, declaration_of, laid_over
+from elys.common.components.sound import BUILT_IN_SOUNDS
 from elys.common.errors import AssetError, SceneError
 from elys.common.scene_document import ComponentChanges, ComponentValues, EntityNode, EntityRecord, SceneDocument
 from elys.common.scene_files import is_prefab_name, path_of
 from elys.common.scene_naming import Names
 from elys.common.scene_reading import read_scene
 
-# Ground may be named where it is collided with, and where it is drawn.
-_KINDS: Final[Mapping[str, AssetKind]] = {
-    "mesh": "mesh",
-    "heights": "heights",
-    "clips": "clips",
-    "skin": "skin",
-    "source": "script",
-}
 _Scripts = tuple[tuple[Path, str], ...]  # files and behaviours
 _HEIGHT_READERS: Final[Mapping[AssetKind, Callable[[Path, AssetStore], str]]] = {
     "heights": read_heights,
@@ -321,7 +316,7 @@ def _asset(job: _Expansion, value: str, field_name: str, place: _Place) -> str:
             _fail(place, str(error), error)
     if field_name == "source" and not is_reference(value):
         return _script(job, value, place)
-    if field_name != "heights" and is_primitive(value):
+    if value in BUILT_IN_SOUNDS if field_name == "sound" else field_name != "heights" and is_primitive(value):
         return value
     reference = value if is_reference(value) else _file_asset(job, value, field_name, place)
     if not job.assets.has(reference):
@@ -348,13 +343,6 @@ def _script(job: _Expansion, value: str, place: _Place) -> str:
         return value
 
 
-def expected_kind(field_name: str) -> AssetKind | None:
-    """What an ASSET field of that name holds; None where nothing says so."""
-    if field_name.endswith("_texture") or field_name == "image":
-        return "image"
-    return _KINDS.get(field_name)
-
-
 def _file_asset(job: _Expansion, value: str, field_name: str, place: _Place) -> str:
     name, _, fragment = value.partition("#")
     suffix = Path(name).suffix.lower()
@@ -367,6 +355,10 @@ def _file_asset(job: _Expansion, value: str, field_name: str, place: _Place) -> 
     expected = expected_kind(field_name)
     if expected is not None and expected in _HEIGHT_READERS and suffix in HEIGHT_SUFFIXES:
         return _read_once(job, expected, _HEIGHT_READERS[expected], _path(place.directory, name, place), place)
+    if expected == "sound":
+        if suffix not in SOUND_SUFFIXES:
+            _fail(place, no_sound(value))
+        return _read_once(job, "sound", read_sound, _path(place.directory, name, place), place)
     if suffix in IMAGE_SUFFIXES:
         return _read_once(job, "image", read_image, _path(place.directory, name, place), place)
     if expected == "heights":

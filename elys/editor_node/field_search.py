@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping
 from typing import Final, NamedTuple
 
 from elys.common.components import ComponentDeclaration, FieldDeclaration
+from elys.common.components.overlay import OVERLAY_COMPONENTS
 from elys.editor_node.field_values import label_of
 from elys.editor_node.language import tr
 
@@ -14,12 +15,14 @@ GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
     "Physics": ("RigidBody", "Collider", "Joint"),
     "Picture": ("MeshRenderer", "Material", "Skin", "Morph"),
     "Light and view": ("Light", "Environment", "Camera"),
+    "Over the picture": OVERLAY_COMPONENTS,
     "Behaviour": (
         "Animation",
         "AnimationBlend",
         "AnimationLayer",
         "AnimationMarkers",
         "RootMotion",
+        "SoundSource",
         "InputMap",
         "Script",
     ),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -13,17 +14,23 @@ from numpy.typing import NDArray
 
 from elys.common.errors import ElysError
 from elys.render_node.picture_files import VIDEO_SUFFIXES, output_kind
+from elys.render_node.sound.mixer import RATE
 
 CONSTANT_RATE_FACTOR: Final = "20"  # of H.264: hardly told from the original
 ENCODER_THREADS: Final = "4"  # a number of its own: what is written depends on it, and must not on the machine
+SOUND_BIT_RATE: Final = 160_000  # [bit/s] of AAC
+AAC_SAMPLES: Final = 1024  # in a frame
 MAX_VIDEO_EDGE: Final = 8192  # [pixels]
 
 
 class VideoWriter:
     """An H.264 film in an mp4 file. Edges that are odd lose a pixel, as the format wants them even."""
 
-    def __init__(self, path: Path, width: int, height: int, *, fps: float = 30.0) -> None:
-        """Raises ElysError where the file cannot be written or is no video by its suffix."""
+    def __init__(self, path: Path, width: int, height: int, *, fps: float = 30.0, sound: bool = False) -> None:
+        """With `sound` it has a track for `add_sound`.
+
+        Raises ElysError where the file cannot be written or is no video by its suffix.
+        """
         if output_kind(path) != "video":
             raise ElysError(f"{path} is no video: give it the suffix {' or '.join(VIDEO_SUFFIXES)}")
         check_video(width, height, fps)
@@ -34,6 +41,7 @@ class VideoWriter:
         try:
             self._container = av.open(str(path), "w", options={"movflags": "faststart", "fflags": "+bitexact"})
             stream: Any = self._container.add_stream("libx264", rate=rate)
+            self._track = _SoundTrack(self._container) if sound else None
         except (OSError, ValueError, av.FFmpegError) as error:
             raise ElysError(f"the video {path} cannot be written: {error}") from error
         stream.width, stream.height, stream.pix_fmt = self.width, self.height, "yuv420p"
@@ -55,13 +63,29 @@ class VideoWriter:
             raise ElysError(f"a picture of {picture.shape[1]} x {picture.shape[0]} is too small for the video")
         self._mux(av.VideoFrame.from_ndarray(picture, format="rgb24"))
 
+    def add_sound(self, samples: NDArray[np.float32]) -> None:
+        """Appends to the sound: (N, 2) at 48 kHz."""
+        assert self._track is not None
+        self._track.add(samples)
+        self._mux_sound(self._track.packets())
+
     def close(self) -> None:
         """Finishes the file."""
         try:
+            if not self._is_broken and self._track is not None:
+                self._mux_sound(self._track.packets(is_end=True))
             if not self._is_broken:
                 self._mux(None)
         finally:
             self._container.close()
+
+    def _mux_sound(self, packets: Iterator[Any]) -> None:
+        try:
+            for packet in packets:
+                self._container.mux(packet)
+        except (OSError, ValueError, av.FFmpegError) as error:
+            self._is_broken = True
+            raise ElysError(f"the video {self._path} cannot be written: {error}") from error
 
     def _mux(self, frame: Any) -> None:
         try:
@@ -69,6 +93,30 @@ class VideoWriter:
         except (OSError, ValueError, av.FFmpegError) as error:
             self._is_broken = True
             raise ElysError(f"the video {self._path} cannot be written: {error}") from error
+
+
+class _SoundTrack:
+    """AAC, in pieces of as many samples as it wants."""
+
+    def __init__(self, container: Any) -> None:
+        self._stream: Any = container.add_stream("aac", rate=RATE, layout="stereo", options={"flags": "+bitexact"})
+        self._stream.bit_rate = SOUND_BIT_RATE
+        self._waiting: Any = av.AudioFifo()
+        self._count = 0
+
+    def add(self, samples: NDArray[np.float32]) -> None:
+        if not len(samples):
+            return
+        frame = av.AudioFrame.from_ndarray(np.ascontiguousarray(samples.T), format="fltp", layout="stereo")
+        frame.sample_rate, frame.pts, frame.time_base = RATE, self._count, Fraction(1, RATE)
+        self._count += len(samples)
+        self._waiting.write(frame)
+
+    def packets(self, *, is_end: bool = False) -> Iterator[Any]:
+        while (frame := self._waiting.read(AAC_SAMPLES, partial=is_end)) is not None:
+            yield from self._stream.encode(frame)
+        if is_end:
+            yield from self._stream.encode(None)
 
 
 def check_video(width: int, height: int, fps: float) -> None:

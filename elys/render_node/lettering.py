@@ -1,22 +1,19 @@
 """Letters as pictures, and where they stand: what texts over a picture are drawn from, without OpenGL.
 
 A sheet holds each letter twice: its body and, around it, its edge, so that light letters are read on a light ground as well.
-Letters come from the font that is part of Pillow, the same on every machine; others, as accented ones, from the fonts that are
-installed, and where none has them, without their accents.
+Where the letters come from, `fonts.py` tells.
 """
 
 from __future__ import annotations
 
-import unicodedata
 from collections.abc import Sequence
 from functools import cache
-from importlib.util import find_spec
-from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
+
+from elys.render_node.fonts import face_of
 
 SMALLEST: Final = 12  # [pixels] of a font
 LARGEST: Final = 64
@@ -54,9 +51,8 @@ class Sheet:
     def __init__(self, size: int) -> None:
         """`size` [pixels] of the font."""
         self.size = size
-        self._fonts = _fonts(size)
-        ascent, descent = self._fonts[0].getmetrics()
-        self.ascent, self.line_height = ascent, ascent + descent
+        self._face = face_of(size)
+        self.ascent, self.line_height = round(self._face.ascent), round(self._face.line_height)
         self.cell = (size + size // 3 + 2 * EDGE, self.line_height + 2 * EDGE)
         self.texels = np.zeros((ROWS * self.cell[1], COLUMNS * self.cell[0], 4), np.uint8)  # body, edge, unused
         self.version = 0
@@ -92,27 +88,23 @@ class Sheet:
     def _add(self, character: str) -> Letter:
         number = len(self._letters)
         column, row = number % COLUMNS * self.cell[0], number // COLUMNS * self.cell[1]
-        font, shown = self._font_of(character)
-        body, edge = (self._drawn(font, shown, width) for width in (0, EDGE))
+        body, edge = (self._drawn(character, width) for width in (0, EDGE))
         self.texels[row : row + self.cell[1], column : column + self.cell[0], 0] = body
         self.texels[row : row + self.cell[1], column : column + self.cell[0], 1] = edge
         self.version += 1
-        advance = max(float(font.getlength(shown)), SPACE * self.size if character == " " else 0.0)
+        advance = max(self._face.advance(character), SPACE * self.size if character == " " else 0.0)
         letter = self._letters[character] = Letter(column, row, advance)
         return letter
 
-    def _drawn(self, font: Any, text: str, edge: int) -> NDArray[np.uint8]:
-        image = Image.new("L", self.cell)
-        place = (EDGE, EDGE + self.ascent)
-        ImageDraw.Draw(image).text(place, text, fill=255, font=font, anchor="ls", stroke_width=edge)
-        return np.asarray(image)
-
-    def _font_of(self, character: str) -> tuple[Any, str]:
-        for shown in (character, unicodedata.normalize("NFKD", character)[:1], _UNKNOWN):
-            for font in self._fonts:
-                if _has(font, shown):
-                    return font, shown
-        return self._fonts[0], _UNKNOWN
+    def _drawn(self, text: str, edge: int) -> NDArray[np.uint8]:
+        cell = np.zeros(self.cell[::-1], np.uint8)
+        glyph = self._face.glyph(text, edge)
+        if glyph is not None:
+            left, top = EDGE + glyph.left, EDGE + round(self.ascent) + glyph.top
+            x, y = max(left, 0), max(top, 0)
+            part = glyph.mask[y - top :, x - left :][: max(self.cell[1] - y, 0), : max(self.cell[0] - x, 0)]
+            cell[y : y + part.shape[0], x : x + part.shape[1]] = part
+        return cell
 
 
 @cache
@@ -166,31 +158,3 @@ def write_on(pixels: NDArray[np.uint8], notes: Sequence[str], color: tuple[int, 
             there = pixels[y:bottom, x:right, :3].astype(np.float32)
             shown = there * (1.0 - edge) * (1.0 - body) + tint * 255.0 * body
             pixels[y:bottom, x:right, :3] = np.rint(shown).astype(np.uint8)
-
-
-def _fonts(size: int) -> list[Any]:
-    fonts: list[Any] = [ImageFont.load_default(size)]
-    for path in _font_files():
-        try:
-            fonts.append(ImageFont.truetype(path, size))
-        except OSError:
-            continue
-    return fonts
-
-
-def _font_files() -> list[str]:
-    """Where more letters may be found: in the package that the editor needs, and under a name that systems know."""
-    found = find_spec("imgui_bundle")
-    bundled = Path(found.origin).parent / "assets" / "fonts" if found is not None and found.origin is not None else None
-    roboto = sorted(bundled.rglob("Roboto-Regular.ttf")) if bundled is not None and bundled.is_dir() else []
-    return [*map(str, roboto), "DejaVuSans.ttf"]
-
-
-def _has(font: Any, character: str) -> bool:
-    """Whether a font has a letter: those that it lacks all look like one that no font has."""
-    return character == " " or _shape(font, character) != _shape(font, "\U000f0000")
-
-
-def _shape(font: Any, character: str) -> bytes:
-    mask = font.getmask(character)
-    return bytes(mask) + repr(mask.size).encode()

@@ -44,6 +44,7 @@ from elys.render_node.debug_listening import DebugListener
 from elys.render_node.drawable_assets import DrawableAssets
 from elys.render_node.ghost_worlds import GhostWorlds, ShownGhost
 from elys.render_node.gpu import Context, offscreen_context
+from elys.render_node.overlays import OverlayBoard
 from elys.render_node.pass_plan import told_passes
 from elys.render_node.quality import Quality, interactive_quality
 from elys.render_node.render_world import RenderWorld
@@ -98,9 +99,10 @@ class SceneFollower:
         self._session = session
         self.mirror = SceneMirror()
         self._reader = SceneReader(self.mirror)
+        self.overlays = OverlayBoard(self.mirror)
         self._loop = asyncio.get_running_loop()
         self._assets = AssetClient(session, _asset_store())
-        self.world = RenderWorld(DrawableAssets(self._fetch, on_ready=self._asset_arrived))
+        self.world = RenderWorld(DrawableAssets(self.fetch, on_ready=self._asset_arrived))
         self.drawing = DebugDrawing(self.mirror)
         self._debug = DebugListener(session, self.drawing, self._lines_arrived)
         self._wanted: frozenset[Debug] = frozenset()
@@ -227,8 +229,8 @@ class SceneFollower:
         self.world.assets.retry_due()
         self._plan_retry()
 
-    def _fetch(self, reference: str) -> bytes:
-        """On a thread of the assets' pool: asks the bus, which lives on the loop."""
+    def fetch(self, reference: str) -> bytes:
+        """The bytes of an asset. On another thread than the loop's: asks the bus, which lives there."""
         return asyncio.run_coroutine_threadsafe(self._assets.fetch(reference), self._loop).result(timeout=60.0)
 
 
@@ -371,6 +373,7 @@ class _ViewServer:
                 grid=request.grid,
                 marks=marks,
                 ghosts=ghosts,
+                overlays=self._follower.overlays.shown(world, player=request.player),
             )
             return view.put(picture)
         values = renderer.draw_data(world, camera, view.width, view.height, request.shows, hidden=request.hidden)

@@ -24,6 +24,7 @@ from elys.render_node.ghost_worlds import GhostWorlds, ShownGhost
 from elys.render_node.gpu import Context, offscreen_context
 from elys.render_node.lettering import write_on
 from elys.render_node.marks import LETTERS, NO_MARKS, Marks, stamp_text
+from elys.render_node.overlays import OverlayBoard
 from elys.render_node.passes.bloom import Glow
 from elys.render_node.passes.data import DataKind
 from elys.render_node.picture_files import PICTURE_SUFFIXES, holds_numbers, output_kind, save_picture, save_values
@@ -33,6 +34,7 @@ from elys.render_node.quality import EXACT, FULL, Quality
 from elys.render_node.render_world import RenderWorld
 from elys.render_node.renderer import Renderer
 from elys.render_node.scene_tables import SceneReader
+from elys.render_node.sound.film_sound import FilmSound
 
 MAX_EDGE: Final = 32768  # [pixels]
 MAX_PIXELS: Final = 1 << 27  # of a picture; two gibibytes as numbers
@@ -98,6 +100,7 @@ class OfflineRenderer:
         self._ghosts: list[ShownGhost] = []  # of pictures of light
         self._shows = shows
         self._reader = SceneReader(mirror)
+        self._overlays = OverlayBoard(mirror)
         self._owns_context = context is None
         self._context = context if context is not None else offscreen_context()
         self._tile_edge = min(tile_edge, self._context.max_size)
@@ -137,6 +140,7 @@ class OfflineRenderer:
         if self._settled != (renderer, self.world.scene_version):
             renderer.settle(self.world)
             self._settled = (renderer, self.world.scene_version)
+        renderer.settle_images(self.world, self._overlays.images)
         self.world.place(simulation_time=time)
         if self._tracks and self._shows == "shaded":
             self._ghosts = self._ghost_worlds.shown(self._tracks, self.world, settled=True)
@@ -191,16 +195,17 @@ class OfflineRenderer:
         fps: float = 30.0,
         duration: float | None = None,
         camera_at: CameraAt | None = None,
+        sound: FilmSound | None = None,
         progress: Progress = lambda drawn, total: None,
     ) -> int:
         """Films `frames` in the time of their simulation, `fps` pictures a second; returns how many there are.
 
         Whoever gives the frames may let the mirror follow the scene meanwhile. Pictures between two frames are interpolated:
-        the same frames always give the same film. Raises ElysError where it cannot be written.
+        the same frames always give the same film. With `sound` it has a track. Raises ElysError where it cannot be written.
         """
         total = max(1, round(duration * fps)) if duration is not None else 0
         drawn, start = 0, None
-        with VideoWriter(path, self.width, self.height, fps=fps) as video:
+        with VideoWriter(path, self.width, self.height, fps=fps, sound=sound is not None) as video:
             for frame in frames:
                 self.mirror.keep_frame(frame)
                 start = frame.simulation_time if start is None else start
@@ -208,7 +213,10 @@ class OfflineRenderer:
                 self.world.take_state(frame)
                 while start + drawn / fps <= frame.simulation_time + 1e-9 and (not total or drawn < total):
                     moment = start + drawn / fps
-                    video.add(self.picture(time=moment, camera=camera_at(moment) if camera_at else None))
+                    camera = camera_at(moment) if camera_at else None
+                    video.add(self.picture(time=moment, camera=camera))
+                    if sound is not None:
+                        video.add_sound(sound.until(moment, camera or self._camera(), self.world))
                     drawn += 1
                     progress(drawn, total)
                 if total and drawn >= total:
@@ -218,6 +226,7 @@ class OfflineRenderer:
     def _draw_shaded(self, pixels: NDArray[np.uint8], camera: ViewCamera) -> None:
         renderer, marks = self._renderer(self._quality), self.overlay.marks(self.world, self._ghosts)
         parts, glow = self._parts(renderer, camera, marks)
+        overlays = self._overlays.shown(self.world)
         for part in parts:
             target = renderer.draw(
                 self.world,
@@ -226,6 +235,7 @@ class OfflineRenderer:
                 self.height,
                 marks=marks,
                 ghosts=self._ghosts,
+                overlays=overlays,
                 region=part.drawn,
                 glow=glow,
             )

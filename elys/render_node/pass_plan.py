@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 from elys.bus.mirror import SceneMirror
 from elys.render_node.camera import View
 from elys.render_node.draw_calls import DrawCall
 from elys.render_node.drawable_assets import DrawableAssets
+from elys.render_node.overlays import OverlayBoard
 from elys.render_node.passes.backdrop import GridPass, SkyPass
 from elys.render_node.passes.bloom import BloomPass
 from elys.render_node.passes.finishing import FxaaPass, OutlinePass
 from elys.render_node.passes.ghosts import GhostPass
 from elys.render_node.passes.marks import LetterPass, LinePass
 from elys.render_node.passes.occlusion import OcclusionPass
+from elys.render_node.passes.overlay import OverlayPass
 from elys.render_node.passes.shading import OpaquePass, TransparentPass
 from elys.render_node.passes.shadow import LampShadowPass, ShadowPass
 from elys.render_node.picture_plan import PicturePlan, plan_picture
@@ -47,11 +50,10 @@ def scene_passes(
         world.assets.settle()
         world.place()
         view = View.of(world.camera(width / height), width, height)
-        return told_passes(
-            plan_picture(
-                world, view, shadow_size=FULL.shadow_size, long_views=True, lamp_shadow_size=FULL.lamp_shadow_size
-            )
+        plan = plan_picture(
+            world, view, shadow_size=FULL.shadow_size, long_views=True, lamp_shadow_size=FULL.lamp_shadow_size
         )
+        return told_passes(replace(plan, overlays=OverlayBoard(mirror).shown(world)))
     finally:
         reader.close()
         world.assets.close()
@@ -90,6 +92,7 @@ def told_passes(plan: PicturePlan) -> tuple[PlannedPass, ...]:
         PlannedPass("fxaa", FxaaPass.is_needed(plan), _why_set(picture.fxaa, "fxaa", "edges are smoothed")),
         PlannedPass("debug lines", LinePass.is_needed(plan), _why_marked(len(plan.marks.lines), "line")),
         PlannedPass("outline", OutlinePass.is_needed(plan), _why_seen(plan.selected, "selected thing")),
+        PlannedPass("overlays", OverlayPass.is_needed(plan), _why_overlays(plan)),
         PlannedPass("letters", LetterPass.is_needed(plan), _why_marked(len(plan.marks.labels), "label")),
         PlannedPass("tonemap", True, f"always: light becomes what a screen shows, by {picture.tone_mapping}"),
     )
@@ -112,6 +115,13 @@ def _why_ghosts(plan: PicturePlan) -> str:
 
 def _why_marked(count: int, noun: str) -> str:
     return f"{count} {noun}{'s' if count != 1 else ''} of debug drawing" if count else "nobody asked for debug drawing"
+
+
+def _why_overlays(plan: PicturePlan) -> str:
+    count = len(plan.overlays.nodes)
+    if not count:
+        return "the scene has no overlays"
+    return "1 entity is drawn over the picture" if count == 1 else f"{count} entities are drawn over the picture"
 
 
 def _why_set(value: float, name: str, effect: str) -> str:

@@ -19,6 +19,7 @@ from elys.render_node.ghost_worlds import ShownGhost
 from elys.render_node.gpu import INSTANCE_DTYPE, PLAIN_INSTANCE_DTYPE
 from elys.render_node.lamp_shadows import LampShadows, fit_lamp_shadows
 from elys.render_node.marks import NO_MARKS, Marks
+from elys.render_node.overlays import NO_OVERLAYS, Overlays
 from elys.render_node.render_world import PlacedLight, RenderWorld
 from elys.render_node.scene_tables import Rows
 from elys.render_node.shadow_fit import MOST_CASCADES, ShadowFit, fit_cascades, reached
@@ -50,6 +51,7 @@ class PicturePlan:
     surroundings: Surroundings
     marks: Marks
     ghosts: tuple[GhostPlan, ...] = ()
+    overlays: Overlays = NO_OVERLAYS
 
     @property
     def picture(self) -> PictureSettings:

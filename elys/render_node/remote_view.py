@@ -46,6 +46,7 @@ class Wanted:
     height: int
     debug: tuple[Debug, ...] = ()
     selection: tuple[int, ...] = ()
+    player: int = 1  # whose overlays are seen
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,6 +161,7 @@ class RemoteView:
             width=width,
             height=height,
             selection=wanted.selection,
+            player=wanted.player,
             grid=False,
             debug=wanted.debug,
             encoding=self.encoding,

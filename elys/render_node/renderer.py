@@ -19,6 +19,7 @@ from elys.render_node.frame_block import frame_block
 from elys.render_node.ghost_worlds import ShownGhost
 from elys.render_node.gpu import BLOCK_BINDINGS, Context, Format, Framebuffer
 from elys.render_node.marks import NO_MARKS, Marks
+from elys.render_node.overlays import NO_OVERLAYS, Overlays
 from elys.render_node.passes.backdrop import GridPass, SkyPass
 from elys.render_node.passes.bloom import BloomPass, Glow
 from elys.render_node.passes.data import DataKind, DataPass
@@ -27,6 +28,7 @@ from elys.render_node.passes.finishing import FxaaPass, OutlinePass, TonemapPass
 from elys.render_node.passes.ghosts import GhostPass
 from elys.render_node.passes.marks import LetterPass, LinePass
 from elys.render_node.passes.occlusion import OcclusionPass
+from elys.render_node.passes.overlay import OverlayPass
 from elys.render_node.passes.picking import PickingPass
 from elys.render_node.passes.shading import OpaquePass, TransparentPass
 from elys.render_node.passes.shadow import LampShadowPass, ShadowPass
@@ -88,6 +90,7 @@ class Renderer:
         self._outline = OutlinePass(self.resources)
         self._lines = LinePass(self.resources, quality)
         self._letters = LetterPass(self.resources)
+        self._overlays = OverlayPass(self.resources)
         self._picking: PickingPass | None = None
         self._data: DataPass | None = None
 
@@ -103,6 +106,7 @@ class Renderer:
         grid: bool = False,
         marks: Marks = NO_MARKS,
         ghosts: Sequence[ShownGhost] = (),
+        overlays: Overlays = NO_OVERLAYS,
         target: Framebuffer | None = None,
         region: Region | None = None,
         glow: Glow | None = None,
@@ -118,6 +122,7 @@ class Renderer:
             view = View.of(camera, width, height)
             whole = self._plan(world, view, selection=selection, hidden=hidden, grid=grid, marks=marks)
             whole = replace(whole, ghosts=plan_ghosts(view, ghosts)) if ghosts else whole
+            whole = replace(whole, overlays=overlays) if overlays else whole
             self.planned = whole
         plan, targets = self._draw_light(whole, region)
         picture = target if target is not None else targets.picture
@@ -134,6 +139,9 @@ class Renderer:
                 self._show(plan, targets, picture)
             if self._outline.is_needed(plan):
                 self._outline.draw(plan, picture)
+        with self._timed("overlays"):
+            if self._overlays.is_needed(plan):
+                self._overlays.draw(plan, view, region, picture)
             if self._letters.is_needed(plan):
                 self._letters.draw(plan, view, region, picture)
         self.context.collect()
@@ -291,6 +299,14 @@ class Renderer:
             world.assets.wait_for_one(end - time.monotonic())
         world.assets.settle(max(end - time.monotonic(), 0.0))
         world.place_if_assets_came()
+
+    def settle_images(self, world: RenderWorld, images: Sequence[str], *, timeout: float = 60.0) -> None:
+        """Waits for images of overlays likewise."""
+        end = time.monotonic() + timeout
+        self.resources.overlay_images.begin(world.assets)
+        while [name for name in images if self.resources.overlay_images.size(name) is None]:
+            if time.monotonic() >= end or not world.assets.wait_for_one(end - time.monotonic()):
+                return
 
     def _show(self, plan: PicturePlan, targets: Targets, picture: Framebuffer) -> None:
         """Turns light into what the screen shows, unless the passes did so already."""

@@ -18,6 +18,7 @@ from elys.render_node.images import decode_image
 from elys.render_node.instance_placing import InstancePlacing
 from elys.render_node.instances import Batch
 from elys.render_node.look import TEXTURE_FIELDS, Look, texture_of, variant_of
+from elys.render_node.overlay_images import OverlayImages
 from elys.render_node.render_world import RenderWorld
 from elys.render_node.welding import welded
 
@@ -118,6 +119,7 @@ class Resources:
         self._geometries: dict[tuple[str, int | None], Geometry] = {}  # by mesh and uv set of computed tangents
         self._textures: dict[tuple[str, bool, Sampling], Texture] = {}
         self._checker: Texture | None = None
+        self.overlay_images = OverlayImages(context)
         self.programs = ProgramCache(context)
         self.placing = InstancePlacing(context, self.programs)
 

@@ -16,9 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elys.bus import topics
+from elys.bus.asset_service import AssetClient
 from elys.bus.host_clock import HostClock
 from elys.bus.messages.views import FRAMED, Debug, PickRequest, ViewCamera
 from elys.bus.session import Session
+from elys.common.assets import AssetStore
 from elys.common.errors import BusError
 from elys.render_node.game_input import GameInput, Seating, Seen
 from elys.render_node.gpu import TEXTURE_UNITS, Context, Framebuffer, Texture, window_context
@@ -29,6 +31,7 @@ from elys.render_node.passes.backdrop import ScreenShader
 from elys.render_node.play_control import PlayControl
 from elys.render_node.remote_view import Choice, RemotePicture, RemoteView, Wanted
 from elys.render_node.resources import Resources
+from elys.render_node.sound.loudspeaker import Loudspeaker, nowhere
 from elys.render_node.view_window import DEBUG_KEYS, LOST
 from elys.render_node.window import Clicked, Dragged, KeyPressed, Scrolled, Window, WindowEvent
 
@@ -61,6 +64,7 @@ async def run_thin_view(
         DisplayError: no window can be opened here.
     """
     window = Window(f"ELYS  {session.name}")
+    viewer: _ThinViewer | None = None
     try:
         viewer = _ThinViewer(
             session, window, window_context(), choice=choice, bit_rate=bit_rate, endpoint=endpoint, seating=seating
@@ -68,6 +72,8 @@ async def run_thin_view(
         viewer.debug, viewer.tells_age = frozenset(debug), age
         await viewer.run(frames)
     finally:
+        if viewer is not None:
+            viewer.loudspeaker.close()
         window.close()
 
 
@@ -104,6 +110,10 @@ class _ThinViewer:
         )
         self._lack = Lack(endpoint)
         self._news = asyncio.Event()  # a picture came
+        self._player = seating.player
+        # Without a scene nobody knows its sources: what events tell is heard.
+        self._assets, self._loop = AssetClient(session, AssetStore()), asyncio.get_running_loop()
+        self.loudspeaker = Loudspeaker(session, self._fetch)
         self._selection: tuple[int, ...] = ()
         self._picked = ""  # what was clicked at, in words
         self._hand: deque[float] = deque(maxlen=HAND_MEASURED)  # [s] from a movement to the picture that shows it
@@ -136,6 +146,8 @@ class _ThinViewer:
             if self._is_fresh and self._picture is not None and not lacks:
                 self._show(self._picture)
                 shown += 1
+            if self._picture is not None:
+                self.loudspeaker.place(self._picture.frame.camera, nowhere, is_running=self._play.is_playing)
             await self._wait()
 
     def title(self) -> str:
@@ -196,6 +208,7 @@ class _ThinViewer:
             height=height,
             debug=kinds,
             selection=self._selection,
+            player=self._player,
         )
 
     def _arrived(self, picture: RemotePicture) -> None:
@@ -229,6 +242,10 @@ class _ThinViewer:
         write_on(pixels, self._lack.lines, LETTERS)
         self._screen.show(pixels, width, height)
         self._window.swap()
+
+    def _fetch(self, reference: str) -> bytes:
+        """On another thread."""
+        return asyncio.run_coroutine_threadsafe(self._assets.fetch(reference), self._loop).result(timeout=60.0)
 
     async def _wait(self) -> None:
         """For the next look at the window, or for a picture: it is not to wait for that."""
@@ -282,6 +299,8 @@ class _ThinViewer:
                 orbit.zoom(event.steps)
             case KeyPressed(key="f" | "c" as key):
                 self._orbit, self._through = None, FRAMED if key == "f" else 0
+            case KeyPressed(key="m"):
+                self.loudspeaker.is_muted = not self.loudspeaker.is_muted
             case KeyPressed(key="a"):
                 self.tells_age = not self.tells_age
                 self._is_fresh = True

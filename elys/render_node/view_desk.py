@@ -126,7 +126,7 @@ class View:
         request = self.request
         size = (self.width, self.height)
         drawn = (request.selection, request.hidden, request.grid, request.shows, request.debug, request.debug_entities)
-        return (request.camera, request.through, *size, *drawn, request.ring)
+        return (request.camera, request.through, *size, *drawn, request.ring, request.player)
 
     def _open_ring(self, address: SharedRing | None) -> None:
         if self._ring is not None:

@@ -2,7 +2,7 @@
 
 left drag orbit   middle drag pan   wheel zoom   F frame all   C the scene's camera   space play / pause   Esc quit
 P lends keys, mouse and gamepads to the game, Esc gives them back
-1 to 9, 0, G and D debug drawing, see DEBUG_KEYS   A tick, time, age and frame rate
+1 to 9, 0, G and D debug drawing, see DEBUG_KEYS   A tick, time, age and frame rate   M silence
 """
 
 from __future__ import annotations
@@ -28,6 +28,8 @@ from elys.render_node.orbit import Orbit
 from elys.render_node.play_control import SILENCE, PlayControl
 from elys.render_node.quality import interactive_quality
 from elys.render_node.renderer import Renderer
+from elys.render_node.sound.film_sound import places_in
+from elys.render_node.sound.loudspeaker import Loudspeaker
 from elys.render_node.window import Dragged, Key, KeyPressed, Scrolled, Window, WindowEvent
 
 FRAME_TIME: Final = 1.0 / 60.0  # [s]
@@ -80,6 +82,7 @@ async def run_view(
     follower = SceneFollower(session)
     scene = asyncio.ensure_future(follower.start())
     await asyncio.sleep(0)  # the scene is on its way while OpenGL starts
+    viewer: _Viewer | None = None
     try:
         context = window_context()
         renderer = Renderer(context, quality=interactive_quality(context))
@@ -90,6 +93,8 @@ async def run_view(
         await viewer.run(frames)
     finally:
         scene.cancel()
+        if viewer is not None:
+            viewer.loudspeaker.close()
         follower.close()
         window.close()
 
@@ -108,6 +113,8 @@ class _Viewer:
         self._play = PlayControl(session)
         self._debug: frozenset[Debug] = frozenset()
         self.tells_age = False
+        self._player = seating.player
+        self.loudspeaker = Loudspeaker(session, follower.fetch, mirror=follower.mirror)
         self._shown_at: deque[float] = deque(maxlen=RATE_PICTURES)  # [s] of the last pictures
         self._host_clock = HostClock(session)
         session.start(self._host_clock.run())
@@ -130,6 +137,7 @@ class _Viewer:
                 titled_at = start
             if self._draw_if_changed(start, always=frame_limit is not None):
                 shown += 1
+            self._listen()
             self._follower.changed.clear()
             await self._wait(start)
 
@@ -192,6 +200,7 @@ class _Viewer:
             int(now / NOTE_TIME) if self.tells_age else 0,
             self._follower.revision if self._debug else 0,
             self._follower.ghost_revision,
+            self._follower.overlays.version,
         )
         what = (world.scene_version, world.pose_version, self._follower.arrived_count, width, height, *told)
         if not (self._is_dirty or what != self._drawn or always):
@@ -201,11 +210,21 @@ class _Viewer:
         marks = self._follower.drawing.marks(world, self._debug, notes=self.notes(now), ghosts=ghosts)
         camera = self._camera(width / height)
         tell_interest(self._session, StreamInterest(cameras=(camera,), aspect=width / height))
-        self._renderer.draw(world, camera, width, height, marks=marks, ghosts=ghosts, target=target)
+        overlays = self._follower.overlays.shown(world, player=self._player)
+        self._renderer.draw(world, camera, width, height, marks=marks, ghosts=ghosts, overlays=overlays, target=target)
         self._window.swap()
         self._shown_at.append(time.monotonic())
         self._drawn, self._is_dirty = what, False
         return True
+
+    def _listen(self) -> None:
+        """Sounds are heard from where the camera stands, also while no picture is drawn."""
+        if not self.loudspeaker.is_needed:
+            return
+        width, height = self._window.framebuffer_size
+        world, mirror = self._follower.world, self._follower.mirror
+        camera = self._camera(width / max(height, 1))
+        self.loudspeaker.place(camera, lambda: places_in(world, mirror), is_running=self._play.is_playing)
 
     async def _wait(self, start: float) -> None:
         await asyncio.sleep(max(0.0, start + FRAME_TIME - time.monotonic()))
@@ -236,6 +255,8 @@ class _Viewer:
                 self._frame(width / height)
             case KeyPressed(key="c"):
                 self._orbit = None
+            case KeyPressed(key="m"):
+                self.loudspeaker.is_muted = not self.loudspeaker.is_muted
             case KeyPressed(key="a"):
                 self.tells_age = not self.tells_age
             case KeyPressed(key=key) if key in DEBUG_KEYS:

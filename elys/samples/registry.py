@@ -12,6 +12,7 @@ from typing import Final
 from elys.common.errors import SceneError
 from elys.common.scene import SceneDocument, write_scene
 from elys.samples.bridge import bridge, check_bridge
+from elys.samples.carillon import carillon
 from elys.samples.dance import FIGURE, check_dance, dance
 from elys.samples.empty import empty
 from elys.samples.hard_cases import HARD_CASES
@@ -45,6 +46,7 @@ SAMPLES: Final[Mapping[str, Sample]] = {
         Sample(name="stack", title="A tower of ten cubes", build=stack, check_final=check_stack),
         Sample(name="bridge", title="A cart drives over a hanging bridge", build=bridge, check_final=check_bridge),
         Sample(name="pile", title="A thousand cubes in a bin", build=pile),
+        Sample(name="carillon", title="Bars that ring, under a board that shows which", build=carillon),
         Sample(
             name="dance",
             title="People dance, and others walk around them",

@@ -33,6 +33,7 @@ from elys.sim_node.animation.root_walks import Driven
 from elys.sim_node.capture import captured, restored
 from elys.sim_node.ecs.changes import WorldChanges
 from elys.sim_node.ecs.schedule import System, run
+from elys.sim_node.ecs.text_sweep import EVERY, sweep_texts
 from elys.sim_node.ecs.world import World
 from elys.sim_node.input_actions import Declared, declared_in
 from elys.sim_node.inputs import Inputs
@@ -120,6 +121,8 @@ class Simulation:
         """One tick: every system in its turn."""
         self.stage_times = {}
         self.edited.capture()
+        if self.tick % EVERY == 0:
+            sweep_texts(self.world)
         run(self.world, self.systems, self.stage_times)
         self.inputs.end_tick()
         self.tick += 1

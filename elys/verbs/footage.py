@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import contextlib
+from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from elys.bus.messages.physics import ContactBatch, DebugLines
+from elys.bus.messages.session import Event, EventBatch
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.messages.views import Debug
 from elys.bus.mirror import SceneMirror
 from elys.common.errors import ElysError
 from elys.render_node.debug_drawing import ONLY_SIMULATED, PHYSICS_LINES, DebugDrawing
+from elys.render_node.sound.film_sound import FilmSound
 from elys.render_node.trails import TRAIL_SECONDS
 
 if TYPE_CHECKING:
@@ -23,6 +26,8 @@ if TYPE_CHECKING:
     from elys.sim_node.simulation import Simulation
 
 SCENE_DURATION: Final = 5.0  # [s] of a video of a scene or a session when nobody says how long
+Heard = deque[tuple[float, Event]]  # what happened, at simulation times [s]
+MOST_HEARD: Final = 100_000  # events that wait to be taken
 LinesByTick = dict[int, dict[str, DebugLines]]
 
 
@@ -37,17 +42,33 @@ class Footage:
     origin: float = 0.0  # [s] of simulation from which --time and camera paths count
     drawing: DebugDrawing | None = None  # fed with what `frames` passes
     recording: Recording | None = None  # that it comes from
+    heard: Heard = field(default_factory=deque)  # what happened on the way of `frames`; who takes it takes it away
 
 
 @contextlib.contextmanager
-def opened_footage(source: str, time: float, duration: float, debug: tuple[Debug, ...]) -> Iterator[Footage]:
+def film_sound(footage: Footage, *, wanted: bool) -> Iterator[FilmSound | None]:
+    """What is heard of it, where a film is to have that."""
+    if not wanted:
+        yield None
+        return
+    sound = FilmSound(footage.mirror, footage.fetch, footage.heard)
+    try:
+        yield sound
+    finally:
+        sound.close()
+
+
+@contextlib.contextmanager
+def opened_footage(
+    source: str, time: float, duration: float, debug: tuple[Debug, ...], *, hears: bool = False
+) -> Iterator[Footage]:
     if Path(source).suffix == ".mcap":
         untold = ONLY_SIMULATED.intersection(debug)
         if untold:
             raise ElysError(
                 f"a recording tells nothing of {sorted(untold)[0]}: draw them of a scene or a running session"
             )
-        with recorded(Path(source), time, duration, debug) as footage:
+        with recorded(Path(source), time, duration, debug, hears=hears) as footage:
             yield footage
     else:
         yield _simulated(source, time, duration or SCENE_DURATION, debug)
@@ -55,9 +76,15 @@ def opened_footage(source: str, time: float, duration: float, debug: tuple[Debug
 
 @contextlib.contextmanager
 def recorded(
-    path: Path, time: float, duration: float, debug: tuple[Debug, ...], told: LinesByTick | None = None
+    path: Path,
+    time: float,
+    duration: float,
+    debug: tuple[Debug, ...],
+    told: LinesByTick | None = None,
+    *,
+    hears: bool = False,
 ) -> Iterator[Footage]:
-    """`told` are lines of physics that were heard while it was recorded."""
+    """`told` are lines of physics that were heard while it was recorded; with `hears` what happened is read as well."""
     from elys.bus.recording import Recording
 
     with Recording(path) as recording:
@@ -70,11 +97,14 @@ def recorded(
         earliest = 0 if "contacts" in debug and told is None else earliest
         mirror = recording.mirror_at(earliest)
         drawing = DebugDrawing(mirror)
+        heard: Heard = deque(maxlen=MOST_HEARD)
 
         def passed(places: range) -> Iterator[StateFrame]:
             for place in places:
                 recording.advance(mirror, place)
                 frame = recording.frame(place)
+                if hears:
+                    heard.extend((frame.simulation_time, event) for event in _events_of(recording, place))
                 if debug:
                     mirror.keep_frame(frame)
                     _feed(drawing, debug, recording, place, frame, told)
@@ -96,7 +126,17 @@ def recorded(
             origin=start,
             drawing=drawing,
             recording=recording,
+            heard=heard,
         )
+
+
+def _events_of(recording: Recording, place: int) -> tuple[Event, ...]:
+    """What was told to have happened with a frame."""
+    from elys.bus import codec, topics
+
+    messages = [message for message in recording.messages_of(place, place) if message.channel == topics.EVENTS.name]
+    batches = [codec.decode_body(message.body, EventBatch, topics.EVENTS.encoding) for message in messages]
+    return tuple(event for batch in batches for event in batch.events)
 
 
 def _feed(
@@ -145,9 +185,11 @@ def simulated(
     mirror = SceneMirror()
     follow = _following(simulation, mirror)
     drawing = DebugDrawing(mirror)
+    heard: Heard = deque(maxlen=MOST_HEARD)
 
     def frame_now() -> StateFrame:
         frame = state_frame(simulation, epoch=1, delta_sequence=follow(), playing=True)
+        heard.extend((simulation.time, event) for event in simulation.take_events())
         if "trajectories" in debug:
             drawing.take_state(frame)
         return frame
@@ -157,6 +199,7 @@ def simulated(
             if time - simulation.time <= TRAIL_SECONDS and debug:
                 frame_now()
             simulation.step()
+        simulation.take_events()  # they were before
         while True:
             for kind in debug:
                 if kind in PHYSICS_LINES:
@@ -165,7 +208,7 @@ def simulated(
             yield frame_now()
             simulation.step()
 
-    return Footage(mirror=mirror, frames=frames(), fetch=assets.get, duration=duration, drawing=drawing)
+    return Footage(mirror=mirror, frames=frames(), fetch=assets.get, duration=duration, drawing=drawing, heard=heard)
 
 
 def _following(simulation: Simulation, mirror: SceneMirror) -> Callable[[], int]:

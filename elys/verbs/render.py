@@ -25,7 +25,7 @@ from elys.render_node.film import check_video
 from elys.render_node.offline import VIEWS, CameraAt, OfflineRenderer, Overlay, check_size
 from elys.render_node.picture_files import holds_numbers, output_kind
 from elys.render_node.trails import TRAIL_SECONDS
-from elys.verbs.footage import SCENE_DURATION, Footage, LinesByTick, opened_footage, recorded
+from elys.verbs.footage import SCENE_DURATION, Footage, LinesByTick, film_sound, opened_footage, recorded
 from elys.verbs.ghosts import recorded_tracks
 from elys.verbs.output import size_text
 from elys.verbs.viewpoint import Viewpoint, named_entities
@@ -53,6 +53,7 @@ class Order:
     debug_of: tuple[str, ...] = ()
     stamp: bool = False
     ghosts: tuple[Path, ...] = ()
+    sound: bool = False
 
 
 def render(
@@ -73,6 +74,7 @@ def render(
     debug_of: Sequence[str] = (),
     stamp: bool = False,
     ghosts: Sequence[Path] = (),
+    sound: bool = False,
 ) -> None:
     """Draws `source`, or without one the session at `connect`, into `output`: a picture or a video, by its suffix.
 
@@ -86,6 +88,7 @@ def render(
         debug_of=tuple(debug_of),
         stamp=stamp,
         ghosts=tuple(ghosts),
+        sound=sound,
     )
     _check_overlay(order)
     if order.kind == "recording" and (source is None or Path(source).suffix != ".mcap"):
@@ -99,7 +102,7 @@ def render(
         return
     if connect is not None:
         raise ElysError(f"--connect names a session, {source} is another source: give one of them")
-    with opened_footage(source, time, duration, order.debug) as footage:
+    with opened_footage(source, time, duration, order.debug, hears=order.sound) as footage:
         _draw(footage, order)
 
 
@@ -111,6 +114,8 @@ def _check_overlay(order: Order) -> None:
         raise ElysError(f"{what} draws over pictures, and {order.output} is to hold numbers: write a .png or .mp4")
     if order.ghosts and (order.shows != "shaded" or holds_numbers(order.output)):
         raise ElysError("--ghost is drawn into pictures of light: write a .png or .mp4 of --view shaded")
+    if order.sound and order.kind != "video":
+        raise ElysError(f"--sound gives a film its track, and {order.output} is none: write an .mp4")
     if order.debug_of and not order.debug:
         raise ElysError("--debug-of says of whom, but not what is to be drawn: give --debug as well")
 
@@ -186,7 +191,10 @@ def _film(
         yield from footage.frames
 
     console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+    with (
+        film_sound(footage, wanted=order.sound) as sound,
+        Progress(console=console, transient=True, disable=not console.is_terminal) as bar,
+    ):
         task = bar.add_task(f"Drawing {order.output.name}", total=None)
         return renderer.write_video(
             order.output,
@@ -194,6 +202,7 @@ def _film(
             fps=order.fps,
             duration=footage.duration,
             camera_at=camera_at,
+            sound=sound,
             progress=lambda drawn, total: bar.update(task, completed=drawn, total=total or None),
         )
 
@@ -245,7 +254,7 @@ def _draw_session(connect: str | None, order: Order, duration: float) -> None:
     with tempfile.TemporaryDirectory(prefix="elys-") as folder:
         recording = Path(folder, "session.mcap")
         told = asyncio.run(_record_for(endpoint, order, recording, duration))
-        with recorded(recording, 0.0, duration, order.debug, told) as footage:
+        with recorded(recording, 0.0, duration, order.debug, told, hears=order.sound) as footage:
             _draw(footage, order)
 
 

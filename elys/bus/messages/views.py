@@ -77,6 +77,7 @@ class ViewRequest(msgspec.Struct, frozen=True, kw_only=True):
     encoding: Encoding = "jpeg"  # of what is not put into a ring
     bit_rate: float = 0.0  # [bit/s] that H.264 may take; 0: as much as it needs
     keyframe: bool = False  # a picture of the stream that can be seen without those before it, as after a loss
+    player: int = 1  # whose overlays are seen, with those of everybody
     newer_than_tick: int = -1  # the picture may wait until there is a later tick than this (or the scene changed)
 
 

@@ -7,6 +7,7 @@ from typing import Final, NamedTuple
 from elys.bus.messages.scene import ComponentRemoved, ComponentSet
 from elys.bus.mirror import MirrorEntity, MirrorUpdate
 from elys.common.assets.primitives import PRIMITIVES
+from elys.common.components.overlay import OVERLAY_COMPONENTS
 
 EMPTY: Final = "Empty"
 # The first component that an entity has decides, so what is special stands before what many have.
@@ -16,13 +17,15 @@ _KINDS: Final = (
     ("Camera", "Camera"),
     ("Animation", "Animation"),
     ("Joint", "Joint"),
+    *((component, "Overlay") for component in OVERLAY_COMPONENTS),
+    ("SoundSource", "Sound"),
     ("MeshRenderer", "Mesh"),
     ("RigidBody", "Body"),
     ("Collider", "Collider"),
     ("InputMap", "Input"),
     ("Script", "Script"),
 )
-KIND_NAMES: Final = (*(name for _, name in _KINDS), EMPTY)
+KIND_NAMES: Final = (*dict.fromkeys(name for _, name in _KINDS), EMPTY)
 _LIGHT_KINDS: Final = ("directional", "point", "spot")
 DETAILS: Final = (*PRIMITIVES, *_LIGHT_KINDS)  # of a kind: which mesh, which light
 

@@ -13,7 +13,7 @@ from typing import Final, Literal
 
 from elys.common.errors import AssetError
 
-AssetKind = Literal["mesh", "image", "heights", "clips", "skin", "script", "prefab"]
+AssetKind = Literal["mesh", "image", "heights", "clips", "skin", "script", "prefab", "sound"]
 
 PREFIX: Final = "blake2b:"
 _DIGEST_SIZE: Final = 16

@@ -36,6 +36,8 @@ from elys.common.components.declaration import (
     forget,
 )
 from elys.common.components.input_map import InputMap
+from elys.common.components.overlay import Overlay, OverlayBar, OverlayImage, OverlayPanel, OverlayText
+from elys.common.components.sound import SoundSource
 from elys.common.components.values import check_value, component_from, laid_over, values_of
 
 __all__ = [
@@ -57,11 +59,17 @@ __all__ = [
     "Material",
     "MeshRenderer",
     "Morph",
+    "Overlay",
+    "OverlayBar",
+    "OverlayImage",
+    "OverlayPanel",
+    "OverlayText",
     "Quat",
     "RigidBody",
     "RootMotion",
     "Script",
     "Skin",
+    "SoundSource",
     "Transform",
     "Vec3",
     "about",

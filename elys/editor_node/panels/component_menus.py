@@ -33,6 +33,12 @@ _ICONS: Final = {
     "AnimationMarkers": icons.ICON_FA_FLAG,
     "RootMotion": icons.ICON_FA_SHOE_PRINTS,
     "Script": icons.ICON_FA_CODE,
+    "Overlay": icons.ICON_FA_WINDOW_MAXIMIZE,
+    "OverlayPanel": icons.ICON_FA_SQUARE,
+    "OverlayBar": icons.ICON_FA_BARS_PROGRESS,
+    "OverlayImage": icons.ICON_FA_IMAGE,
+    "OverlayText": icons.ICON_FA_FONT,
+    "SoundSource": icons.ICON_FA_VOLUME_HIGH,
 }
 _LIST_LINES: Final = 16  # of a list that is longer the rest is scrolled to
 

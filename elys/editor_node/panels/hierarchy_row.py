@@ -21,6 +21,8 @@ _ICONS: Final = {
     "Camera": icons.ICON_FA_VIDEO,
     "Animation": icons.ICON_FA_PERSON_RUNNING,
     "Joint": icons.ICON_FA_LINK,
+    "Overlay": icons.ICON_FA_FONT,
+    "Sound": icons.ICON_FA_VOLUME_HIGH,
     "Mesh": icons.ICON_FA_DRAW_POLYGON,
     "Body": icons.ICON_FA_WEIGHT_HANGING,
     "Collider": icons.ICON_FA_SHAPES,

@@ -7,9 +7,9 @@ from typing import Final, TypeVar
 
 from imgui_bundle import imgui
 
+from elys.common.asset_kinds import expected_kind
 from elys.common.assets import PRIMITIVES
 from elys.common.components import FieldDeclaration, Kind, declaration_of, declarations
-from elys.common.scene_expansion import expected_kind
 from elys.editor_node.fields import (
     ENTITY_PAYLOAD,
     MIXED,

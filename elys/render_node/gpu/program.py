@@ -46,6 +46,8 @@ TEXTURE_UNITS: Final[Mapping[str, int]] = {
     "spins_before": 24,
     "led_texels": 25,
     "letter_sheet": 0,
+    "glyph_sheet": 0,
+    "overlay_image": 1,
     "picture": 0,
     "mask": 0,
 }

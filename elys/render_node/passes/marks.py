@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elys.render_node.camera import Region, View
-from elys.render_node.gpu import TEXTURE_UNITS, Framebuffer, Program, Texture, VertexArray
+from elys.render_node.gpu import TEXTURE_UNITS, Framebuffer, Texture
 from elys.render_node.lettering import (
     EDGE_OPACITY,
     LABEL_GAP,
@@ -19,11 +19,11 @@ from elys.render_node.lettering import (
     sheet_for,
 )
 from elys.render_node.marks import LETTERS, Label, Lines
+from elys.render_node.passes.strips import Strips
 from elys.render_node.picture_plan import PicturePlan
 from elys.render_node.quality import Quality
 from elys.render_node.resources import Resources
 
-COLUMNS: Final = 768  # texels of a row of the texture of marks, as the shaders have it
 MOST_LABELS: Final = 400  # in one picture, the nearest
 LIFT: Final = (-1.0, -6.0)  # lifts lines off the surfaces on which they lie
 
@@ -34,7 +34,7 @@ class LinePass:
     def __init__(self, resources: Resources, quality: Quality) -> None:
         self._resources = resources
         self._quality = quality
-        self._strips = _Strips(resources)
+        self._strips = Strips(resources)
 
     @staticmethod
     def is_needed(plan: PicturePlan) -> bool:
@@ -58,7 +58,7 @@ class LetterPass:
 
     def __init__(self, resources: Resources) -> None:
         self._resources = resources
-        self._strips = _Strips(resources)
+        self._strips = Strips(resources)
         self._sheets: dict[int, tuple[Texture, int]] = {}  # by font size: on the card, as of a version
 
     @staticmethod
@@ -95,40 +95,6 @@ class LetterPass:
             texture.write(sheet.texels)
         self._sheets[sheet.size] = (texture, sheet.version)
         texture.use(TEXTURE_UNITS["letter_sheet"])
-
-
-class _Strips:
-    """Instances of four vertices each, made from texels that the shader reads by their numbers."""
-
-    def __init__(self, resources: Resources) -> None:
-        self._resources = resources
-        self._texels: Texture | None = None
-        self._strips: dict[Program, VertexArray] = {}
-
-    def write(self, texels: NDArray[np.float32]) -> None:
-        """Takes texels (N, 4)."""
-        rows = -(-len(texels) // COLUMNS)
-        has_room = self._texels is not None and rows <= self._texels.size[1] <= 4 * rows + 8
-        height = self._texels.size[1] if has_room and self._texels is not None else rows + rows // 2
-        whole = np.zeros((height, COLUMNS, 4), np.float32)
-        whole.reshape(-1, 4)[: len(texels)] = texels
-        if has_room and self._texels is not None:
-            self._texels.write(whole)
-        else:
-            self._texels = Texture(self._resources.context, (COLUMNS, height), "rgba32f", data=whole, smooth=False)
-
-    def program(self, name: tuple[str, str, tuple[str, ...]]) -> Program:
-        """The program of two shaders and definitions."""
-        return self._resources.program(*name)
-
-    def draw(self, name: tuple[str, str, tuple[str, ...]], count: int) -> None:
-        """Draws so many instances of what was written."""
-        assert self._texels is not None
-        program = self.program(name)
-        if program not in self._strips:
-            self._strips[program] = VertexArray(self._resources.context, program, {}, None, 4, strip=True)
-        self._texels.use(TEXTURE_UNITS["mark_texels"])
-        self._strips[program].draw(count)
 
 
 def placed_labels(

@@ -208,6 +208,10 @@ class GameWorld:
         """Tells an event: to one entity's script, or to all; they hear it in the next tick, in the order in which it was told."""
         self._scripts.emit(name, to.id if to is not None else NO_ENTITY, values)
 
+    def play_sound(self, sound: str, *, volume: float = 1.0, pitch: float = 1.0) -> None:
+        """Lets a sound be heard once, on both sides alike, wherever the camera is."""
+        self._scripts.sounds.play(sound, NO_ENTITY, {"volume": volume, "pitch": pitch})
+
     def entity(self, number: int) -> EntityHandle:
         """The handle of an id; EntityError if nobody has it."""
         if not self._scripts.simulation.world.is_alive(number):

@@ -253,6 +253,22 @@ class EntityHandle:
         if self.is_alive:
             self._scripts.destroy_later(self.id)
 
+    def play_sound(
+        self,
+        sound: str,
+        *,
+        volume: float = 1.0,
+        pitch: float = 1.0,
+        spatial: bool = True,
+        reference_distance: float = 2.0,
+        max_distance: float = 0.0,
+    ) -> None:
+        """Lets a sound be heard once, from where it is now: a built in one, or a file beside the scene. See docs/sound.md."""
+        values: dict[str, Any] = {"reference_distance": reference_distance, "max_distance": max_distance}
+        if spatial:
+            values["position"] = tuple(self.position)
+        self._scripts.sounds.play(sound, self.id, {"volume": volume, "pitch": pitch, **values})
+
     # --- forces on its body, until the next step of physics
 
     def apply_force(self, force: Iterable[float], at: Iterable[float] | None = None) -> None:

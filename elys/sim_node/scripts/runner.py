@@ -29,6 +29,7 @@ from elys.sim_node.scripts.memory_watch import MemoryWatch
 from elys.sim_node.scripts.program import Program
 from elys.sim_node.scripts.recollection import Recollection
 from elys.sim_node.scripts.running import Running, failure_text
+from elys.sim_node.scripts.sounds import ScriptSounds
 from elys.sim_node.scripts.task import Task
 from elys.sim_node.scripts.waiting import Call
 from elys.sim_node.scripts.watchdog import ScriptGrowth, ScriptTimeout, Watchdog
@@ -54,10 +55,11 @@ class Scripts:
         self.library = ScriptLibrary(simulation.assets)
         self._query = simulation.world.query(Script)
         self._running: dict[int, Running] = {}  # by entity, rising
-        self._seen: tuple[bytes, ...] = ()
+        self._seen: tuple[object, ...] = ()
         self._queue: list[Event] = []  # told in this tick, heard in the next
         self._doomed: list[Entity] = []
         self._events: list[Event] = []
+        self.sounds = ScriptSounds(simulation)
         self._recollection = Recollection(self)
         self.watchdog = Watchdog()
         self._budget = Budget()
@@ -198,7 +200,8 @@ class Scripts:
         entities, rows = self._query.entities, self._query.rows(Script)
         switches = self.simulation.world.hierarchy.enabled_in_hierarchy[self._query.indices]
         columns = [table.column(name)[rows] for name in ("source", "enabled", "values")]
-        seen = tuple(column.tobytes() for column in (entities, switches, *columns))
+        # Texts are told by their rows: where those are others, all is looked at anew.
+        seen = (self.simulation.world.strings, *(column.tobytes() for column in (entities, switches, *columns)))
         if seen == self._seen:
             return
         self._seen = seen
@@ -322,16 +325,13 @@ class Scripts:
 
     def world_of(self, source: str) -> GameWorld:
         """The world as one script sees it."""
-        if source not in self._worlds:
-            self._worlds[source] = GameWorld(self, source)
-        return self._worlds[source]
+        return self._worlds.setdefault(source, GameWorld(self, source))
 
     def emit(self, kind: str, entity: int, values: dict[str, Any]) -> None:
         """Tells an event, heard in the next tick."""
         if len(self._queue) >= MOST_EVENTS:
             raise ScriptError(f"more than {MOST_EVENTS} events were told in one tick")
-        told = checked_event(kind, entity, values)
-        self._queue.append(told)
+        self._queue.append(checked_event(kind, entity, values))
 
     def hear(self, events: list[Event]) -> None:
         """Tells what happened in this tick; heard in the next one."""
@@ -344,7 +344,7 @@ class Scripts:
 
     def take_events(self) -> list[Event]:
         """What was told and what went wrong, since this was last asked."""
-        events, self._events = self._events, []
+        events, self._events = [*self._events, *self.sounds.take()], []
         return events
 
     def named(self, name: str) -> list[int]:

@@ -409,3 +409,36 @@ def test_a_recording_of_another_version_names_both(tmp_path: Path, monkeypatch: 
     writer.close()
     with pytest.raises(RecordingError, match="protocol version 99; this one reads version"):
         Recording(path)
+
+
+async def test_the_files_of_single_sounds_are_in_the_recording(tmp_path: Path, random_host: Host) -> None:
+    """No scene names them: the events that tell the sounds do."""
+    from elys.bus.asset_service import serve_assets
+    from elys.bus.messages.session import EventBatch
+    from elys.bus.messages.sounds import Sound, event_of
+
+    broker, session = await host_session()
+    host = random_host(session)
+    serve_assets(session, host.assets)
+    pipe = PipeRecording(tmp_path / "inside.mcap")
+    tap = tapped(session, host, pipe.writing)
+    joined = await Session.join(broker.connect(), kind="recorder")
+    stop = asyncio.Event()
+    recording_task = asyncio.create_task(record_session(joined, tmp_path / "outside.mcap", stop))
+    reference = host.assets.put(b"RIFF\x04\0\0\0WAVE", kind="sound")
+    for number in range(60):
+        host.publish_tick()
+        if number == 30:
+            batch = EventBatch(epoch=session.epoch, tick=31, events=(event_of(Sound(sound=reference)),))
+            session.publish(topics.EVENTS, batch)
+        await asyncio.sleep(0.001)
+    await asyncio.sleep(0.5)
+    stop.set()
+    await recording_task
+    await asyncio.to_thread(tap.close)
+    pipe.join()
+    await joined.close()
+    await session.close()
+    for name in ("inside.mcap", "outside.mcap"):
+        with Recording(tmp_path / name) as recording:
+            assert recording.asset(reference) == b"RIFF\x04\0\0\0WAVE", name

@@ -31,7 +31,7 @@ from elys.bus.picture_ring import boot_id
 from elys.bus.session import Session
 from elys.bus.transports.loopback import LoopbackBroker
 from elys.common.assets import AssetStore
-from elys.common.components import Light, Material, MeshRenderer, Transform, values_of
+from elys.common.components import Light, Material, MeshRenderer, Overlay, OverlayPanel, Transform, values_of
 from elys.common.errors import BusError
 from elys.render_node.node import serve_views
 from elys.render_node.quality import FAST
@@ -425,5 +425,25 @@ def test_content_that_the_host_has_not_yet_is_shown_when_it_comes(
         await shown(lambda red, green, blue: green < 40 and red >= green)
         served.put(buffer.getvalue(), kind="image")
         await shown(lambda red, green, blue: blue > 150 and red < 60)
+
+    run(context, act)
+
+
+@pytest.mark.gl
+def test_an_overlay_that_is_written_is_a_new_picture_and_each_view_has_its_players(context: Any) -> None:
+    async def act(made: Play) -> None:
+        panel = {"OverlayPanel": {"color": (0.0, 1.0, 0.0), "opacity": 1.0, "radius": 0.0}}
+        where = {"Overlay": values_of(Overlay(anchor="center", width=0.5, height=0.5, player=2))}
+        await made.picture()
+        made.change(Spawned(entity=8, name="", parent=0, enabled=True, components={**panel, **where}))
+        assert middle(await made.picture())[0] > 180  # not for the first player
+        shown = await made.picture(player=2)
+        assert middle(shown)[1] > 200 > 60 > middle(shown)[0]
+        sequence = made.ask(player=2, newer_than_tick=3)
+        blue = values_of(OverlayPanel(color=(0.0, 0.0, 1.0), opacity=1.0))
+        made.change(ComponentSet(entity=8, component="OverlayPanel", values=blue))
+        frame = await made.next()
+        assert frame.sequence == sequence
+        assert middle(frame)[2] > 200 > 60 > middle(frame)[1]
 
     run(context, act)

@@ -300,3 +300,58 @@ except DisplayError as error:
 
 def test_the_null_platform_is_a_display_by_request() -> None:
     assert "null platform" in in_process("print(probe_display())")
+
+
+@pytest.mark.gl
+def test_a_window_draws_overlays_as_they_are_written_and_plays_what_is_told() -> None:
+    script = """
+from elys.bus.messages.session import EventBatch
+from elys.bus.messages.sounds import Sound, event_of
+from elys.common.components import Overlay, OverlayPanel
+from elys.render_node.sound import loudspeaker
+made, opened = [], []
+class Watched(view_window._Viewer):
+    def __init__(self, *arguments):
+        super().__init__(*arguments)
+        made.append(self)
+view_window._Viewer = Watched
+class Buffer:
+    is_heard = True
+    def __init__(self, mix):
+        self.mix = mix
+        opened.append(self)
+    def close(self):
+        self.is_heard = False
+loudspeaker.Loudspeaker.__init__.__kwdefaults__["open_output"] = Buffer
+
+async def until(met):
+    async with asyncio.timeout(60.0):
+        while not met():
+            await asyncio.sleep(0)
+
+async def main():
+    host, session = await open_session()
+    task = asyncio.create_task(view_window.run_view(session))
+    await until(lambda: made and made[0]._drawn is not None)
+    viewer = made[0]
+    assert not opened
+    shown = len(viewer._shown_at)
+    parts = {type(c).__name__: values_of(c) for c in (Overlay(width=0.5, height=0.5), OverlayPanel())}
+    spawned = Spawned(entity=2, name="Panel", parent=0, enabled=True, components=parts)
+    host.publish(topics.DELTA, SceneDelta(epoch=1, sequence=1, tick=4, changes=(spawned,)))
+    await until(lambda: len(viewer._shown_at) > shown and viewer._renderer.planned.overlays)
+    host.publish(topics.EVENTS, EventBatch(epoch=1, tick=5, events=(event_of(Sound(sound="chime")),)))
+    await until(lambda: opened)
+    assert abs(opened[0].mix(4000)).max() > 0.05
+    viewer._window.on_event(KeyPressed("m"))
+    await until(lambda: viewer.loudspeaker._mixer.volume == 0.0)
+    opened[0].mix(1024)
+    assert abs(opened[0].mix(4000)).max() == 0.0
+    viewer._window.request_close()
+    await task
+    assert not opened[0].is_heard
+    await session.close(); await host.close()
+    print("done")
+asyncio.run(main())
+"""
+    assert in_process(script) == "done"
