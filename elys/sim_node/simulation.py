@@ -29,6 +29,7 @@ from elys.common.components import Joint, RigidBody, Transform
 from elys.common.ids import Entity
 from elys.common.scene import OpenedScene, SceneSettings
 from elys.sim_node.capture import captured, restored
+from elys.sim_node.character.movement import Characters
 from elys.sim_node.ecs.changes import WorldChanges
 from elys.sim_node.ecs.schedule import System, run
 from elys.sim_node.ecs.world import World
@@ -84,6 +85,7 @@ class Simulation:
             self.run_scripts,
             self.follow_changes,
             self.play_animations,
+            self.move_characters,
             self.simulate_physics,
             self.propagate_transforms,
             self.update_scripts,
@@ -93,6 +95,7 @@ class Simulation:
         self.inputs = Inputs()
         self._bodies = RigidBodies(self.world, self.physics, self.assets)
         self._animations = Animations(self.world, self.assets)
+        self._characters = Characters(self.world, self.physics)
         self.scripts = Scripts(self)
         self._changes: list[WorldChanges] = []
         self._events: list[Event] = []
@@ -138,6 +141,7 @@ class Simulation:
 
     def follow_changes(self, world: World) -> None:
         """Bodies and world transforms become what was changed by hand, by commands or by systems before this one."""
+        self._characters.complete()
         changes = world.drain_changes()
         if changes:
             self._changes.append(changes)
@@ -151,6 +155,11 @@ class Simulation:
     def play_animations(self, world: World) -> None:
         """Brings clips to the time of this tick's end, and what they move into the components."""
         self._animations.advance(1.0 / self.settings.tick_rate)
+
+    def move_characters(self, world: World) -> None:
+        """Where characters get to in this tick, if there are any: physics takes them there."""
+        if self._characters.is_needed:
+            self._characters.move(1.0 / self.settings.tick_rate)
 
     def simulate_physics(self, world: World) -> None:
         """Moves the bodies by one tick, and their poses and velocities into the components."""
@@ -196,7 +205,7 @@ class Simulation:
         for problem in self._animations.take_problems():
             _log.error("%s", problem.text)
             self._events.append(Event(kind="animation", entity=problem.entity, values={"text": problem.text}))
-        for problem in (*self._bodies.take_problems(), *in_step):
+        for problem in (*self._bodies.take_problems(), *self._characters.take_problems(), *in_step):
             _log.error("%s", problem.text)
             values = {"text": problem.text, **({"cause": problem.cause} if problem.cause else {})}
             self._events.append(Event(kind="physics", entity=problem.entity, values=values))

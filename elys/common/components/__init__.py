@@ -15,6 +15,7 @@ from elys.common.components.builtin import (
     Skin,
     Transform,
 )
+from elys.common.components.character import CameraRig, Character
 from elys.common.components.curve import Curve
 from elys.common.components.declaration import (
     Component,
@@ -34,6 +35,8 @@ from elys.common.components.values import check_value, component_from, values_of
 __all__ = [
     "Animation",
     "Camera",
+    "CameraRig",
+    "Character",
     "Collider",
     "Component",
     "ComponentDeclaration",
