@@ -21,6 +21,7 @@ import logging
 from typing import Any
 
 import msgspec
+import numpy as np
 from numpy.typing import NDArray
 
 from elys.bus.messages.session import Event
@@ -29,7 +30,9 @@ from elys.common.components import Joint, RigidBody, Transform
 from elys.common.ids import Entity
 from elys.common.scene import OpenedScene, SceneSettings
 from elys.sim_node.capture import captured, restored
+from elys.sim_node.character.cameras import Cameras
 from elys.sim_node.character.movement import Characters
+from elys.sim_node.character.players import Players
 from elys.sim_node.ecs.changes import WorldChanges
 from elys.sim_node.ecs.schedule import System, run
 from elys.sim_node.ecs.world import World
@@ -87,6 +90,7 @@ class Simulation:
             self.play_animations,
             self.move_characters,
             self.simulate_physics,
+            self.aim_cameras,
             self.propagate_transforms,
             self.update_scripts,
         )
@@ -96,6 +100,8 @@ class Simulation:
         self._bodies = RigidBodies(self.world, self.physics, self.assets)
         self._animations = Animations(self.world, self.assets)
         self._characters = Characters(self.world, self.physics)
+        self._cameras = Cameras(self.world, self.physics)
+        self._players = Players(self.world, self.inputs)
         self.scripts = Scripts(self)
         self._changes: list[WorldChanges] = []
         self._events: list[Event] = []
@@ -158,6 +164,8 @@ class Simulation:
 
     def move_characters(self, world: World) -> None:
         """Where characters get to in this tick, if there are any: physics takes them there."""
+        if self._players.has_any:
+            self._players.steer()
         if self._characters.is_needed:
             self._characters.move(1.0 / self.settings.tick_rate)
 
@@ -170,6 +178,11 @@ class Simulation:
         self._report_problems()
         self._bodies.write_back()
         self._tell_what_broke(world)
+
+    def aim_cameras(self, world: World) -> None:
+        """Cameras that follow go to where they belong, if there are any."""
+        if self._cameras.is_needed:
+            self._cameras.aim(1.0 / self.settings.tick_rate)
 
     def propagate_transforms(self, world: World) -> None:
         """World transforms from local ones, parents before children, where anything moved."""
@@ -233,8 +246,11 @@ class Simulation:
         return self._bodies.moving()
 
     def animated(self) -> Animated:
-        """What clips move, as it is now."""
-        return self._animations.animated()
+        """What clips move, and the cameras that follow, as it is now."""
+        by_clips, cameras = self._animations.animated(), self._cameras.animated()
+        if cameras is None:
+            return by_clips
+        return Animated(*(np.concatenate(both) for both in zip(by_clips, cameras, strict=True)))
 
     def state_hash(self) -> int:
         """64 bits of where everything that moves by itself is: of the physics, and of what clips move if there is any."""

@@ -1,8 +1,8 @@
 """Characters in a world: their bodies follow their sheets, and in each tick a kernel moves all of them at once.
 
-A character's place is decided before the step of physics: where it gets to in the world as that will be at the tick's end, kinematic
-bodies moved on. Its body is given the velocity that brings it there, so physics sees a kinematic capsule like any other, which pushes
-what it meets, sets off triggers and is told in frames. All that a character remembers is in its component.
+A character's place is decided before the step of physics: where it gets to in the world as that will be at the tick's end,
+kinematic bodies moved on. Its body is given the velocity that brings it there, so physics sees a kinematic capsule like any
+other, which pushes what it meets, sets off triggers and is told in frames. All that a character remembers is in its component.
 """
 
 from __future__ import annotations

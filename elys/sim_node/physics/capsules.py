@@ -40,9 +40,7 @@ class KinematicCapsules:
         physics = self._physics
         bodies, colliders, tree = physics._bodies, physics._colliders, physics._query_tree
         tree.follow(bodies.rows, colliders.rows, colliders.geometry.arrays)
-        return SweptTables(
-            bodies.rows, bodies.mass, colliders.rows, colliders.geometry.arrays, tree.nodes, tree.stack
-        )
+        return SweptTables(bodies.rows, bodies.mass, colliders.rows, colliders.geometry.arrays, tree.nodes, tree.stack)
 
     def follow_boxes(self) -> None:
         """The boxes of colliders have been changed: the query tree around them follows."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from elys.sim_node.character.kernels.moving import foresee_bodies, move_characters
 from elys.sim_node.character.kernels.tables import CHARACTER, HIT, PLANE, PUSH, Surroundings
+from elys.sim_node.character.kernels.views import turn_views
 from elys.sim_node.compilation import signature_of
 from elys.sim_node.physics.kernels import tables
 from elys.sim_node.physics.kernels.cast import TOUCH
@@ -25,10 +26,11 @@ def _kernels() -> tuple[tuple[str, Any, tuple[tuple[Any, ...], ...]], ...]:
         np.zeros(1, tables.SIMPLEX),
         np.zeros(1, tables.CLUSTER),
     )
+    numbers = np.zeros(1)
     rows, flags, characters = np.zeros(1, np.int32), np.zeros(1, np.uint8), np.zeros(1, CHARACTER)
     around = Surroundings(
         bodies,
-        np.zeros(1),
+        numbers,
         colliders,
         geometry,
         np.zeros(1, QUERY_NODE),
@@ -41,6 +43,7 @@ def _kernels() -> tuple[tuple[str, Any, tuple[tuple[Any, ...], ...]], ...]:
         np.zeros(1, PUSH),
     )
     return (
+        ("character.turn_views", turn_views, (signature_of(numbers, numbers, np.zeros((1, 4)), np.zeros((1, 2, 3))),)),
         ("character.foresee_bodies", foresee_bodies, (signature_of(bodies, colliders, flags, characters, 1.0, rows),)),
         ("character.move_characters", move_characters, (signature_of(around, characters, 1.0),)),
     )

@@ -62,14 +62,14 @@ def carry_of(around, character, dt):
 
 
 @inner
-def add_push(around, count, body, fx, fy, fz, point):
+def add_push(around, count, body, fx, fy, fz, px, py, pz):
     """Notes a force on a body at a point, if there is room; how many there are."""
     if count >= around.pushes.shape[0]:
         return count
     push = around.pushes[count]
     push.body = body
     push.force[0], push.force[1], push.force[2] = fx, fy, fz
-    push.point[0], push.point[1], push.point[2] = point[0], point[1], point[2]
+    push.point[0], push.point[1], push.point[2] = px, py, pz
     return count + 1
 
 
@@ -77,8 +77,10 @@ def add_push(around, count, body, fx, fy, fz, point):
 def push_aside(around, character, plane_count, wx, wz, dt, count):
     """Forces on the loose bodies that are in the way of a character that wants to go at (wx, wz) [m/s].
 
-    No more than its strength, and no more than brings the body to that speed within dt.
+    No more than its strength, and no more than brings the body to that speed within dt; as near to the height of the body's
+    centre of mass as the character reaches, so that it shoves rather than tips.
     """
+    low = character.position[1]
     for i in range(plane_count):
         plane = around.planes[i]
         if plane.motion != DYNAMIC or (plane.slant == FLOOR or plane.normal[1] > BELOW):
@@ -89,7 +91,9 @@ def push_aside(around, character, plane_count, wx, wz, dt, count):
         if along <= 0.0 or missing <= 0.0:
             continue
         force = min(character.push_force, around.mass[plane.body] * missing / dt)
-        count = add_push(around, count, plane.body, -force * n[0], -force * n[1], -force * n[2], plane.point)
+        p = plane.point
+        y = min(max(around.bodies[plane.body].position[1], low), low + character.stature)
+        count = add_push(around, count, plane.body, -force * n[0], -force * n[1], -force * n[2], p[0], y, p[2])
     return count
 
 
@@ -99,7 +103,8 @@ def weigh_down(around, character, point, count):
     row = character.ground
     if row < 0 or around.bodies[row].motion != DYNAMIC:
         return count
-    return add_push(around, count, row, 0.0, -character.mass * character.gravity, 0.0, point)
+    weight = character.mass * character.gravity
+    return add_push(around, count, row, 0.0, -weight, 0.0, point[0], point[1], point[2])
 
 
 @inner

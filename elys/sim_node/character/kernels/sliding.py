@@ -15,7 +15,7 @@ from elys.sim_node.character.kernels.tables import FLOOR
 from elys.sim_node.compilation import inner
 from elys.sim_node.physics.kernels.tables import DYNAMIC
 
-ROUNDS = 5
+ROUNDS = 6
 PASSES = 256  # over the planes; sharp corners take many, a wall one
 EXACT = 1e-12  # [m] a pass that changes less is the last
 ENOUGH = 1e-9  # [m] a way that is shorter is none
@@ -80,9 +80,6 @@ def slide(around, near_count, character, dx, dy, dz, keeps_level, passed_over):
         spread_probe(around, half_skinned(character.radius))
         t = sweep(around, near_count, passed_over, x, y + middle, z, dx, dy, dz, length, around.hits[0])
         position[0], position[1], position[2] = x + t * dx, y + t * dy, z + t * dz
-        if around.hits[0].collider < 0:
-            # All the way; what is touched there may still have to push it out.
-            tx, ty, tz = position[0], position[1], position[2]
         met = True if around.hits[0].collider >= 0 else met
     spread_probe(around, character.radius)
     return count, met

@@ -70,7 +70,7 @@ def climb_step(around, near_count, character, x, low, z, dx, dz):
     nx, nz = p[0] + gone * ux, p[2] + gone * uz
     spread_probe(around, skinned(character.radius))
     found = find_ground(around, near_count, nx, y, nz, character.least_up, up + SKIN, around.hits[1], around.hits[2])
-    if not found or around.hits[1].point[1] - low > character.step_height + ROUNDING:
+    if not found or around.hits[1].point[1] - (low - SKIN) > character.step_height + ROUNDING:
         return False
     height = p[1] + up - around.hits[1].distance
     if height <= p[1] + SHORT:

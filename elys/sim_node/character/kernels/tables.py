@@ -93,8 +93,8 @@ PUSH = np.dtype([("body", "i4"), ("force", "f8", 3), ("point", "f8", 3)], align=
 class Surroundings(NamedTuple):
     """What characters move in, and the room to work in.
 
-    Tables of physics; the query tree's nodes and a stack; for each body whether it is a character's; and by character rows that are
-    near it, planes it touches, and three hits: of a sweep, of the ground, of one shape.
+    Tables of physics; the query tree's nodes and a stack; for each body whether it is a character's; and for the one that is
+    moved the rows that are near it, the planes it touches, and three hits: of a sweep, of the ground, of what is too steep.
     """
 
     bodies: Table
