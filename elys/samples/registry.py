@@ -15,6 +15,7 @@ from elys.samples.bridge import bridge, check_bridge
 from elys.samples.empty import empty
 from elys.samples.hard_cases import HARD_CASES
 from elys.samples.pile import pile
+from elys.samples.playground import check_playground, playground
 from elys.samples.stack import check_stack, stack
 from elys.samples.yard import check_yard, yard
 
@@ -39,6 +40,12 @@ SAMPLES: Final[Mapping[str, Sample]] = {
         Sample(name="stack", title="A tower of ten cubes", build=stack, check_final=check_stack),
         Sample(name="bridge", title="A cart drives over a hanging bridge", build=bridge, check_final=check_bridge),
         Sample(name="pile", title="A thousand cubes in a bin", build=pile),
+        Sample(
+            name="playground",
+            title="A playground to walk, jump, climb and push in",
+            build=playground,
+            check_final=check_playground,
+        ),
         Sample(name="empty", title="A ground, a sun and a camera", build=empty),
     )
 }

@@ -14,6 +14,7 @@ _KINDS: Final = (
     ("Light", "Light"),
     ("Environment", "Environment"),
     ("Camera", "Camera"),
+    ("Character", "Character"),
     ("Animation", "Animation"),
     ("Joint", "Joint"),
     ("MeshRenderer", "Mesh"),

@@ -15,6 +15,7 @@ from elys.common.ids import MAX_ENTITIES, NO_ENTITY, Entity
 from elys.common.math import poses
 from elys.sim_node.inputs import PlayerInput
 from elys.sim_node.scripts.vector import Rotation, Vector
+from elys.sim_node.scripts.walking import Legs
 
 if TYPE_CHECKING:
     from elys.sim_node.scripts.behaviour import Behaviour
@@ -192,6 +193,11 @@ class EntityHandle:
     def script(self, behaviour: type[B]) -> B:
         """Its behaviour, if it is one of this class; LookupError if not."""
         return self._scripts.behaviour_of(self, behaviour)
+
+    @property
+    def legs(self) -> Legs:
+        """What its Character does and shall do; ComponentError if it has none."""
+        return Legs(self)
 
     def destroy(self) -> None:
         """Ends it and all below it, when this tick's scripts are through."""
