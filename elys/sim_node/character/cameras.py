@@ -15,6 +15,7 @@ from elys.common.components import CameraRig, Character, Transform
 from elys.sim_node.character.kernels import turn_views
 from elys.sim_node.ecs.entities import Entities
 from elys.sim_node.ecs.world import World
+from elys.sim_node.physics.capsules import KinematicCapsules
 from elys.sim_node.physics.world import PhysicsWorld
 from elys.sim_node.systems.play_animations import Animated
 
@@ -31,6 +32,7 @@ class Cameras:
     def __init__(self, world: World, physics: PhysicsWorld) -> None:
         self._world = world
         self._physics = physics
+        self._capsules = KinematicCapsules(physics)
         self._query = world.query(CameraRig, Transform, enabled_only=True)
 
     @property
@@ -83,11 +85,11 @@ class Cameras:
         turning = (walkers >= 0) & table.column("turns_with_ground")[rows]
         if not turning.any():
             return
-        grounds = np.where(turning, characters.column("ground")[np.maximum(walkers, 0)], 0)
-        known = (grounds != 0) & self._physics.has(grounds)
-        for place in np.flatnonzero(known).tolist():
-            body = np.flatnonzero(self._physics.bodies.entity == grounds[place])[0]
-            table.column("yaw")[rows[place]] += float(self._physics.bodies.angular_velocity[body, 1]) * dt
+        grounds = np.where(turning, characters.column("ground")[np.maximum(walkers, 0)], 0).astype(np.uint32)
+        bodies = self._capsules.body_rows(grounds)
+        spins = self._physics.bodies.angular_velocity
+        for place in np.flatnonzero(bodies >= 0).tolist():
+            table.column("yaw")[rows[place]] += float(spins[bodies[place], 1]) * dt
 
     def _eyes(self, rows: NDArray[np.int32], targets: Entities, dt: float) -> Places:
         """(N, 3) where the eyes are: at once along the level, up and down a little later."""

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elys.common.components import Character, Collider, RigidBody, Transform
-from elys.common.ids import MAX_ENTITIES, Entity
+from elys.common.ids import Entity
 from elys.sim_node.character.kernels import foresee_bodies, move_characters
 from elys.sim_node.character.kernels.tables import HIT, MOST_PLANES, PLANE, PUSH, Surroundings
 from elys.sim_node.character.rows import Rows, capsule_of, read_rows, write_rows
@@ -110,7 +110,7 @@ class Characters:
         feet = self._capsules.feet(bodies)
         characters["position"] = feet
         grounds = table.column("ground")[rows]
-        characters["ground"], characters["grounded"] = self._ground_rows(grounds, characters["grounded"])
+        characters["ground"] = self._capsules.body_rows(grounds)
         statures = characters["stature"].copy()
         pushes = self._sweep(characters, dt)
         self._capsules.drive(bodies, (characters["position"] - feet) / dt, characters["rotation"])
@@ -134,17 +134,6 @@ class Characters:
                 "does not walk: its RigidBody must be kinematic and its Collider a capsule; take both away, and they come anew",
             )
         return entities[here], bodies[here], colliders[here]
-
-    def _ground_rows(self, grounds: Entities, grounded: Rows) -> tuple[NDArray[np.int64], Rows]:
-        """Body rows of what is stood on, -1 for none, and whether it still carries: what is gone does not."""
-        rows = np.full(len(grounds), -1, np.int64)
-        if not grounds.any():
-            return rows, grounded
-        capsules = self._physics
-        known = (grounds != 0) & capsules.has(grounds)
-        if known.any():
-            rows[known] = np.searchsorted(_places(capsules.bodies.entity), _places(grounds[known]))
-        return rows, grounded
 
     def _sweep(self, characters: Rows, dt: float) -> Table:
         """Moves the rows in place; the pushes on loose bodies."""
@@ -190,8 +179,3 @@ def _equal(present: Collider, size: dict[str, object]) -> bool:
         math.isclose(a, b, rel_tol=1e-6, abs_tol=1e-9)
         for a, b in zip((present.radius, present.half_length, *present.offset), (radius, half, *offset), strict=True)
     )
-
-
-def _places(entities: Entities) -> NDArray[np.int64]:
-    """The places of entities in the world's tables, by which bodies are ordered."""
-    return (entities & np.uint32(MAX_ENTITIES)).astype(np.int64)

@@ -53,15 +53,24 @@ class KinematicCapsules:
         place_colliders(physics._bodies.rows, rows, colliders, len(colliders), physics._colliders.geometry.arrays)
         physics._query_tree.outdate()
 
+    def body_rows(self, entities: Array) -> Array:
+        """Body rows (N,) of entities, -1 for those that have none and for 0."""
+        bodies = self._physics._bodies
+        rows = np.full(len(entities), -1, np.int64)
+        if entities.any():
+            here = bodies.has(entities) & (entities != 0)
+            rows[here] = bodies.rows_of(entities[here])
+        return rows
+
     def rows_of(self, entities: Array) -> tuple[Array, Array]:
         """Body rows (N,) of entities, and the collider rows (N,) of their own capsules; -1 for who has no such body."""
         physics = self._physics
-        bodies = np.full(len(entities), -1, np.int64)
-        colliders = np.full(len(entities), -1, np.int64)
-        here = physics._bodies.has(entities)
+        bodies, colliders = np.full(len(entities), -1, np.int64), np.full(len(entities), -1, np.int64)
+        found = self.body_rows(entities)
+        here = found >= 0
         if not here.any():
             return bodies, colliders
-        rows = physics._bodies.rows_of(entities[here])
+        rows = found[here]
         table = physics._colliders.rows
         first = np.minimum(np.searchsorted(table["body"], rows), max(len(table) - 1, 0))
         own = np.full(len(rows), -1, np.int64)

@@ -85,9 +85,9 @@ def push_aside(around, character, plane_count, wx, wz, dt, count):
         plane = around.planes[i]
         if plane.motion != DYNAMIC or (plane.slant == FLOOR or plane.normal[1] > BELOW):
             continue
-        n, u = plane.normal, plane.velocity
+        n, u, by = plane.normal, plane.velocity, character.carried
         along = -(n[0] * wx + n[2] * wz)
-        missing = along + n[0] * u[0] + n[1] * u[1] + n[2] * u[2]
+        missing = along + n[0] * (u[0] - by[0]) + n[1] * (u[1] - by[1]) + n[2] * (u[2] - by[2])
         if along <= 0.0 or missing <= 0.0:
             continue
         force = min(character.push_force, around.mass[plane.body] * missing / dt)

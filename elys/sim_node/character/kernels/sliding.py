@@ -86,8 +86,11 @@ def slide(around, near_count, character, dx, dy, dz, keeps_level, passed_over):
 
 
 @inner
-def clip_velocity(planes, count, velocity):
-    """Takes from a velocity what leads into the planes, against their own; kinematic ones hand theirs on, loose ones do not."""
+def clip_velocity(planes, count, velocity, carried):
+    """Takes from a velocity what leads into the planes, against their own; kinematic ones hand theirs on, loose ones do not.
+
+    It is the velocity against what carries, which itself moves at `carried`.
+    """
     vx, vy, vz = velocity[0], velocity[1], velocity[2]
     for i in range(count):
         planes[i].push = 0.0
@@ -96,7 +99,7 @@ def clip_velocity(planes, count, velocity):
         for i in range(count):
             plane = planes[i]
             n, u = plane.normal, plane.velocity
-            along = n[0] * u[0] + n[1] * u[1] + n[2] * u[2]
+            along = n[0] * (u[0] - carried[0]) + n[1] * (u[1] - carried[1]) + n[2] * (u[2] - carried[2])
             if plane.motion == DYNAMIC:
                 along = min(along, 0.0)
             approach = n[0] * vx + n[1] * vy + n[2] * vz - along

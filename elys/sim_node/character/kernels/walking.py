@@ -134,12 +134,12 @@ def float_along(character, dt):
 
 
 @inner
-def ride(around, near_count, character, dt):
-    """Goes and turns with what it stands on; the velocity of that."""
+def ride(around, near_count, character, dt, jumps):
+    """Goes and turns with what it stands on; who jumps off takes the velocity of that along instead."""
     dx, dy, dz, turn = carry_of(around, character, dt)
     u = character.carried
     u[0], u[1], u[2] = dx / dt, dy / dt, dz / dt
-    if dx == 0.0 and dy == 0.0 and dz == 0.0 and turn == 0.0:
+    if jumps or (dx == 0.0 and dy == 0.0 and dz == 0.0 and turn == 0.0):
         return
     character.yaw += turn
     slide(around, near_count, character, dx, dy, dz, False, character.ground)
@@ -167,11 +167,12 @@ def walk(around, character, dt, pushes):
     if character.mode != WALK:
         leave_ground(character)
         return drift(around, near_count, character, dt, pushes)
+    jumps = jumps_now(character)
     if character.grounded != 0:
-        ride(around, near_count, character, dt)
+        ride(around, near_count, character, dt, jumps)
     wx, wz = level_wish(character)
     before = character.velocity[1]
-    if jumps_now(character):
+    if jumps:
         was_free = character.grounded == 0
         leave_ground(character)
         lifted = 0.0 if was_free else character.velocity[1] - before
@@ -194,7 +195,7 @@ def walk(around, character, dt, pushes):
     pushes = push_aside(around, character, count, wx, wz, dt, pushes)
     v = character.velocity
     vx, vy, vz = v[0], v[1], v[2]
-    clip_velocity(around.planes, count, v)
+    clip_velocity(around.planes, count, v, character.carried)
     if was_grounded and climb_step(around, near_count, character, x, low, z, dx, dz):
         v[0], v[1], v[2] = vx, vy, vz  # the step has taken nothing
     settle(around, near_count, character, was_grounded, count)
@@ -212,7 +213,7 @@ def drift(around, near_count, character, dt, pushes):
     count, met = slide(around, near_count, character, dx, dy, dz, False, -1)
     character.blocked = 1 if met else 0
     pushes = push_aside(around, character, count, wx, wz, dt, pushes)
-    clip_velocity(around.planes, count, character.velocity)
+    clip_velocity(around.planes, count, character.velocity, character.carried)
     character.normal[0] = character.normal[1] = character.normal[2] = 0.0
     character.has_jumped = 1  # who is put to walk in the air falls
     return pushes

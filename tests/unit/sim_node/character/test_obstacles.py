@@ -100,13 +100,13 @@ def test_a_jump_from_a_platform_keeps_its_speed():
     motion = RigidBody(motion="kinematic", linear_velocity=(4.0, 1.0, 0.0))
     platform = stage.box((3.0, 0.4, 3.0), (0.0, 0.8, 0.0), body=motion)
     stage.step(10)
-    offset = (stage.place() - stage.place(platform))[1]
+    aside, offset, _ = stage.place() - stage.place(platform)
     stage.step(1, wish_jump=True)
     highest = 0.0
     for _ in range(90):
         stage.step()
         highest = max(highest, (stage.place() - stage.place(platform))[1] - offset)
-        assert (stage.place() - stage.place(platform))[0] == pytest.approx(0.0, abs=1e-5)
+        assert (stage.place() - stage.place(platform))[0] == pytest.approx(aside, abs=1e-5)
     assert highest == pytest.approx(1.2, abs=1e-5)  # as seen from the platform
     assert stage.walker().grounded
 
@@ -155,9 +155,8 @@ def test_its_weight_is_on_what_it_stands_on():
     stage = Stage(at=(0.0, 1.0 + SKIN, 0.0), mass=80.0)
     stage.box((2.0, 1.0, 2.0), (0.0, 0.5, 0.0), body=RigidBody(mass=20.0))
     stage.step(60)
-    load = stage.simulation.physics.contacts
     stage.step(120)
-    load = stage.simulation.physics.contacts.impulse.sum() * 60.0
+    load = stage.simulation.physics.contacts.normal_impulse.sum() * 60.0
     assert load == pytest.approx((80.0 + 20.0) * GRAVITY, rel=0.02)
 
 
