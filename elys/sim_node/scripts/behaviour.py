@@ -116,6 +116,15 @@ class Behaviour:
         """It ends: its entity, its script or the component is taken away. Not at the end of the run."""
 
 
+def is_a(itself: Behaviour | None, behaviour: type[Behaviour]) -> bool:
+    """Whether it is one of a class, or of the same class of the same file as another script has imported it.
+
+    Each script runs with copies of its own of the files it imports, so that each can be reloaded by itself.
+    """
+    named = (behaviour.__module__, behaviour.__qualname__)
+    return itself is not None and any((base.__module__, base.__qualname__) == named for base in type(itself).__mro__)
+
+
 def fields_of(behaviour: type[Behaviour], names: dict[str, Any]) -> tuple[FieldDeclaration, ...]:
     """The fields that a behaviour declares, its bases' first: annotations with defaults that a scene can hold.
 

@@ -20,7 +20,7 @@ from elys.bus.messages.session import Event
 from elys.common.components import Script
 from elys.common.errors import ScriptError
 from elys.common.ids import Entity
-from elys.sim_node.scripts.behaviour import Behaviour
+from elys.sim_node.scripts.behaviour import Behaviour, is_a
 from elys.sim_node.scripts.field_values import field_values
 from elys.sim_node.scripts.handles import EntityHandle, GameWorld
 from elys.sim_node.scripts.happenings import contacts_of, visits_of
@@ -404,13 +404,13 @@ class Scripts:
     def behaviour_of(self, entity: EntityHandle, behaviour: type[B]) -> B:
         """The behaviour of an entity; LookupError if it has none of this class."""
         one = self._running.get(entity.id)
-        if one is None or not isinstance(one.itself, behaviour):
+        if one is None or not is_a(one.itself, behaviour):
             raise LookupError(f"{entity!r} has no running script {behaviour.__name__}")
         return one.itself
 
     def behaviours_of(self, behaviour: type[B]) -> list[B]:
         """All of a class, in the order in which they run."""
-        return [one.itself for one in self._running.values() if isinstance(one.itself, behaviour)]
+        return [one.itself for one in self._running.values() if is_a(one.itself, behaviour)]
 
     def random_of(self, behaviour: Behaviour) -> random.Random:
         """A generator of a behaviour's own: the same numbers in each run."""

@@ -11,6 +11,7 @@ import pytest
 from elys.common.components import Collider, RigidBody, Script, Transform
 from elys.common.errors import ScriptError
 from elys.sim_node.scripts import runner
+from elys.sim_node.scripts.behaviour import Behaviour
 from elys.sim_node.state import State
 from tests.unit.sim_node.scripts.conftest import Playground
 
@@ -338,3 +339,23 @@ def test_what_cannot_be_kept_is_said_and_disturbs_nothing(play: Playground, capl
     play.on(thing).file.close()
     play.simulation.restore(state)
     assert play.on(thing).n == 4 and not hasattr(play.on(thing), "file")
+
+
+def test_a_class_that_a_script_imports_finds_those_that_run_as_it(play: Playground) -> None:
+    door = play.write("door.py", "class Door(Behaviour):\n    def start(self): self.opened = 0\n")
+    bell = play.write(
+        "bell.py",
+        """
+        from door import Door
+
+        class Bell(Behaviour):
+            def update(self, dt):
+                for door in self.world.behaviours(Door):
+                    door.opened += 1
+                self.own = self.world.find("Door").script(Door).opened
+        """,
+    )
+    play.spawn(door, "Door"), play.spawn(bell, "Bell"), play.spawn(bell, "Other")
+    play.run(3)
+    assert play.on(play.simulation.scripts.behaviours_of(Behaviour)[0].entity.id).opened == 6
+    assert [one.own for one in play.simulation.scripts.behaviours_of(Behaviour)[1:]] == [5, 6]
