@@ -81,6 +81,11 @@ class Characters:
         world = self._world
         if not world.has(entity, Transform):
             world.add(entity, Transform())
+        elif any(abs(factor - 1.0) > 1e-6 for factor in world.get(entity, Transform).scale):
+            self._tell(
+                entity,
+                "is stretched, and its sheet is in metres: make its scale 1, and that of what stands below it another",
+            )
         if not world.has(entity, RigidBody):
             world.add(entity, RigidBody(motion="kinematic"))
         character = world.get(entity, Character)

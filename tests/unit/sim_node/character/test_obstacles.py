@@ -212,3 +212,10 @@ def test_a_sheet_that_changes_changes_the_capsule():
     assert (collider.radius, collider.half_length) == (0.5, pytest.approx(0.7))
     assert stage.walker().stature == pytest.approx(2.4)
     assert stage.place()[1] == pytest.approx(SKIN, abs=1e-6)
+
+
+def test_who_is_stretched_is_told():
+    stage = Stage()
+    stage.world.set_fields(stage.one, Transform, {"scale": (2.0, 1.0, 1.0)})
+    stage.step()
+    assert any("make its scale 1" in event.values.get("text", "") for event in stage.simulation.take_events())
