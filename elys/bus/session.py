@@ -22,6 +22,7 @@ from elys.bus.access.limits import Doorkeeper
 from elys.bus.access.permissions import Permissions, check_asker, check_size
 from elys.bus.access.roles import Role, role_of_user, signed_id
 from elys.bus.handshake import all_welcomes, answer_clock, answer_hello, checked, greet, hello_of
+from elys.bus.host_return import until_back
 from elys.bus.mailbox import Arrival, Mailbox
 from elys.bus.messages.session import Welcome
 from elys.bus.messages.vitals import HostFacts
@@ -237,26 +238,28 @@ class Session:
         return self._keep(self.transport.serve(expression, arrived))
 
     async def request(self, query: Query[Q, R], request: Q, *, key: str = "", timeout: float = 5.0) -> R:
-        """Asks and waits for the answer.
+        """Asks and waits for the answer; a host that is away is waited for first.
 
         Raises:
             RequestError: the other side refused, with its reason; or this side's role may not ask.
-            ConnectionLost: no answer within `timeout` seconds.
+            ConnectionLost: no answer within `timeout` seconds, or the host is another run meanwhile.
         """
         self.permissions.require(query, request)
         payload = codec.encode(request, query.request_encoding)
         check_size(query, payload)
         if not is_near(self.transport.endpoint):
             payload = codec.with_packed_answer(payload)
+        timeout = await until_back(self, timeout)
         answer = await self._ask(topics.asked_key(self.name, query, key, asker=self.node.id), payload, timeout)
         answer = codec.unpacked(answer)
         return codec.decode(answer, query.reply, query.reply_encoding)
 
     # --- who is there ----------------------------------------------------------------------------------------------
 
-    def on_link(self, listener: Callable[[bool], None]) -> None:
+    def on_link(self, listener: Callable[[bool], None]) -> Closer:
         """Calls `listener(connected)` when the host goes and when it is back (perhaps as a new run: see `epoch`)."""
         self._link_listeners.append(listener)
+        return lambda: self._link_listeners.remove(listener)
 
     def on_nodes(self, listener: Callable[[Node, bool], None]) -> None:
         """Calls `listener(node, alive)` for every node that comes or goes; those here now are in `nodes`."""
@@ -399,7 +402,7 @@ class Session:
             return
         if not alive and self.connected:
             self.connected = False
-            for listener in self._link_listeners:
+            for listener in tuple(self._link_listeners):
                 listener(False)
         elif alive and not self.connected and self._rejoining is None:
             self._rejoining = self.start(self._rejoin())
@@ -418,7 +421,7 @@ class Session:
             self._rejoining = None
         self.epoch = welcome.epoch
         self.connected = True
-        for listener in self._link_listeners:
+        for listener in tuple(self._link_listeners):
             listener(True)
 
     async def _greet_again(self) -> Welcome:

@@ -52,6 +52,9 @@ def record(
     keep_files: KeepFiles = 0,
     limit: Limit = "",
     topics: Topics = "",
+    patience: Annotated[
+        float, typer.Option(help="seconds to wait for a session that is not there yet, or is gone", min=0.1)
+    ] = 5.0,
 ) -> None:
     """Record a running session from outside."""
     from elys.bus.recording_plan import recording_plan
@@ -66,6 +69,7 @@ def record(
         view_size=view_size,
         view_fps=view_fps,
         plan=plan,
+        patience=patience,
     )
 
 

@@ -14,7 +14,17 @@ GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
     "Physics": ("RigidBody", "Collider", "Joint"),
     "Picture": ("MeshRenderer", "Material", "Skin", "Morph"),
     "Light and view": ("Light", "Environment", "Camera"),
-    "Behaviour": ("Animation", "Character", "CameraRig", "Script"),
+    "Behaviour": (
+        "Animation",
+        "AnimationBlend",
+        "AnimationLayer",
+        "AnimationMarkers",
+        "RootMotion",
+        "Character",
+        "CameraRig",
+        "InputMap",
+        "Script",
+    ),
 }
 OTHERS: Final = "Others"  # the group of what a project declares itself
 

@@ -76,6 +76,23 @@ class PictureSize:
         if is_meant:
             self._follow_time(now, waited, size)
 
+    def missed(self) -> None:
+        """A picture did not come while it was waited for: the way carries so little that nothing can be measured, or is lost."""
+        self._slow += 1
+        self._quick_since = None
+        if self._slow >= SLOW_PICTURES:
+            self._rates.clear()
+            self.bit_rate = LEAST_RATE
+            self._take_smaller()
+
+    def _take_smaller(self) -> None:
+        if self._step == len(STEPS) - 1:
+            return
+        self._step, self._slow, self._quick_since = self._step + 1, 0, None
+        if self._tried:
+            self._trial = min(self._trial * 2.0, LONGEST_TRIAL)
+        self._tried = False
+
     def _follow_rate(self) -> None:
         meant = max(self.rate * SHARE, LEAST_RATE)
         if meant > PLENTY:
@@ -89,10 +106,7 @@ class PictureSize:
         is_size = size * 8.0 > SLOW / 2.0 * self.rate
         self._slow = self._slow + 1 if waited > SLOW and is_size else 0
         if self._slow >= SLOW_PICTURES and self._step < len(STEPS) - 1:
-            self._step, self._slow, self._quick_since = self._step + 1, 0, None
-            if self._tried:
-                self._trial = min(self._trial * 2.0, LONGEST_TRIAL)
-            self._tried = False
+            self._take_smaller()
             return
         if waited > QUICK:
             self._quick_since = None

@@ -100,6 +100,7 @@ class RemoteView:
         self._needs_keyframe = True
         self._turned_slow = False  # pictures had to become smaller: the way carries less than it did
         self._is_probing = False  # the request under way measures the link with a small picture
+        self._lost: Node | None = None  # the render node that went while a picture of it was under way
         self.renderer: Node | None = None
         session.subscribe(topics.VIEW_FRAME, self._arrived, key=self._name)
         session.on_nodes(self._nodes_changed)
@@ -141,6 +142,8 @@ class RemoteView:
             and (not self._is_waiting or (self._wanted == self._asked and not rests))
         ):
             return
+        if self._asked is not None and late and not self._is_waiting:
+            self._missed()
         wanted = self._wanted
         self._is_probing = self._link is not None and self._link.wants_small
         measures = self._link is not None and not self._link.is_done
@@ -196,6 +199,16 @@ class RemoteView:
             if self.scale != scale:
                 _log.info("pictures come at %.0f %% of the window's size, as %s", self.scale * 100, self.encoding)
 
+    def _missed(self) -> None:
+        """A picture that was asked for has not come: one that takes longer than a silent way is waited for never would."""
+        if self._size is None:
+            return
+        scale = self.scale
+        self._size.missed()
+        self._turned_slow |= self.scale < 1.0
+        if self.scale != scale:
+            _log.info("pictures do not come: they are asked for at %.0f %% of the window's size", self.scale * 100)
+
     def _arrived(self, frame: ViewFrame, _: str) -> None:
         if frame.sequence != self._sequence:
             # One that was overtaken: a stream goes on with it all the same, and it is newer than what is seen.
@@ -238,7 +251,12 @@ class RemoteView:
         nodes = self._session.nodes_of("render")
         if self.renderer in nodes and self.renderer is not None:
             return
+        if self.renderer is not None and self._asked is not None and not self._is_waiting:
+            self._lost = self.renderer
         self.renderer = nodes[-1] if nodes else None
+        if self.renderer is not None and self.renderer == self._lost:  # it never went: it was the way
+            self._missed()
+        self._lost = self._lost if self.renderer is None else None
         self._asked, self._shown, self._needs_keyframe = None, None, True
         self._ask_if_useful()
 

@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import AsyncIterator, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from elys.bus.access.listening import Listening
 from elys.bus.log import start_logging
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from elys.bus.recording_sources import Sources
     from elys.bus.view_recording import RecordedView
 
-PATIENCE: Final = 5.0  # [s]
 _log = logging.getLogger(__name__)
 
 
@@ -83,9 +82,10 @@ def record(
     view_size: str = "1280x720",
     view_fps: float = 30.0,
     plan: RecordingPlan = PLAIN,
+    patience: float = 5.0,
 ) -> None:
-    """Records a session from outside: until Ctrl-C, for so many seconds, or until its host is gone for good; with pictures
-    through the cameras named by `views`.
+    """Records a session from outside: until Ctrl-C, for so many seconds, or until its host was gone for `patience` seconds, as
+    long as which it is waited for at the beginning too; with pictures through the cameras named by `views`.
     """
     from elys.bus.recorder import record_session
     from elys.verbs.recording_child import require_recordable
@@ -95,13 +95,13 @@ def record(
     endpoint = _endpoint_for_views(connect) if views else connect
 
     async def work() -> None:
-        async with joined(endpoint, kind="recorder") as session, contextlib.AsyncExitStack() as stack:
+        async with joined(endpoint, kind="recorder", timeout=patience) as session, contextlib.AsyncExitStack() as stack:
             kept = await _recorded_views(session, views, view_size, view_fps)
             if kept and endpoint is not None:
                 await stack.enter_async_context(_render_node(session, endpoint))
             _log.info("recording %s to %s; end with Ctrl-C", session.name, output)
             stop = asyncio.Event()
-            _stop_when_host_is_gone(session, stop)
+            _stop_when_host_is_gone(session, stop, patience)
             recording = asyncio.ensure_future(record_session(session, output, stop, kept, plan))
             with contextlib.suppress(asyncio.CancelledError, TimeoutError):
                 await asyncio.wait_for(asyncio.shield(recording), seconds or None)
@@ -159,7 +159,7 @@ async def _render_node(session: Session, endpoint: str) -> AsyncIterator[None]:
         await process.wait()
 
 
-def _stop_when_host_is_gone(session: Session, stop: asyncio.Event) -> None:
+def _stop_when_host_is_gone(session: Session, stop: asyncio.Event, patience: float) -> None:
     """A host that is restarted is back within seconds, and recording goes on; one that stays away has ended the session."""
     loop = asyncio.get_running_loop()
     ending: list[asyncio.TimerHandle] = []
@@ -168,8 +168,8 @@ def _stop_when_host_is_gone(session: Session, stop: asyncio.Event) -> None:
         while ending:
             ending.pop().cancel()
         if not connected:
-            _log.info("the session is gone; the recording ends unless it is back within %g s", PATIENCE)
-            ending.append(loop.call_later(PATIENCE, stop.set))
+            _log.info("the session is gone; the recording ends unless it is back within %g s", patience)
+            ending.append(loop.call_later(patience, stop.set))
 
     session.on_link(link_changed)
 

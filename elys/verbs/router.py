@@ -39,8 +39,10 @@ def router(listening: Listening, upstream: Sequence[str], *, discover: bool) -> 
     above = [complete_endpoint(text, tls=listening.speaks_tls) for text in upstream]
     if discover:
         announced_endpoint(endpoint)
+    access = access_of(
+        listening
+    )  # makes this user's keys, which a host above that starts beside it may not have made yet
     shown = None if listening.insecure or not above else required_credentials(above)
-    access = access_of(listening)
     opened = partial(ZenohRouter.open, endpoint, above, access=access, credentials=shown)
     run_until_asked(_route(opened, above, shown, discover=discover, needs_secret=access is not None))
 
@@ -97,7 +99,7 @@ async def _say_why_alone(passed_on: Router, above: list[str], shown: Credentials
 def _why_alone(endpoint: str, shown: Credentials | None) -> str:
     if shown is not None and is_open(endpoint):
         return f"{endpoint} asks nobody who he is, and this router does: start both with --insecure, or neither"
-    return why_refused(endpoint, shown)
+    return why_refused(endpoint, shown).sentence
 
 
 def reachable(endpoint: str) -> str:

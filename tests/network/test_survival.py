@@ -118,6 +118,24 @@ def test_two_of_one_name_are_told_apart(lab: Laboratory) -> None:
     assert "a session called Stack-of-10 runs already" in refused.output and "Traceback" not in refused.output
 
 
+def rename(viewer: Command) -> None:
+    """An edit that changes nothing, until it is accepted: one that was under way when the line broke is told again."""
+    since, tellings = len(viewer.lines), 0
+
+    def is_accepted() -> bool:
+        nonlocal tellings
+        said = [line for line in list(viewer.lines)[since:] if " state " not in line]
+        replies = [line for line in said if " reply rename " in line]
+        refused = [line for line in replies if "accepted" not in line]
+        assert len(refused) <= sum(" link 0" in line for line in said), said  # no other reason is one
+        if tellings == len(refused):
+            tellings += 1
+            viewer.tell("rename Ground Ground")
+        return len(replies) > len(refused)
+
+    wait_until(is_accepted, seconds=60)
+
+
 class Campaign:
     """A session over bad lines, whose processes are killed and whose lines are cut; and what proves that it went well."""
 
@@ -129,7 +147,7 @@ class Campaign:
         self.runs: list[Path] = []
         self.watchers: list[tuple[Command, int]] = []  # and how many of its lines were judged
         self.commands: dict[str, tuple[Machine, tuple[str, ...]]] = {
-            "recorder": (self.archive, ("record", "--connect", self.far)),
+            "recorder": (self.archive, ("record", "--connect", self.far, "--patience", "90")),
             "editor": (self.laptop, ("node", "editor", "--connect", self.near)),
         }
         self.running = {"simulation": self.simulate(), "viewer": self.watch()}
@@ -166,9 +184,7 @@ class Campaign:
         """The session goes on: states come, edits are taken, nobody has ended."""
         viewer = self.running["viewer"]
         wait_for_states(viewer)
-        since = len(viewer.lines)
-        viewer.tell("rename Ground Ground")
-        wait_until(lambda: any("reply rename accepted" in line for line in list(viewer.lines)[since:]), seconds=60)
+        rename(viewer)
         for kind, command in self.running.items():
             assert command.process.poll() is None, f"{kind} ended: {command.output[-2000:]}"
 

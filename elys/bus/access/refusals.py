@@ -15,7 +15,7 @@ import socket
 import ssl
 import tempfile
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from elys.bus.access.certificates import expiry
 from elys.bus.access.credentials import OWN_KEYS, Credentials
@@ -29,6 +29,15 @@ _ENDPOINT: Final = re.compile(r"(?P<protocol>[a-z0-9-]+)/(?P<host>\[[^\]]+\]|[^:
 _HOW: Final = "`elys keys show viewer` on the host's machine prints one: give it as --secret, --key or in ELYS_SECRET"
 
 
+class Refusal(NamedTuple):
+    """Why somebody was not let in. `is_sure` is False where nothing was answered: the host may have died, or the line been cut,
+    while it was asked, and knocking again may help.
+    """
+
+    sentence: str  # "" where nobody listens, or where nothing speaks against being let in
+    is_sure: bool = True
+
+
 def is_open(endpoint: str) -> bool:
     """Whether a host answers there that asks nobody who he is."""
     place = _place(endpoint)
@@ -40,21 +49,27 @@ def is_open(endpoint: str) -> bool:
         return False
 
 
-def why_refused(endpoint: str, credentials: Credentials | None) -> str:
-    """The sentence; "" where nobody listens, or where nothing speaks against being let in."""
+def why_refused(endpoint: str, credentials: Credentials | None) -> Refusal:
+    """Asks a host, with a conversation of its own."""
     place = _place(endpoint)
     if place is None:
-        return ""
+        return Refusal("")
     protocol, host, port = place
     try:
         if protocol == "tls":
             return _why_not_by_tls(endpoint, host, port, credentials)
         return _why_not_plainly(endpoint, _say_plainly(host, port), credentials)
     except OSError:
-        return ""  # nobody there: that is said elsewhere
+        return Refusal("")  # nobody there: that is said elsewhere
 
 
-def _why_not_plainly(endpoint: str, answer: bytes, credentials: Credentials | None) -> str:
+def _why_not_plainly(endpoint: str, answer: bytes, credentials: Credentials | None) -> Refusal:
+    if not answer:
+        return Refusal(_foreign(endpoint), is_sure=False)
+    return Refusal(_what_was_answered(endpoint, answer, credentials))
+
+
+def _what_was_answered(endpoint: str, answer: bytes, credentials: Credentials | None) -> str:
     if answer.startswith(_TLS_ALERT):
         return f"{endpoint} speaks TLS: connect with {endpoint.replace('tcp/', 'tls/', 1)} and --key FILE.elyskey"
     kind = _kind(answer)
@@ -69,10 +84,31 @@ def _why_not_plainly(endpoint: str, answer: bytes, credentials: Credentials | No
         )
     if kind == _INIT:
         return ""
-    return f"what listens at {endpoint} is no session of ELYS: check host and port"
+    return _foreign(endpoint)
 
 
-def _why_not_by_tls(endpoint: str, host: str, port: int, credentials: Credentials | None) -> str:
+def _why_not_by_tls(endpoint: str, host: str, port: int, credentials: Credentials | None) -> Refusal:
+    if (reason := _why_nothing_is_shown(endpoint, host, port, credentials)) or credentials is None:
+        return Refusal(reason)
+    try:
+        answer = _say_by_tls(host, port, credentials)
+    except ssl.SSLCertVerificationError as error:
+        return Refusal(_why_host_is_not_trusted(endpoint, host, credentials, error))
+    except (ssl.SSLError, TimeoutError, ConnectionResetError) as error:
+        with contextlib.suppress(OSError):
+            if _kind(_say_plainly(host, port)) in (_INIT, _CLOSE):
+                return Refusal(_no_tls(endpoint))
+        if isinstance(error, ssl.SSLError) and "ALERT" in (error.reason or ""):
+            return Refusal(_why_alerted(endpoint, credentials, error))
+        return Refusal(_foreign(endpoint), is_sure=_is_answer(error))
+    if _kind(answer) == _INIT:
+        return Refusal("")
+    said = f"the session at {endpoint} does not take the certificate of {credentials.user} (from {credentials.source})"
+    return Refusal(said, is_sure=bool(answer))
+
+
+def _why_nothing_is_shown(endpoint: str, host: str, port: int, credentials: Credentials | None) -> str:
+    """Why there is nothing that could be shown to a port that speaks TLS; "" where there is."""
     if credentials is None or not credentials.has_certificate:
         if _kind(_say_plainly(host, port)) in (_INIT, _CLOSE):
             return _no_tls(endpoint)
@@ -86,20 +122,17 @@ def _why_not_by_tls(endpoint: str, host: str, port: int, credentials: Credential
             f"the certificate of {credentials.user} in {credentials.source} expired on {until:%Y-%m-%d}: make another with "
             "`elys keys export` on the host's machine"
         )
-    try:
-        answer = _say_by_tls(host, port, credentials)
-    except ssl.SSLCertVerificationError as error:
-        return _why_host_is_not_trusted(endpoint, host, credentials, error)
-    except (ssl.SSLError, TimeoutError, ConnectionResetError) as error:
-        with contextlib.suppress(OSError):
-            if _kind(_say_plainly(host, port)) in (_INIT, _CLOSE):
-                return _no_tls(endpoint)
-        if isinstance(error, ssl.SSLError) and "ALERT" in (error.reason or ""):
-            return _why_alerted(endpoint, credentials, error)
-        return f"what listens at {endpoint} is no session of ELYS: check host and port"
-    if _kind(answer) == _INIT:
-        return ""
-    return f"the session at {endpoint} does not take the certificate of {credentials.user} (from {credentials.source})"
+    return ""
+
+
+def _is_answer(error: OSError) -> bool:
+    """Whether somebody spoke who speaks no TLS, and the conversation did not just end."""
+    ended = (TimeoutError, ConnectionResetError, ssl.SSLEOFError, ssl.SSLZeroReturnError)
+    return isinstance(error, ssl.SSLError) and not isinstance(error, ended)
+
+
+def _foreign(endpoint: str) -> str:
+    return f"what listens at {endpoint} is no session of ELYS: check host and port"
 
 
 def _no_tls(endpoint: str) -> str:

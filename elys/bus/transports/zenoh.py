@@ -163,8 +163,9 @@ class ZenohTransport:
             if credentials is not None and any(is_open(name) for name in names):
                 credentials = None  # a host that asks nobody does not let in who tells it
                 deadline = max(deadline, time.monotonic() + patience)
-            elif reason := next(filter(None, (why_refused(name, credentials) for name in names)), ""):
-                raise AccessError(reason)
+            elif reason := next((why for name in names if (why := why_refused(name, credentials)).sentence), None):
+                if reason.is_sure or deadline - time.monotonic() <= patience:
+                    raise AccessError(reason.sentence)
             elif left <= patience:
                 raise ConnectionLost(
                     f"nobody answers at {' or '.join(names)} within {timeout:g} s: is the session running? "

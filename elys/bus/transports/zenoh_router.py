@@ -12,8 +12,6 @@ A router that knows whom it lets in has two ends, so that it can tell those abov
 from __future__ import annotations
 
 import contextlib
-import shutil
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
@@ -24,6 +22,7 @@ from elys.bus.access.credentials import Credentials
 from elys.bus.access.host import HostAccess
 from elys.bus.access.limits import host_limits
 from elys.bus.access.router import INNER, lower_settings, upper_settings
+from elys.bus.transports.router_socket import RouterSocket
 from elys.bus.transports.transport import Closer, Link
 from elys.bus.transports.zenoh import ZenohTransport, _config
 from elys.bus.transports.zenoh_query import cause, links_of
@@ -34,7 +33,7 @@ class ZenohRouter(ZenohTransport):
     """A router's end; make it with `open`."""
 
     _upper: zenoh.Session | None = None  # what connects upward, if not this end itself
-    _directory = ""  # of the socket between the two
+    _socket: RouterSocket | None = None  # between the two
 
     def __init__(self, session: zenoh.Session, *, endpoint: str, user: str = "") -> None:
         super().__init__(session, endpoint=endpoint, hosts=True, user=user)
@@ -76,8 +75,8 @@ class ZenohRouter(ZenohTransport):
     ) -> ZenohRouter:
         speaks_tls = listen.startswith("tls/")
         above = upper_settings(upstream, credentials, speaks_tls=speaks_tls)
-        directory = tempfile.mkdtemp(prefix="elys-")  # of mode 0700
-        inner = f"{INNER}/{directory}/router"
+        between = RouterSocket()
+        inner = f"{INNER}/{between.endpoint_path}"
         try:
             with lower_settings(access, None if speaks_tls else credentials) as settings:
                 lower = _opened([listen, inner], (), settings)
@@ -87,10 +86,10 @@ class ZenohRouter(ZenohTransport):
                 lower.close()  # type: ignore[no-untyped-call]
                 raise
         except BaseException:
-            shutil.rmtree(directory, ignore_errors=True)
+            between.remove()
             raise
         router = cls(lower, endpoint=listen, user=credentials.user)
-        router._upper, router._directory = upper, directory
+        router._upper, router._socket = upper, between
         return router
 
     def identity(self) -> str:
@@ -132,7 +131,9 @@ class ZenohRouter(ZenohTransport):
         upper, self._upper = self._upper, None
         if upper is not None:
             upper.close()  # type: ignore[no-untyped-call]
-            shutil.rmtree(self._directory, ignore_errors=True)
+        between, self._socket = self._socket, None
+        if between is not None:
+            between.remove()
 
     def _ends(self) -> list[zenoh.Session]:
         return [self._lines.session] if self._upper is None else [self._lines.session, self._upper]

@@ -29,6 +29,11 @@ _ICONS: Final = {
     "CameraRig": icons.ICON_FA_VIDEO,
     "Character": icons.ICON_FA_PERSON_WALKING,
     "Animation": icons.ICON_FA_PERSON_RUNNING,
+    "InputMap": icons.ICON_FA_GAMEPAD,
+    "AnimationBlend": icons.ICON_FA_PERSON_RUNNING,
+    "AnimationLayer": icons.ICON_FA_LAYER_GROUP,
+    "AnimationMarkers": icons.ICON_FA_FLAG,
+    "RootMotion": icons.ICON_FA_SHOE_PRINTS,
     "Script": icons.ICON_FA_CODE,
 }
 _LIST_LINES: Final = 16  # of a list that is longer the rest is scrolled to

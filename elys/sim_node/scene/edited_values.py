@@ -21,7 +21,7 @@ MOVED: Final[dict[str, tuple[str, ...]]] = {  # by component the fields that ste
     "Transform": ("position", "rotation", "scale"),
     "RigidBody": ("linear_velocity", "angular_velocity"),
     "Joint": ("broken",),
-    "Animation": ("time",),
+    "Animation": ("time", "passes"),
     "Character": (
         *("velocity", "carried", "grounded", "ground_normal", "ground", "blocked", "stature", "air_time", "jump_time"),
         *("jump_held", "has_jumped", "yaw", "wish", "wish_run", "wish_jump", "wish_crouch", "mode"),

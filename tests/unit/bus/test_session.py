@@ -14,6 +14,7 @@ import elys
 from elys.bus import codec, topics
 from elys.bus.messages.scene import SceneDelta, Snapshot, SnapshotRequest
 from elys.bus.messages.session import EventBatch, Hello, LogLine, Welcome
+from elys.bus.mirror import SceneMirror
 from elys.bus.session import Node, Session
 from elys.bus.topics import Encoding
 from elys.bus.transports.loopback import LoopbackBroker
@@ -307,6 +308,41 @@ async def test_the_host_comes_back_as_another_run(pair: Pair) -> None:
         again.publish(topics.DELTA, SceneDelta(epoch=4, sequence=1, tick=0))
         await asyncio.sleep(0.01)
     await until(lambda: again.nodes_of("editor") == [joined.node] and joined.nodes_of("simulation") == [again.node])
+    await close(joined, again)
+
+
+async def test_what_is_asked_while_the_host_is_away_is_answered_when_it_is_back(pair: Pair) -> None:
+    """On a line that is just being replaced it would be asked of nobody, and end at once."""
+    host, joined = await pair.open()
+    asked: list[SnapshotRequest] = []
+
+    async def answer(request: SnapshotRequest, _: str) -> Snapshot:
+        asked.append(request)
+        mirror = SceneMirror()
+        mirror.scene = "Yard"
+        return mirror.to_snapshot()
+
+    host.serve(topics.SNAPSHOT, answer)
+    await joined.request(topics.SNAPSHOT, SnapshotRequest())
+    await until(lambda: joined.nodes_of("simulation") == [host.node])
+    asked.clear()
+    joined._link_changed(False)
+    with pytest.raises(ConnectionLost, match=r"nobody answered within 0\.05 s"):
+        await joined.request(topics.SNAPSHOT, SnapshotRequest(), timeout=0.05)
+    asking = asyncio.create_task(joined.request(topics.SNAPSHOT, SnapshotRequest(), timeout=30.0))
+    await asyncio.sleep(0)
+    assert not asked
+    joined._link_changed(True)
+    assert (await asking).scene == "Yard" and len(asked) == 1
+
+    await host.close()
+    await until(lambda: not joined.connected)
+    asking = asyncio.create_task(joined.request(topics.SNAPSHOT, SnapshotRequest(), timeout=30.0))
+    again = await Session.host(pair.listen(), name="yard", kind="simulation", epoch=4)
+    again.serve(topics.SNAPSHOT, answer)
+    with pytest.raises(ConnectionLost, match="the host was started anew meanwhile"):
+        await asking
+    assert len(asked) == 1 and (await joined.request(topics.SNAPSHOT, SnapshotRequest())).scene == "Yard"
     await close(joined, again)
 
 

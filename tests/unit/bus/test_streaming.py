@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import dataclasses
 
 import numpy as np
 import pytest
@@ -68,6 +69,32 @@ async def test_a_viewer_gets_states_by_a_stream_and_says_how_they_do(random_host
     assert report.stream == viewer.states.name and reports[-1].stream == report.stream
     tell_interest(viewer, StreamInterest(chosen=(1,)))
     await until(lambda: next(iter(server.viewers.values())).sender.interest.chosen == (1,))
+    serving.cancel()
+    for session in (viewer, beside, host):
+        await session.close()
+
+
+async def test_a_stream_says_what_is_past_and_what_is_of_a_fork(random_host):
+    """After a rewind, and a fork from there, who looks through a stream knows as much of each state as one beside the host."""
+    host, random, server, serving, beside, viewer = await opened(LoopbackBroker(), random_host)
+    frames = []
+    viewer.subscribe(topics.STATE, lambda frame, _: frames.append(frame))
+    await until(lambda: server.viewers)
+    told = {"is_told_again": False, "is_forked": False, "playing": True}
+    for instant, tick, said in (
+        (40, 40, told),
+        (10, 9, {**told, "is_told_again": True, "playing": False}),
+        (11, 9, {**told, "is_forked": True}),
+        ((1 << 28) - 2, 60, told),
+        (-1, 61, told),
+    ):
+        frame = dataclasses.replace(random._frame(), tick=tick, simulation_time=tick / 60, instant=instant, **said)
+        for _ in range(2):  # the second finds the bodies known, and tells what changed
+            host.publish(topics.STATE, frame)
+            count = len(frames)
+            await until(lambda count=count: len(frames) > count)
+        await until(lambda tick=tick, instant=instant: (frames[-1].tick, frames[-1].instant) == (tick, instant))
+        assert {name: getattr(frames[-1], name) for name in said} == said
     serving.cancel()
     for session in (viewer, beside, host):
         await session.close()

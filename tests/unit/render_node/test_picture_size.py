@@ -75,6 +75,21 @@ def test_a_single_late_picture_changes_nothing_and_small_windows_stay_windows() 
     assert FIRST_TRIAL > 10 * QUICK
 
 
+def test_pictures_that_do_not_come_become_smaller_and_larger_again_when_they_do() -> None:
+    size = PictureSize()
+    size.missed()
+    size.note(1.0, 0.02, PICTURE)
+    size.missed()
+    assert size.scale == 1.0  # one of them may be lost for any reason
+    for step in STEPS[1:]:
+        size.missed()
+        assert size.scale in (step, STEPS[STEPS.index(step) - 1])
+        size.missed()
+    assert (size.scale, size.bit_rate) == (STEPS[-1], LEAST_RATE)
+    size.missed()
+    assert watch(size, lambda _: 100e6, start=10.0, seconds=40.0)[-1] == 1.0
+
+
 def test_the_bit_rate_changes_seldom() -> None:
     size, rng, found = PictureSize(), np.random.default_rng(5), []
     for number in range(600):

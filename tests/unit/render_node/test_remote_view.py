@@ -127,6 +127,50 @@ def test_the_link_is_measured_by_what_large_pictures_take_longer_than_small_ones
 # --- with a render node --------------------------------------------------------------------------------------------
 
 
+def test_pictures_that_never_come_are_asked_for_smaller() -> None:
+    """A way so narrow that one picture fills it for longer than silence is waited for: it is lost with the line, each time."""
+
+    async def act() -> None:
+        broker = LoopbackBroker()
+        host = await Session.host(broker.listen(), name="yard", kind="simulation", epoch=1)
+        render = await Session.join(broker.connect(), kind="render")
+        client = await Session.join(broker.connect(), kind="tool")
+        asked: list[ViewRequest] = []
+        render.subscribe(topics.VIEW_REQUEST, lambda request, _: asked.append(request), key=render.node.id)
+
+        async def until_asked(count: int) -> None:
+            async with asyncio.timeout(PATIENCE):
+                while len(asked) < count:
+                    await asyncio.sleep(0.005)
+
+        async with asyncio.timeout(PATIENCE):
+            while not client.nodes_of("render"):
+                await asyncio.sleep(0.005)
+        view = RemoteView(client, adapts=True)
+        view.want(Wanted(camera=CAMERA, width=1280, height=720))
+        await until_asked(1)
+        key = topics.node_key(client.name, "render", render.node.id)
+        ways = [(view.scale, view.encoding)]
+        for count in range(2, 7):
+            client._node_changed(key, False)  # another line is taken: who is there is told anew
+            client._node_changed(key, True)
+            await until_asked(count)
+            ways.append((view.scale, view.encoding))
+        assert ways == [*[(1.0, "jpeg")] * 2, *[(0.75, "h264")] * 2, *[(0.5, "h264")] * 2]
+        assert asked[-1].bit_rate > 0.0 and asked[-1].keyframe
+        client._node_changed(key, False)
+        other = await Session.join(broker.connect(), kind="render")
+        async with asyncio.timeout(PATIENCE):
+            while view.renderer != other.node:
+                await asyncio.sleep(0.005)
+        assert view.scale == 0.5  # it was the render node that went, and not the way
+        await other.close()
+        for session in (client, render, host):
+            await session.close()
+
+    asyncio.run(act())
+
+
 class Play:
     """A host with a glowing box and a camera at its side, a render node, and a client."""
 

@@ -98,6 +98,19 @@ async def forks(stage: Stage) -> None:
     await stage.stands()  # and ends in the past
 
 
+async def forks_left_at_once(stage: Stage) -> None:
+    """In the tick in which a fork begins somebody goes elsewhere: where it began is told all the same."""
+    anna = await stage.person("Anna")
+    body = any_body(stage)
+    await anna.step(60)
+    await anna.together(Rewind(tick=30), move(body, 5.0), Rewind(tick=30), move(body, 6.0))
+    await anna.step(50)
+    await anna.together(Rewind(tick=40), move(body, 7.0), Rewind(tick=20))
+    await anna.step(50)
+    await anna.together(Rewind(tick=60), Resume(), Rewind(tick=50), SetPlaying(playing=False))
+    await anna.step(70)
+
+
 async def another_scene(stage: Stage) -> None:
     anna = await stage.person("Anna")
     await anna.step(30)
@@ -124,9 +137,9 @@ def record(folder: Path, story: Story, **options: Any) -> tuple[Path, Path]:
 
 
 @pytest.mark.parametrize("keep", [60.0, 0.0])
-@pytest.mark.parametrize("story", [edits_of_two, forks, another_scene])
+@pytest.mark.parametrize("story", [edits_of_two, forks, forks_left_at_once, another_scene])
 def test_sessions_come_out_equal(tmp_path: Path, story: Story, keep: float) -> None:
-    if story is forks and not keep:
+    if story in (forks, forks_left_at_once) and not keep:
         pytest.skip("without a flight recorder there is no going back")
     for path in record(tmp_path, story, keep=keep):
         verdict = verify(path)

@@ -304,7 +304,7 @@ CONVEX = np.dtype(
         ("first_face", "i4"),
         ("face_count", "i4"),
         # Of a triangle: bit k where something may hang over its edge from corner k to the next, bit 3 + k where one triangle lies
-        # beyond that edge. What else is known of its surroundings follows its corners in the points, see `geometry._surroundings`.
+        # beyond that edge. What else is known around it follows its corners in the points, see `geometry._surroundings`.
         ("active", "i4"),
     ],
     align=True,

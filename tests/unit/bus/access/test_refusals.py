@@ -10,10 +10,12 @@ import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from elys.bus import topics
+from elys.bus.access import refusals
 from elys.bus.access.certificates import Authority
 from elys.bus.access.credentials import Credentials
 from elys.bus.access.host import HostAccess, own_credentials, with_certificate
@@ -192,6 +194,55 @@ async def test_wrong_kinds_of_ports(keyring: Keyring, host: Callable[..., str]) 
 
     with pytest.raises(ConnectionLost, match="nobody answers at"):
         await join_session(f"tcp/127.0.0.1:{free_port()}", kind="tool", timeout=0.2, credentials=good)
+
+
+async def test_a_host_that_does_not_answer_yet_is_waited_for(
+    keyring: Keyring, host: Callable[..., str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It may have died while it was asked why it lets nobody in: a connection that ends without a word says nothing."""
+    endpoint = host(HostAccess.of(keyring))
+    asked = threading.Event()
+    why_refused = refusals.why_refused
+
+    def asking_why(*what: Any) -> refusals.Refusal:
+        reason = why_refused(*what)
+        assert "is no session of ELYS" in reason.sentence and not reason.is_sure
+        asked.set()
+        return reason
+
+    monkeypatch.setattr(refusals, "why_refused", asking_why)
+    with socket.create_server(("127.0.0.1", 0)) as door:
+        port = door.getsockname()[1]
+        threading.Thread(
+            target=hang_up_until, args=(door, asked, int(endpoint.rpartition(":")[2])), daemon=True
+        ).start()
+        session = await join_session(
+            f"tcp/127.0.0.1:{port}", kind="tool", timeout=30.0, credentials=of(keyring, "viewer")
+        )
+        assert asked.is_set() and session.permissions.role is Role.VIEWER
+        await session.close()
+
+
+def hang_up_until(door: socket.socket, ready: threading.Event, port: int) -> None:
+    """Ends each connection without a word; once `ready` is set passes them on to another port."""
+    with contextlib.suppress(OSError):
+        while True:
+            connection, _ = door.accept()
+            if not ready.is_set():
+                connection.recv(1000)
+                connection.close()
+                continue
+            inside = socket.create_connection(("127.0.0.1", port))
+            for source, target in ((connection, inside), (inside, connection)):
+                threading.Thread(target=pass_on, args=(source, target), daemon=True).start()
+
+
+def pass_on(source: socket.socket, target: socket.socket) -> None:
+    with contextlib.suppress(OSError):
+        while data := source.recv(1 << 16):
+            target.sendall(data)
+    with contextlib.suppress(OSError):
+        target.shutdown(socket.SHUT_WR)
 
 
 def answer_http(listening: socket.socket) -> None:

@@ -12,7 +12,11 @@ from zenoh.handlers import Callback
 from elys.bus import codec, topics
 from elys.bus.access.roles import GIVEN, Role
 from elys.bus.messages.commands import CommandReply, CommandRequest, KeepLast, LoadScene, SetPlaying
+from elys.bus.messages.streaming import StreamInterest
 from elys.bus.session import Session
+from elys.bus.streaming.sender import Sender
+from elys.bus.streaming.server import StreamServer
+from elys.bus.streaming.wire import WANTS_KEY, Ack, pack_ack
 from elys.bus.topics import NODE_KINDS, QUERIES, TOPICS, Encoding
 from tests.unit.bus.access.guarded import NAME, PATIENCE, Guarded, Raw, wait_until
 
@@ -76,6 +80,43 @@ def test_nobody_sends_input_as_another_user(guarded: Guarded) -> None:
         player.zenoh.put(f"elys/{NAME}/input/{node}", b"forged")
     player.zenoh.put(f"elys/{NAME}/input/tool-1.{player.user}", b"own")
     assert guarded.heard_of(player, guarded.heard) == [(f"elys/{NAME}/input/tool-1.{player.user}", b"own")]
+
+
+async def test_nobody_acknowledges_a_stream_for_another(guarded: Guarded) -> None:
+    """An ack says what its viewer has, and may have it told all anew: forged, it would starve another's stream or blind it."""
+    host = await Session.host(guarded.transport, name=NAME, kind="simulation", epoch=7)
+    server = StreamServer(host)
+    viewer, player = guarded.client(Role.VIEWER), guarded.client(Role.PLAYER)
+    theirs, own = f"0123-viewer-1.{viewer.user}", f"4567-viewer-2.{player.user}"
+
+    def say(client: Raw, stream: str, ack: Ack, chosen: int) -> None:
+        interest = codec.encode(StreamInterest(chosen=(chosen,)), Encoding.MSGPACK)
+        client.zenoh.put(f"elys/{NAME}/stream/ack/{stream}", codec.with_prefix(pack_ack(ack), Encoding.RAW))
+        client.zenoh.put(f"elys/{NAME}/stream/interest/{stream}", interest)
+
+    async def served(stream: str, chosen: int) -> Sender:
+        async with asyncio.timeout(PATIENCE):
+            while stream not in server.viewers or server.viewers[stream].sender.interest.chosen != (chosen,):
+                await asyncio.sleep(0.005)
+        return server.viewers[stream].sender
+
+    say(viewer, theirs, Ack(0, 0, 0, 0, 0, 0, 1), 1)
+    sender = await served(theirs, 1)
+    generation = sender.generation
+    lost = Ack(WANTS_KEY, generation, 1, 0, 0, 0, 0)  # nothing came, tell it anew, and there is no connection any more
+    for stream in (
+        theirs,
+        f"0123-viewer-1.{player.user}.{viewer.user}",
+        "0123-viewer-1",
+        f"0123-viewer-1.{player.user}x",
+    ):
+        say(player, stream, lost, 2)
+    say(player, own, Ack(0, 0, 0, 0, 0, 0, 1), 3)  # comes after all that
+    await served(own, 3)
+    assert set(server.viewers) == {theirs, own}
+    assert server.viewers[theirs].sender is sender and sender.interest.chosen == (1,)
+    assert (sender.generation, sender.restarts, sender._lanes.open) == (generation, 0, 1)
+    await host.close()
 
 
 @ROLES

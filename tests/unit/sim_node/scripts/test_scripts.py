@@ -8,6 +8,7 @@ from dataclasses import replace
 import msgspec
 import pytest
 
+from elys.bus.messages.commands import Input
 from elys.common.components import Collider, RigidBody, Script, Transform
 from elys.common.errors import ScriptError
 from elys.sim_node.scripts import runner
@@ -359,3 +360,33 @@ def test_a_class_that_a_script_imports_finds_those_that_run_as_it(play: Playgrou
     play.run(3)
     assert play.on(play.simulation.scripts.behaviours_of(Behaviour)[0].entity.id).opened == 6
     assert [one.own for one in play.simulation.scripts.behaviours_of(Behaviour)[1:]] == [5, 6]
+
+
+def test_scripts_read_actions_and_keep_what_they_read(play: Playground) -> None:
+    source = play.write(
+        "a.py",
+        """
+        class A(Behaviour):
+            def __init__(self): self.jumps = 0
+            def fixed_update(self, dt):
+                player = self.world.input(2)
+                self.jump, self.move = player.action("jump"), player.vector("move")
+                if self.jump.was_pressed:
+                    self.jumps += 1
+            async def start(self):
+                await until(lambda: self.world.input(2).action("use").is_down)
+                self.world.input(2).axis("fly")
+        """,
+    )
+    thing = play.spawn(source)
+    play.run()
+    play.simulation.inputs.take(Input(player=2, changes=(("space", True), ("d", True))))
+    play.run(3)
+    one = play.on(thing)
+    assert (one.jumps, one.jump.is_down, one.move.x) == (1, True, 1.0)
+    play.simulation.restore(State.from_bytes(play.simulation.capture().to_bytes()))
+    one = play.on(thing)
+    assert (one.jump.is_down, one.jump.was_pressed, tuple(one.move)) == (True, False, (1.0, 0.0))
+    play.simulation.inputs.take(Input(player=2, changes=(("e", True),)))
+    play.run(2)
+    assert "there is no axis 'fly': the scene declares none" in play.failure(thing)
