@@ -23,6 +23,8 @@ GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
         "AnimationMarkers",
         "RootMotion",
         "SoundSource",
+        "Character",
+        "CameraRig",
         "InputMap",
         "Script",
     ),

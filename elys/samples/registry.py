@@ -18,6 +18,7 @@ from elys.samples.empty import empty
 from elys.samples.hard_cases import HARD_CASES
 from elys.samples.pieces import check_pieces, pieces
 from elys.samples.pile import pile
+from elys.samples.playground import check_playground, playground
 from elys.samples.stack import check_stack, stack
 from elys.samples.yard import check_yard, yard
 
@@ -47,6 +48,12 @@ SAMPLES: Final[Mapping[str, Sample]] = {
         Sample(name="bridge", title="A cart drives over a hanging bridge", build=bridge, check_final=check_bridge),
         Sample(name="pile", title="A thousand cubes in a bin", build=pile),
         Sample(name="carillon", title="Bars that ring, under a board that shows which", build=carillon),
+        Sample(
+            name="playground",
+            title="A playground to walk, jump, climb and push in",
+            build=playground,
+            check_final=check_playground,
+        ),
         Sample(
             name="dance",
             title="People dance, and others walk around them",

@@ -3,7 +3,7 @@
 Numba notices when the file of a cached function changes, but not when a function which that one calls does. So the folder
 is named by a hash over ALL kernel sources of a package, Python and numba: a change anywhere in them is a new folder, and
 nothing stale can ever be loaded. A kernel may therefore only use what is written in a file counted here: `kernels.py` or
-`kernels/*.py` of its own package in the simulation's node, and `compilation*.py`.
+`kernels/*.py` of its own package in the simulation's node, or of one that `BUILT_ON` names for it, and `compilation*.py`.
 
 A wheel may ship such folders inside the package. They are only read; what they lack goes into the user's cache.
 """
@@ -23,6 +23,7 @@ import platformdirs
 from elys.sim_node.cpu_level import cpu_level
 
 CACHE_VARIABLE = "ELYS_KERNEL_CACHE"  # moves the cache elsewhere: a test, a read-only home
+BUILT_ON = {"character": ("physics",)}  # packages whose kernels call those of others
 _NODE = Path(__file__).parent
 SHIPPED_ROOT = _NODE.parent / "_kernels"  # in a wheel that carries compiled kernels
 
@@ -37,8 +38,9 @@ def kernel_packages() -> tuple[str, ...]:
 
 def source_files(package: str) -> tuple[Path, ...]:
     """Every file that the kernels of a package may be built from, in a fixed order."""
-    folder = _NODE / package
-    return tuple(sorted([*folder.glob("kernels.py"), *folder.glob("kernels/*.py"), *_NODE.glob("compilation*.py")]))
+    folders = [_NODE / name for name in (package, *BUILT_ON.get(package, ()))]
+    own = [path for folder in folders for pattern in ("kernels.py", "kernels/*.py") for path in folder.glob(pattern)]
+    return tuple(sorted([*own, *_NODE.glob("compilation*.py")]))
 
 
 @functools.cache

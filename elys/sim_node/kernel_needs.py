@@ -31,6 +31,15 @@ def needed_kernels(scene: OpenedScene, *, threads: int = 1) -> tuple[str, ...]:
     if is_jointed:
         needs += ["physics.prepare_joints", "physics.finish_joints", "physics.measure_joints"]
         needs.append("physics.solve_jointed_contacts")
+    characters, rigs = (any(True for _ in _all_of(entities, name)) for name in ("Character", "CameraRig"))
+    if characters and "physics.update_manifolds" not in needs:
+        needs.append("physics.update_manifolds")  # they are capsules
+    if characters:
+        needs += ["character.foresee_bodies", "character.move_characters"]
+    if characters or rigs:
+        needs += ["character.turn_views", "physics.build_query_tree", "physics.refit_query_tree"]
+    if rigs:
+        needs.append("physics.cast_shapes")
     if threads > 1:
         needs.append("physics.solve_shared_jointed_contacts" if is_jointed else "physics.solve_shared_contacts")
     return tuple(needs)

@@ -31,6 +31,9 @@ from elys.common.ids import Entity
 from elys.common.scene import OpenedScene, SceneSettings
 from elys.sim_node.animation.root_walks import Driven
 from elys.sim_node.capture import captured, restored
+from elys.sim_node.character.cameras import Cameras
+from elys.sim_node.character.movement import Characters
+from elys.sim_node.character.players import Players
 from elys.sim_node.ecs.changes import WorldChanges
 from elys.sim_node.ecs.schedule import System, run
 from elys.sim_node.ecs.text_sweep import EVERY, sweep_texts
@@ -88,7 +91,9 @@ class Simulation:
             self.run_scripts,
             self.follow_changes,
             self.play_animations,
+            self.move_characters,
             self.simulate_physics,
+            self.aim_cameras,
             self.propagate_transforms,
             self.update_scripts,
         )
@@ -97,6 +102,9 @@ class Simulation:
         self.inputs = Inputs(self.declared_input)
         self._bodies = RigidBodies(self.world, self.physics, self.assets)
         self._animations = Animations(self.world, self.assets)
+        self._characters = Characters(self.world, self.physics)
+        self._cameras = Cameras(self.world, self.physics)
+        self._players = Players(self.world, self.inputs)
         self.scripts = Scripts(self)
         self._changes: list[WorldChanges] = []
         self._events: list[Event] = []
@@ -144,6 +152,7 @@ class Simulation:
 
     def follow_changes(self, world: World) -> None:
         """Bodies and world transforms become what was changed by hand, by commands or by systems before this one."""
+        self._characters.complete()
         changes = world.drain_changes()
         if changes:
             self._changes.append(changes)
@@ -173,6 +182,13 @@ class Simulation:
         linear[:, 1] = np.where(driven.rises[present], linear[:, 1], falling)
         self.physics.set_velocities(entity, linear=linear, angular=driven.angular[present])
 
+    def move_characters(self, world: World) -> None:
+        """Where characters get to in this tick, if there are any: physics takes them there."""
+        if self._players.has_any:
+            self._players.steer()
+        if self._characters.is_needed:
+            self._characters.move(1.0 / self.settings.tick_rate)
+
     def simulate_physics(self, world: World) -> None:
         """Moves the bodies by one tick, and their poses and velocities into the components."""
         seconds: dict[str, float] = {}
@@ -182,6 +198,11 @@ class Simulation:
         self._report_problems()
         self._bodies.write_back()
         self._tell_what_broke(world)
+
+    def aim_cameras(self, world: World) -> None:
+        """Cameras that follow go to where they belong, if there are any."""
+        if self._cameras.is_needed:
+            self._cameras.aim(1.0 / self.settings.tick_rate)
 
     def propagate_transforms(self, world: World) -> None:
         """World transforms from local ones, parents before children, where anything moved."""
@@ -217,7 +238,7 @@ class Simulation:
         for problem in self._animations.take_problems():
             _log.error("%s", problem.text)
             self._events.append(Event(kind="animation", entity=problem.entity, values={"text": problem.text}))
-        for problem in (*self._bodies.take_problems(), *in_step):
+        for problem in (*self._bodies.take_problems(), *self._characters.take_problems(), *in_step):
             _log.error("%s", problem.text)
             values = {"text": problem.text, **({"cause": problem.cause} if problem.cause else {})}
             self._events.append(Event(kind="physics", entity=problem.entity, values=values))
@@ -254,8 +275,11 @@ class Simulation:
         return self._animations
 
     def animated(self) -> Animated:
-        """What clips move, as it is now."""
-        return self._animations.animated()
+        """What clips move, and the cameras that follow, as it is now."""
+        by_clips, cameras = self._animations.animated(), self._cameras.animated()
+        if cameras is None:
+            return by_clips
+        return Animated(*(np.concatenate(both) for both in zip(by_clips, cameras, strict=True)))
 
     def state_hash(self) -> int:
         """64 bits of where everything that moves by itself is: of the physics, and of what clips move if there is any."""

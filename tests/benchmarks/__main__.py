@@ -17,6 +17,7 @@ from pathlib import Path
 
 from tests.benchmarks import (
     access,
+    characters,
     editor,
     latency,
     models,
@@ -49,11 +50,13 @@ SUITES: dict[str, Callable[[], list[tuple[str, str]]]] = {
     "viewers": viewers.measure,
     "streams": streams.measure,
     "web": web_page.measure,
+    "characters": characters.measure,
 }
 PAGES = {
     "editor": "docs/editor.md",
     "streams": "docs/streaming.md",
     "web": "docs/web.md",
+    "characters": "docs/characters.md",
 }  # whose rows stand there and not in the README
 
 

@@ -15,6 +15,7 @@ _KINDS: Final = (
     ("Light", "Light"),
     ("Environment", "Environment"),
     ("Camera", "Camera"),
+    ("Character", "Character"),
     ("Animation", "Animation"),
     ("Joint", "Joint"),
     *((component, "Overlay") for component in OVERLAY_COMPONENTS),

@@ -21,6 +21,7 @@ from elys.common.components.builtin import (
     Skin,
     Transform,
 )
+from elys.common.components.character import CameraRig, Character
 from elys.common.components.curve import Curve
 from elys.common.components.declaration import (
     Component,
@@ -46,6 +47,8 @@ __all__ = [
     "AnimationLayer",
     "AnimationMarkers",
     "Camera",
+    "CameraRig",
+    "Character",
     "Collider",
     "Component",
     "ComponentDeclaration",

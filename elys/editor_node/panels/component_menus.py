@@ -26,6 +26,8 @@ _ICONS: Final = {
     "Light": icons.ICON_FA_LIGHTBULB,
     "Environment": icons.ICON_FA_CLOUD_SUN,
     "Camera": icons.ICON_FA_VIDEO,
+    "CameraRig": icons.ICON_FA_VIDEO,
+    "Character": icons.ICON_FA_PERSON_WALKING,
     "Animation": icons.ICON_FA_PERSON_RUNNING,
     "InputMap": icons.ICON_FA_GAMEPAD,
     "AnimationBlend": icons.ICON_FA_PERSON_RUNNING,

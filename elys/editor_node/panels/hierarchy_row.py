@@ -19,6 +19,7 @@ _ICONS: Final = {
     "Light": icons.ICON_FA_LIGHTBULB,
     "Environment": icons.ICON_FA_CLOUD_SUN,
     "Camera": icons.ICON_FA_VIDEO,
+    "Character": icons.ICON_FA_PERSON_WALKING,
     "Animation": icons.ICON_FA_PERSON_RUNNING,
     "Joint": icons.ICON_FA_LINK,
     "Overlay": icons.ICON_FA_FONT,

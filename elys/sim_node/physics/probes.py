@@ -64,6 +64,7 @@ def rays_of(
             f"{question} takes as many origins as directions, or one of either, not {len(start)} and {len(along)}"
         )
     start, along = (np.ascontiguousarray(a) for a in np.broadcast_arrays(start, along))
+    along = along + 0.0  # -0 becomes 0: its inverse is an infinity of the wrong sign
     return start, _units(question, along), limits_of(question, max_distance, len(start))
 
 

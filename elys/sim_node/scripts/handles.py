@@ -16,6 +16,7 @@ from elys.sim_node.scripts import clip_playing
 from elys.sim_node.scripts.easing import checked
 from elys.sim_node.scripts.tweening import goal_of
 from elys.sim_node.scripts.vector import Rotation, Vector
+from elys.sim_node.scripts.walking import Legs
 
 if TYPE_CHECKING:
     from elys.sim_node.scripts.behaviour import Behaviour
@@ -247,6 +248,11 @@ class EntityHandle:
     def script(self, behaviour: type[B]) -> B:
         """Its behaviour, if it is one of this class; LookupError if not."""
         return self._scripts.behaviour_of(self, behaviour)
+
+    @property
+    def legs(self) -> Legs:
+        """What its Character does and shall do; ComponentError if it has none."""
+        return Legs(self)
 
     def destroy(self) -> None:
         """Ends it and all below it, when this tick's scripts are through."""

@@ -340,3 +340,12 @@ def test_directions_of_any_length():
     world.add_bodies([1], position=[0, 0, 5])
     world.add_colliders([1])
     assert world.raycast([0, 0, 0], [[0, 0, 1e-300], [0, 0, 1e300], [1e-320, 0, 1]]).distance.tolist() == [4.5] * 3
+
+
+def test_a_zero_of_either_sign_leads_the_same_way():
+    world = PhysicsWorld()
+    world.add_bodies([1], position=[(0.0, 0.0, 3.0)])
+    world.add_colliders([1], size=(20.0, 6.0, 1.0))
+    for zero in (0.0, -0.0):
+        assert world.raycast((0.0, 0.0, 0.0), (zero, zero, 1.0), 4.0).distance == pytest.approx(2.5)
+        assert world.cast_sphere((0.0, 0.0, 0.0), (zero, zero, 1.0), 0.5, 4.0).distance == pytest.approx(2.0)

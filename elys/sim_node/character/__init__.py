@@ -1,0 +1,1 @@
+"""Characters: kinematic capsules that walk, and the cameras that follow them."""
