@@ -12,7 +12,7 @@ from elys.common.errors import ElysError
 # Verbs stand in --help in the order in which they are imported.
 # isort: off
 from elys.cli import sessions, network, scenes, recordings  # noqa: F401
-from elys.cli import pictures, experiments, topics, keys, nodes  # noqa: F401
+from elys.cli import pictures, experiments, game, topics, keys, nodes, input  # noqa: F401
 # isort: on
 
 UsageError: type[typer.BadParameter] = typer.BadParameter.__mro__[1]  # the parent of all of them, which typer hides

@@ -3,6 +3,7 @@
 from elys.common import components
 from elys.common.components import Quat, Vec3, about
 from elys.sim_node.scripts.behaviour import Behaviour
+from elys.sim_node.scripts.easing import eased
 from elys.sim_node.scripts.handles import EntityHandle as Entity
 from elys.sim_node.scripts.handles import Hit, Touch
 from elys.sim_node.scripts.vector import Rotation, Vector
@@ -20,6 +21,7 @@ __all__ = [
     "about",
     "all_of",
     "components",
+    "eased",
     "event",
     "first_of",
     "seconds",

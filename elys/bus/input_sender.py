@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Final
+from collections.abc import Mapping
+from typing import Any, Final
 
 from elys.bus import topics
 from elys.bus.messages.commands import Input
@@ -20,7 +21,8 @@ class InputSender:
 
     def __init__(self, session: Session, *, player: int = 1) -> None:
         self._session = session
-        self._player = player
+        self.player = player
+        self._bindings: dict[str, str] | None = None  # that wait to be sent
         self._held: set[str] = set()
         self.sequence = 0  # of the last message
         self._lets_go = False
@@ -60,6 +62,10 @@ class InputSender:
         """A text was typed."""
         self._text = (self._text + text)[:MOST_TEXT]
 
+    def bind(self, bindings: Mapping[str, str]) -> None:
+        """The player has bound names to controls of his own, see `input_controls`: these, and no others."""
+        self._bindings = dict(bindings)
+
     def let_go_of_all(self) -> None:
         """Nobody plays here any more: what waits is dropped, and all that is held is let go."""
         self._lets_go = True
@@ -72,22 +78,27 @@ class InputSender:
 
         The player saw a simulation time [s] when the host's clock said `host_time` [s since 1970], see `host_clock`.
         """
+        stamps: dict[str, Any] = {"player": self.player, "seen_time": seen_time, "done_at": host_time or 0.0}
+        bindings, self._bindings = self._bindings, None
+        if bindings is not None:  # alone: they may be refused, and what was let go must not be with them
+            self._publish(Input(sequence=self.sequence + 1, bindings=bindings, **stamps))
         changes = tuple(self._changes.popleft() for _ in range(min(len(self._changes), MOST_CHANGES)))
         moved = {name: distance for name, distance in self._moved.items() if distance}
         if not (self._lets_go or changes or moved or self._axes or self._text):
-            return False
-        self.sequence += 1
+            return bindings is not None
         message = Input(
-            sequence=self.sequence,
-            seen_time=seen_time,
-            done_at=host_time or 0.0,
-            player=self._player,
+            sequence=self.sequence + 1,
             lets_go=self._lets_go,
             changes=changes,
             moved=moved,
             axes=self._axes,
             text=self._text,
+            **stamps,
         )
         self._lets_go, self._moved, self._axes, self._text = False, {}, {}, ""
-        self._session.publish(topics.INPUT, message, key=self._session.node.id)
+        self._publish(message)
         return True
+
+    def _publish(self, message: Input) -> None:
+        self.sequence = message.sequence
+        self._session.publish(topics.INPUT, message, key=self._session.node.id)

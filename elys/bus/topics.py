@@ -22,6 +22,7 @@ from elys.bus.messages import (
     physics,
     plan,
     scene,
+    scripts,
     session,
     state_frame,
     streaming,
@@ -319,6 +320,14 @@ PREFAB: Final = Query(
     asker=Role.VIEWER,
     answerer=Role.HOST,
 )
+SCRIPT_FORM: Final = Query(
+    name="script_form",
+    request=scripts.ScriptFormRequest,
+    reply=scripts.ScriptForm,
+    text="the fields that a script of the scene declares, with their types, units and ranges",
+    asker=Role.VIEWER,
+    answerer=Role.HOST,
+)
 MARKERS: Final = Query(
     name="markers",
     request=timeline.MarkersRequest,
@@ -449,6 +458,7 @@ QUERIES: Final[tuple[Query[Any, Any], ...]] = (
     SNAPSHOT,
     EXACT,
     PREFAB,
+    SCRIPT_FORM,
     COMMAND,
     HISTORY,
     MARKERS,

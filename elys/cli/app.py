@@ -19,10 +19,12 @@ app = typer.Typer(
 )
 topic_app = typer.Typer(help="Look at what is said on the bus.", no_args_is_help=True)
 keys_app = typer.Typer(help="Who may come into your sessions from elsewhere: secrets and certificates.")
+input_app = typer.Typer(help="What players can do in a scene, and with which keys and sticks.", no_args_is_help=True)
 cases_app = typer.Typer(help="The hard cases: what they are, and how wrong ELYS is in them.", no_args_is_help=True)
 node_app = typer.Typer(help="Single nodes, as launch files start them.", no_args_is_help=True)
 app.add_typer(topic_app, name="topic")
 app.add_typer(keys_app, name="keys")
+app.add_typer(input_app, name="input")
 app.add_typer(cases_app, name="cases")
 app.add_typer(node_app, name="node", hidden=True)
 

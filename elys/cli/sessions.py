@@ -132,6 +132,13 @@ def view(
     ghost_now: Annotated[
         bool, typer.Option("--ghost-now", help="let ghosts begin now, and not at the same simulation time")
     ] = False,
+    player: Annotated[
+        int, typer.Option(help="number as which the person at this window plays (key P)", min=1, max=16)
+    ] = 1,
+    bindings: Annotated[
+        Optional[Path],  # noqa: UP045
+        typer.Option(help="file of bindings (elys input); default: the user's own"),
+    ] = None,
     frames: Frames = 0,
 ) -> None:
     """Watch a running session or a replay in a window."""
@@ -148,6 +155,8 @@ def view(
         full_frames=full_frames,
         ghosts=ghost,
         ghosts_start_now=ghost_now,
+        player=player,
+        bindings=bindings,
     )
 
 

@@ -8,6 +8,7 @@
     │   └── HierarchyError    a parent would become its own descendant
     ├── StateError            the state of a simulation is not one, or not one that it can go back to
     ├── PhysicsError          a body, collider or setting that physics cannot work with: the entity, what, what to do
+    ├── InputError            a control is none, or a file of bindings cannot be read: which word or line, what may stand there
     ├── ScriptError           a script cannot be read, or says what cannot be run: file, line, what to write instead
     ├── BusError
     │   ├── MessageError      a payload that is not what its topic promises
@@ -56,6 +57,10 @@ class StateError(ElysError):
 
 class PhysicsError(ElysError):
     """Physics cannot work with a value."""
+
+
+class InputError(ElysError):
+    """What is written of keys, sticks and motions means nothing."""
 
 
 class ScriptError(ElysError):

@@ -26,10 +26,11 @@ from elys.common.scene_document import (
     SceneDocument,
     SceneSettings,
 )
-from elys.common.scene_expansion import expand
+from elys.common.scene_expansion import expand, read_prefab, read_script_file
+from elys.common.scene_files import PREFAB_SUFFIX
 from elys.common.scene_framing import camera_components, framing_camera, scene_bounds, sun_components
 from elys.common.scene_picture import PictureSettings
-from elys.common.scene_reading import PREFAB_SUFFIX, SCENE_SUFFIX, parse_scene, read_scene
+from elys.common.scene_reading import SCENE_SUFFIX, parse_scene, read_scene
 from elys.common.scene_writing import format_scene, write_scene
 
 __all__ = [
@@ -52,7 +53,9 @@ __all__ = [
     "framing_camera",
     "open_scene",
     "parse_scene",
+    "read_prefab",
     "read_scene",
+    "read_script_file",
     "scene_bounds",
     "sun_components",
     "write_scene",

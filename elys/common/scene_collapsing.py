@@ -20,7 +20,8 @@ from elys.common.scene_document import (
     SceneDocument,
     SceneSettings,
 )
-from elys.common.scene_expansion import expand, relative_name
+from elys.common.scene_expansion import expand
+from elys.common.scene_files import relative_name
 from elys.common.scene_naming import Names
 from elys.common.scene_reading import MAX_DEPTH
 
@@ -202,6 +203,9 @@ def _differences(was: ComponentValues, now: ComponentValues) -> ComponentChanges
         if name in now:
             old, new = _full_values(name, was.get(name, {})), _full_values(name, now[name])
             changed = {field: value for field, value in new.items() if value != old[field]}
+            for field in declaration_of(name).fields:
+                if field.kind is Kind.VALUES and field.name in changed:
+                    changed[field.name] = _named_differences(old[field.name], new[field.name])
             if changed or name not in was:
                 changes[name] = changed
         elif name in was:
@@ -209,6 +213,12 @@ def _differences(was: ComponentValues, now: ComponentValues) -> ComponentChanges
     for name in now:
         declaration_of(name)  # an unknown component must not get lost without a word
     return changes
+
+
+def _named_differences(was: dict[str, Any], now: dict[str, Any]) -> dict[str, Any]:
+    """Named values are laid over one by one; None takes one away."""
+    taken = dict.fromkeys(name for name in was if name not in now)
+    return taken | {name: value for name, value in now.items() if name not in was or was[name] != value}
 
 
 def _full_values(name: str, values: dict[str, Any]) -> dict[str, Any]:
@@ -232,14 +242,17 @@ def _in_files(job: _Collapse, record: EntityRecord, changes: ComponentChanges) -
     return {
         component: None
         if values is None
-        else {
-            field: _source(job, record, f"{component}.{field}", value)
-            if isinstance(value, str) and is_reference(split_texture(value)[0])
-            else value
-            for field, value in values.items()
-        }
+        else {field: _in_file(job, record, f"{component}.{field}", value) for field, value in values.items()}
         for component, values in changes.items()
     }
+
+
+def _in_file(job: _Collapse, record: EntityRecord, place: str, value: Any) -> Any:
+    if isinstance(value, dict) and place == "Script.values":
+        return {key: _in_file(job, record, f"{place}.{key}", item) for key, item in value.items()}
+    if isinstance(value, str) and is_reference(split_texture(value)[0]):
+        return _source(job, record, place, value)
+    return value
 
 
 def _source(job: _Collapse, record: EntityRecord, place: str, text: str) -> str:

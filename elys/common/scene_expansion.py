@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import difflib
 import logging
-import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final, NoReturn
+from typing import Any, Final, NoReturn
 
 from elys.common.assets.gltf import MODEL_SUFFIXES, ImportedModel, import_model
 from elys.common.assets.heights import HEIGHT_SUFFIXES, read_height_mesh, read_heights
 from elys.common.assets.images import IMAGE_SUFFIXES, read_image
+from elys.common.assets.model_parts import part_of_model
+from elys.common.assets.prefabs import put_prefab
 from elys.common.assets.primitives import PRIMITIVES, is_primitive
-from elys.common.assets.scripts import read_script
+from elys.common.assets.scripts import SELF, read_script
 from elys.common.assets.store import AssetKind, AssetStore, is_reference
 from elys.common.assets.texture import parse_texture, split_texture
-from elys.common.components import Kind, declaration_of
+from elys.common.components import Kind, declaration_of, laid_over
 from elys.common.errors import AssetError, SceneError
 from elys.common.scene_document import ComponentChanges, ComponentValues, EntityNode, EntityRecord, SceneDocument
+from elys.common.scene_files import is_prefab_name, path_of
 from elys.common.scene_naming import Names
 from elys.common.scene_reading import read_scene
 
@@ -31,6 +33,7 @@ _KINDS: Final[Mapping[str, AssetKind]] = {
     "skin": "skin",
     "source": "script",
 }
+_Scripts = tuple[tuple[Path, str], ...]  # files and behaviours
 _HEIGHT_READERS: Final[Mapping[AssetKind, Callable[[Path, AssetStore], str]]] = {
     "heights": read_heights,
     "mesh": read_height_mesh,
@@ -63,6 +66,33 @@ def expand(document: SceneDocument, *, directory: str | Path, assets: AssetStore
         )
         for d in job.drafts
     ]
+
+
+def read_prefab(path: Path, assets: AssetStore, *, reading: _Scripts = ()) -> list[EntityRecord]:
+    """What stands in a prefab, its root first, with nothing in it that tells where the file lies.
+
+    A script that names the prefab carries it along; `reading` are those that are just being read, innermost last. Where the
+    prefab has the innermost itself, its source is SELF: whoever spawns it knows which that is.
+
+    Raises:
+        SceneError: it cannot be read, is no prefab, or what it names is missing.
+    """
+    job = _Expansion(directory=path.parent, assets=assets, reading=reading)
+    _append_prefab(job, path.name, -1, _Place(path.parent, path.name, ()))
+    return [
+        EntityRecord(name=d.name, parent=d.parent, enabled=d.enabled, components=d.components, references=d.references)
+        for d in job.drafts
+    ]
+
+
+def read_script_file(path: Path, behaviour: str, assets: AssetStore, *, reading: _Scripts = ()) -> str:
+    """Puts a script with the files it imports and the prefabs it names into the store and returns its reference.
+
+    Raises:
+        AssetError: the file is missing, is no UTF-8 text, or draws in too much.
+    """
+    within = (*reading, (path, behaviour))
+    return read_script(path, behaviour, assets, read_prefab=lambda prefab: read_prefab(prefab, assets, reading=within))
 
 
 @dataclass(slots=True, kw_only=True)
@@ -99,6 +129,7 @@ class _Expansion:
     models: dict[Path, ImportedModel] = field(default_factory=dict)
     files: dict[tuple[str, Path], str] = field(default_factory=dict)  # what was read, and as what
     references: list[_Reference] = field(default_factory=list)  # still to be looked up
+    reading: _Scripts = ()  # those that carry what is expanded
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,7 +227,7 @@ def _lay_over(job: _Expansion, row: int, changes: ComponentChanges, place: _Plac
             draft.components.pop(name, None)
             continue
         plain = {key: value for key, value in values.items() if key not in named}
-        draft.components[name] = {**draft.components.get(name, {}), **plain}
+        draft.components[name] = laid_over(name, draft.components.get(name, {}), plain)
         job.references += [
             _Reference(row, name, key, text, place.at(f"{name}.{key}"))
             for key, text in values.items()
@@ -246,12 +277,37 @@ def _resolved(job: _Expansion, changes: ComponentChanges, place: _Place) -> Comp
         if values is None:
             resolved[name] = None
             continue
+        here = place.at(name)
         fields = {f.name for f in declaration_of(name).fields if f.kind is Kind.ASSET}
         resolved[name] = {
-            key: _asset(job, value, key, place.at(f"{name}.{key}")) if key in fields and value else value
+            key: _asset(job, value, key, here.at(key))
+            if key in fields and value
+            else _with_prefabs(job, value, here.at(key))
+            if (name, key) == ("Script", "values") and isinstance(value, dict)
+            else value
             for key, value in values.items()
         }
     return resolved
+
+
+def _with_prefabs(job: _Expansion, values: dict[str, Any], place: _Place) -> dict[str, Any]:
+    """What a script's fields say, with the content of prefabs that they name."""
+    return {
+        key: _carried_prefab(job, value, place.at(key)) if is_prefab_name(value) else value
+        for key, value in values.items()
+    }
+
+
+def _carried_prefab(job: _Expansion, name: str, place: _Place) -> str:
+    """The content of a prefab that a script's field names."""
+    path = _path(place.directory, name, place)
+    if ("prefab", path) not in job.files:
+        try:
+            records = read_prefab(path, job.assets, reading=job.reading)
+        except SceneError as error:
+            _fail(place, str(error), error)
+        job.files["prefab", path] = put_prefab(records, job.assets, source=str(path))
+    return job.files["prefab", path]
 
 
 def _asset(job: _Expansion, value: str, field_name: str, place: _Place) -> str:
@@ -281,8 +337,12 @@ def _script(job: _Expansion, value: str, place: _Place) -> str:
     """The content of a script with what it imports; the name itself where there is none, and whoever runs it says so."""
     name, _, behaviour = value.partition("#")
     path = _path(place.directory, name, place)
+    if job.reading and (path, behaviour) == job.reading[-1]:
+        return SELF
+    if (path, behaviour) in job.reading:
+        _fail(place, f"{path.name} carries a prefab that carries it again; only a script's own prefab may have it")
     try:
-        return read_script(path, behaviour, job.assets)
+        return read_script_file(path, behaviour, job.assets, reading=job.reading)
     except AssetError as error:
         _log.warning("%s", error)
         return value
@@ -300,7 +360,10 @@ def _file_asset(job: _Expansion, value: str, field_name: str, place: _Place) -> 
     suffix = Path(name).suffix.lower()
     if suffix in MODEL_SUFFIXES:
         model = _model(job, _path(place.directory, name, place), place)
-        return _part_of_model(model, Path(name).name, fragment, place)
+        try:
+            return part_of_model(model, Path(name).name, fragment)
+        except AssetError as error:
+            _fail(place, str(error), error)
     expected = expected_kind(field_name)
     if expected is not None and expected in _HEIGHT_READERS and suffix in HEIGHT_SUFFIXES:
         return _read_once(job, expected, _HEIGHT_READERS[expected], _path(place.directory, name, place), place)
@@ -324,33 +387,10 @@ def _read_once(
     return job.files[kind, path]
 
 
-def _part_of_model(model: ImportedModel, name: str, fragment: str, place: _Place) -> str:
-    parts = {f"{mesh}/{primitive}": reference for (mesh, primitive), reference in model.meshes.items()}
-    if not fragment and len(parts) == 1:
-        return next(iter(parts.values()))
-    parts |= {f"image/{index}": reference for index, reference in model.images.items()}
-    parts |= {f"skin/{index}": reference for index, reference in model.skins.items()}
-    if model.clips:
-        parts["clips"] = model.clips
-    if fragment not in parts:
-        some = ", ".join(f"{name}#{part}" for part in list(parts)[:4])
-        _fail(
-            place,
-            f"{name} has no part '{fragment}'; it has {some or 'nothing to draw'}{', ...' if len(parts) > 4 else ''}",
-        )
-    return parts[fragment]
-
-
 def _path(directory: Path, name: str, place: _Place) -> Path:
     if "\0" in name:
         _fail(place, f"{name!r} is not a path")
-    # normpath, not resolve: a prefab reached by a link is looked for beside the link.
-    return Path(os.path.normpath(directory / name))
-
-
-def relative_name(path: Path, directory: Path) -> str:
-    """A file as scene files in `directory` name it."""
-    return Path(os.path.relpath(os.path.normpath(path), directory)).as_posix()
+    return path_of(name, directory)
 
 
 def _fail(place: _Place, problem: str, cause: Exception | None = None) -> NoReturn:

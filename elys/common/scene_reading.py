@@ -20,9 +20,9 @@ from elys.common.scene_document import (
     SceneDocument,
     SceneSettings,
 )
+from elys.common.scene_files import PREFAB_SUFFIX
 
 SCENE_SUFFIX: Final = ".scene.json"
-PREFAB_SUFFIX: Final = ".prefab.json"
 MAX_FILE_SIZE: Final = 1 << 28  # [B]
 MAX_DEPTH: Final = 128  # entities inside entities in one file
 
@@ -200,6 +200,8 @@ def check_fields(component: str, values: Mapping[str, Any], where: str) -> None:
         if field.kind is Kind.ENTITY:
             _entity_name(value, f"{where}.{name}")
             continue
+        if field.kind is Kind.VALUES and isinstance(value, dict):  # null takes away what a prefab says
+            value = {key: item for key, item in value.items() if item is not None}
         try:
             checked = check_value(declaration, field, value)
         except ComponentError as error:

@@ -14,7 +14,15 @@ GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
     "Physics": ("RigidBody", "Collider", "Joint"),
     "Picture": ("MeshRenderer", "Material", "Skin", "Morph"),
     "Light and view": ("Light", "Environment", "Camera"),
-    "Behaviour": ("Animation", "Script"),
+    "Behaviour": (
+        "Animation",
+        "AnimationBlend",
+        "AnimationLayer",
+        "AnimationMarkers",
+        "RootMotion",
+        "InputMap",
+        "Script",
+    ),
 }
 OTHERS: Final = "Others"  # the group of what a project declares itself
 

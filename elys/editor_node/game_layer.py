@@ -1,4 +1,4 @@
-"""The layer above all others while a person plays: keys and mouse go to the running game, until they are taken back.
+"""The layer above all others while a person plays: keys, mouse and gamepads go to the running game, until they are taken back.
 
 A viewport is played in. The pointer is held, so that it can turn without end; what it does, and every key but the one that gives
 them back, reaches the simulation as the player's, and nothing in the editor hears of it.
@@ -6,10 +6,15 @@ them back, reaches the simulation as the player's, and nothing in the editor hea
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import asyncio
+from collections.abc import Callable, Mapping
 from typing import Final
 
-from elys.bus.input_sender import InputSender
+from elys.bus.gamepads import PadState
+from elys.bus.host_clock import HostClock
+from elys.bus.local_players import LocalPlayers
+from elys.common.errors import InputError
+from elys.common.input_bindings import load_bindings
 from elys.common.input_names import KEY_NAMES, MOUSE_NAMES
 from elys.editor_node.events import (
     CharacterTyped,
@@ -25,14 +30,16 @@ from elys.editor_node.events import (
 from elys.editor_node.key_bindings import Chord, KeyBindings
 from elys.editor_node.model import EditorModel
 from elys.editor_node.panels.viewport import ViewportPanel
+from elys.editor_node.sentences import tr_sentence
 from elys.editor_node.viewports import Viewports
 
 LEAVE: Final = "game.leave"  # the action whose keys take keys and mouse back
 LEAVE_KEYS: Final = ("Escape",)
+FRAME_TIME: Final = 1.0 / 60.0  # [s] between two looks at gamepads, which tell nothing by themselves
 
 
 class GameLayer:
-    """Plays in one viewport, or in none."""
+    """Plays in one viewport, or in none. `pads` tells how gamepads stand; `keeps_bindings`: the user's own ones count."""
 
     def __init__(
         self,
@@ -41,12 +48,20 @@ class GameLayer:
         keys: KeyBindings,
         *,
         hold_pointer: Callable[[bool], None] = lambda is_held: None,
+        pads: Callable[[], Mapping[int, PadState]] = dict,
+        keeps_bindings: bool = False,
     ) -> None:
         self._model = model
         self._viewports = viewports
         self._keys = keys
         self._hold_pointer = hold_pointer
-        self.sender = InputSender(model.session)
+        self._pads = pads
+        self._keeps_bindings = keeps_bindings
+        self._players = LocalPlayers(model.session, bindings=self._bindings)
+        self.sender = self._players.main
+        self._host_clock = HostClock(model.session)
+        self._clock_pings: asyncio.Task[None] | None = None  # while somebody plays
+        self._refusal = ""  # that was told
         self.panel: ViewportPanel | None = None  # that is played in
         self._pointer: tuple[float, float] | None = None  # None: wherever it comes to be next
 
@@ -70,6 +85,8 @@ class GameLayer:
         self.panel.is_played = True
         self._pointer = None
         self._hold_pointer(True)
+        self._players.start(self._pads())
+        self._clock_pings = self._model.session.start(self._host_clock.run())
         if not self._model.is_playing:
             self._model.toggle_playing()
         self._model.request_redraw(0.0)
@@ -81,8 +98,10 @@ class GameLayer:
             return
         panel.is_played = False
         self._hold_pointer(False)
-        self.sender.let_go_of_all()
-        self.sender.send()
+        self._players.stop()
+        self._send(panel)
+        if self._clock_pings is not None:
+            self._clock_pings.cancel()
         self._model.request_redraw(0.0)
 
     def on_event(self, event: Event) -> bool:
@@ -127,7 +146,30 @@ class GameLayer:
         if not self.is_possible or self.panel not in self._viewports or not self.panel.is_seen:
             self.leave()
         else:
-            self.sender.send()
+            self._players.update(self._pads())
+            self._send(self.panel)
+            self._tell_refusal()
+            self._model.request_redraw(FRAME_TIME)
+
+    def _send(self, panel: ViewportPanel) -> None:
+        """What was done goes out with what the player saw when he did it."""
+        shown = panel.stream.shown
+        seen_time = shown.simulation_time if shown is not None else -1.0
+        self._players.send(seen_time=seen_time, host_time=self._host_clock.host_time())
+
+    def _tell_refusal(self) -> None:
+        refusal = self._players.refusal
+        if refusal != self._refusal:
+            self._refusal = refusal
+            if refusal:
+                self._model.say("warning", tr_sentence(refusal))
+
+    def _bindings(self, player: int) -> Mapping[str, str]:
+        try:
+            return load_bindings().of(player) if self._keeps_bindings else {}
+        except InputError as error:
+            self._model.say("error", tr_sentence(str(error)))
+            return {}
 
     def _takes_back(self, event: KeyPressed) -> bool:
         chord = Chord.of(event)

@@ -42,6 +42,7 @@ from elys.editor_node.prefab_values import PrefabValues
 from elys.editor_node.recovery import Recovery
 from elys.editor_node.scene_documents import SceneDocuments
 from elys.editor_node.scene_mirror import EditorScene
+from elys.editor_node.script_forms import ScriptForms
 from elys.editor_node.selection import Selection
 from elys.editor_node.sentences import tr_sentence
 from elys.editor_node.set_values import SetValues
@@ -82,6 +83,7 @@ class EditorModel:
         self.scene = EditorScene(session, on_change=self._scene_changed, on_state=self._state_arrived)
         self.set_values = SetValues(self.scene.mirror)
         self.prefabs = PrefabValues(self.scene, session, on_change=lambda: self.request_redraw(0.0), clock=clock)
+        self.script_forms = ScriptForms(session, on_change=lambda: self.request_redraw(0.0), clock=clock)
         self.history = History(
             self._ask,
             self._ask_for_history,

@@ -153,7 +153,14 @@ class Editor:
         self.application.on_close = lambda: self.workspace.save_dialog.may_close(self.ui)
         self.navigation = ViewportLayer(self.model, self.viewports, hold_pointer=self.window.hold_pointer)
         self.navigation.grabs = lambda: self.ui.tools.tool == "grab"
-        self.game = GameLayer(self.model, self.viewports, self.ui.keys, hold_pointer=self.window.hold_pointer)
+        self.game = GameLayer(
+            self.model,
+            self.viewports,
+            self.ui.keys,
+            hold_pointer=self.window.hold_pointer,
+            pads=self.window.pads,
+            keeps_bindings=self._directory is not None,
+        )
         add_actions(actions, self.ui, self.workspace, self.navigation, self.camera_views, self.game)
         self.application.push_layer(ShortcutLayer(actions, self.ui.keys))
         self.application.push_layer(TypeAheadLayer(self.model.walk, self.workspace.hierarchy, self.ui.keys))

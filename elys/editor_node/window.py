@@ -12,6 +12,7 @@ import imgui_bundle  # noqa: F401  its libglfw must be the one that is loaded, s
 
 import glfw  # isort: skip
 
+from elys.bus.gamepads import PadState, pads_of
 from elys.common.errors import DisplayError
 from elys.editor_node.events import (
     CharacterTyped,
@@ -118,6 +119,10 @@ class Window:
     def write(self, text: str) -> None:
         """Puts a text on the system's clipboard."""
         glfw.set_clipboard_string(self._window, text)
+
+    def pads(self) -> dict[int, PadState]:
+        """How the gamepads of this machine stand."""
+        return pads_of(glfw)
 
     def set_title(self, title: str) -> None:
         """What the frame around it says."""

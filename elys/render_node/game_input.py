@@ -1,17 +1,18 @@
-"""Playing in a viewer's window: keys and mouse go to the running game, until Escape gives them back."""
+"""Playing in a viewer's window: keys, mouse and gamepads go to the running game, until Escape gives them back."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from elys.bus.input_echo import InputEcho
-from elys.bus.input_sender import InputSender
+from elys.bus.local_players import LocalPlayers
 from elys.bus.session import Session
 from elys.render_node.play_control import PlayControl
 from elys.render_node.window import Window
 
-NOTE: Final = "keys and mouse play the game - Escape gives them back"
+NOTE: Final = "keys, mouse and gamepads play the game - Escape gives them back"
 
 
 class Seen(NamedTuple):
@@ -19,6 +20,14 @@ class Seen(NamedTuple):
 
     tick: int = -1
     time: float = -1.0  # [s] of simulation; below 0: nothing yet
+
+
+@dataclass(frozen=True, slots=True)
+class Seating:
+    """As whom the person at a window plays, and what players there have bound to which controls."""
+
+    player: int = 1
+    bindings: Callable[[int], Mapping[str, str]] = lambda player: {}
 
 
 class GameInput:
@@ -32,12 +41,13 @@ class GameInput:
         *,
         seen: Callable[[], Seen] = Seen,
         host_time: Callable[[], float | None] = lambda: None,
+        seating: Seating = Seating(),
     ) -> None:
         self._seen, self._host_time = seen, host_time
         self._echo = InputEcho(session)
         self._window = window
         self._play = play
-        self._sender = InputSender(session)
+        self._players = LocalPlayers(session, player=seating.player, bindings=seating.bindings)
 
     @property
     def is_on(self) -> bool:
@@ -47,7 +57,12 @@ class GameInput:
     @property
     def note(self) -> tuple[str, ...]:
         """What is told on the picture of it."""
-        return (NOTE,) if self.is_on else ()
+        if not self.is_on:
+            return ()
+        others = [sender.player for sender in self._players.senders[1:]]
+        also = f" - other pads play as {', '.join(map(str, others))}" if others else ""
+        refusal = (f"input was refused: {self._players.refusal}",) if self._players.refusal else ()
+        return (f"{NOTE}{also}", *refusal)
 
     @property
     def latency(self) -> tuple[str, ...]:
@@ -62,7 +77,8 @@ class GameInput:
     def start(self) -> None:
         """Lends them, and lets time go on; where there is a recording or the past, which nobody plays, it does nothing."""
         if self._is_possible():
-            self._window.player = self._sender
+            self._window.player = self._players.main
+            self._players.start(self._window.pads())
             self._echo.start()
             if not self._play.is_playing:
                 self._play.toggle()
@@ -74,17 +90,19 @@ class GameInput:
         has_ended = self._window.gave_back
         self._window.gave_back = False
         if has_ended:
-            self._sender.let_go_of_all()
+            self._players.stop()
             self._echo.stop()
+        if self.is_on:
+            self._players.update(self._window.pads())
         seen = self._seen()
         if (self.is_on or has_ended) and self._send(seen) and self.is_on:
-            self._echo.sent(self._sender.sequence)
+            self._echo.sent(self._players.main.sequence)
         if self.is_on:
             self._echo.shown(seen.tick)
         return has_ended
 
     def _send(self, seen: Seen) -> bool:
-        return self._sender.send(seen_time=seen.time, host_time=self._host_time())
+        return self._players.send(seen_time=seen.time, host_time=self._host_time())
 
     def _is_possible(self) -> bool:
         status = self._play.status

@@ -20,7 +20,7 @@ from elys.bus.host_clock import HostClock
 from elys.bus.messages.views import FRAMED, Debug, PickRequest, ViewCamera
 from elys.bus.session import Session
 from elys.common.errors import BusError
-from elys.render_node.game_input import GameInput, Seen
+from elys.render_node.game_input import GameInput, Seating, Seen
 from elys.render_node.gpu import TEXTURE_UNITS, Context, Framebuffer, Texture, window_context
 from elys.render_node.lettering import write_on
 from elys.render_node.marks import LETTERS, age_text, stamp_text
@@ -52,6 +52,7 @@ async def run_thin_view(
     debug: Collection[Debug] = (),
     age: bool = False,
     endpoint: str = "",
+    seating: Seating = Seating(),  # noqa: B008  frozen
 ) -> None:
     """Shows the session as a render node draws it until the window is closed, or until `frames` pictures were shown. Where
     there is no render node it tells how to start one that comes to `endpoint`.
@@ -61,7 +62,9 @@ async def run_thin_view(
     """
     window = Window(f"ELYS  {session.name}")
     try:
-        viewer = _ThinViewer(session, window, window_context(), choice=choice, bit_rate=bit_rate, endpoint=endpoint)
+        viewer = _ThinViewer(
+            session, window, window_context(), choice=choice, bit_rate=bit_rate, endpoint=endpoint, seating=seating
+        )
         viewer.debug, viewer.tells_age = frozenset(debug), age
         await viewer.run(frames)
     finally:
@@ -72,7 +75,15 @@ class _ThinViewer:
     """The window's state: from where it looks, and the pictures that came last."""
 
     def __init__(
-        self, session: Session, window: Window, context: Context, *, choice: Choice, bit_rate: float, endpoint: str
+        self,
+        session: Session,
+        window: Window,
+        context: Context,
+        *,
+        choice: Choice,
+        bit_rate: float,
+        endpoint: str,
+        seating: Seating,
     ) -> None:
         self._session = session
         self._window = window
@@ -80,7 +91,9 @@ class _ThinViewer:
         self._play = PlayControl(session)
         self._host_clock = HostClock(session)
         session.start(self._host_clock.run())
-        self._game = GameInput(session, window, self._play, seen=self._seen, host_time=self._host_clock.host_time)
+        self._game = GameInput(
+            session, window, self._play, seen=self._seen, host_time=self._host_clock.host_time, seating=seating
+        )
         self._remote = RemoteView(
             session,
             choice=choice,

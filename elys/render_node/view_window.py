@@ -1,7 +1,7 @@
 """`elys view`: a window that draws a running session or a replay by itself.
 
 left drag orbit   middle drag pan   wheel zoom   F frame all   C the scene's camera   space play / pause   Esc quit
-P lends keys and mouse to the game, Esc gives them back
+P lends keys, mouse and gamepads to the game, Esc gives them back
 1 to 9, 0, G and D debug drawing, see DEBUG_KEYS   A tick, time, age and frame rate
 """
 
@@ -20,7 +20,7 @@ from elys.bus.messages.views import Debug, ViewCamera
 from elys.bus.session import Session
 from elys.bus.state_source import stream_report, tell_interest
 from elys.bus.streaming.measures import stream_text
-from elys.render_node.game_input import GameInput, Seen
+from elys.render_node.game_input import GameInput, Seating, Seen
 from elys.render_node.gpu import Framebuffer, window_context
 from elys.render_node.marks import age_text, stamp_text
 from elys.render_node.node import SceneFollower
@@ -63,10 +63,15 @@ def stream_notes(session: Session) -> tuple[str, ...]:
 
 
 async def run_view(
-    session: Session, *, frames: int | None = None, debug: Collection[Debug] = (), age: bool = False
+    session: Session,
+    *,
+    frames: int | None = None,
+    debug: Collection[Debug] = (),
+    age: bool = False,
+    seating: Seating = Seating(),  # noqa: B008  frozen
 ) -> None:
     """Shows the session in a window until it is closed, or until `frames` pictures were shown; at first with this debug
-    drawing, and with the age of what is seen or without.
+    drawing, and with the age of what is seen or without. Who plays there is said by `seating`.
 
     Raises:
         DisplayError: no window can be opened here.
@@ -77,7 +82,8 @@ async def run_view(
     await asyncio.sleep(0)  # the scene is on its way while OpenGL starts
     try:
         context = window_context()
-        viewer = _Viewer(session, window, follower, Renderer(context, quality=interactive_quality(context)))
+        renderer = Renderer(context, quality=interactive_quality(context))
+        viewer = _Viewer(session, window, follower, renderer, seating)
         viewer.show_debug(frozenset(debug))
         viewer.tells_age = age
         await scene
@@ -91,7 +97,9 @@ async def run_view(
 class _Viewer:
     """The window's state: from where it looks, and what it says in its title."""
 
-    def __init__(self, session: Session, window: Window, follower: SceneFollower, renderer: Renderer) -> None:
+    def __init__(
+        self, session: Session, window: Window, follower: SceneFollower, renderer: Renderer, seating: Seating
+    ) -> None:
         self._session = session
         self._window = window
         self._follower = follower
@@ -103,7 +111,9 @@ class _Viewer:
         self._shown_at: deque[float] = deque(maxlen=RATE_PICTURES)  # [s] of the last pictures
         self._host_clock = HostClock(session)
         session.start(self._host_clock.run())
-        self._game = GameInput(session, window, self._play, seen=self._seen, host_time=self._host_clock.host_time)
+        self._game = GameInput(
+            session, window, self._play, seen=self._seen, host_time=self._host_clock.host_time, seating=seating
+        )
         self._is_dirty = True
         self._drawn: tuple[object, ...] | None = None
         window.on_event = self._on_event
@@ -199,7 +209,7 @@ class _Viewer:
 
     async def _wait(self, start: float) -> None:
         await asyncio.sleep(max(0.0, start + FRAME_TIME - time.monotonic()))
-        if self._is_dirty or self._follower.world.timeline.is_moving(time.monotonic()):
+        if self._is_dirty or self._game.is_on or self._follower.world.timeline.is_moving(time.monotonic()):
             return
         try:  # idle: only input and news wake us
             async with asyncio.timeout(IDLE_TIME if not self._follower.changed.is_set() else 0.0):

@@ -9,6 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final, Literal
 
+from elys.bus.gamepads import PadState, pads_of
 from elys.bus.input_sender import InputSender
 from elys.common.errors import DisplayError
 from elys.common.input_names import KEY_NAMES, MOUSE_NAMES
@@ -149,6 +150,10 @@ class Window:
         mode = glfw.CURSOR_DISABLED if player is not None else glfw.CURSOR_NORMAL
         glfw.set_input_mode(self._window, glfw.CURSOR, mode)
         self._pointer = glfw.get_cursor_pos(self._window)
+
+    def pads(self) -> dict[int, PadState]:
+        """How the gamepads of this machine stand."""
+        return pads_of(glfw)
 
     def request_close(self) -> None:
         """As if the person had pressed the close button."""

@@ -12,8 +12,10 @@ from typing import Final
 from elys.common.errors import SceneError
 from elys.common.scene import SceneDocument, write_scene
 from elys.samples.bridge import bridge, check_bridge
+from elys.samples.dance import FIGURE, check_dance, dance
 from elys.samples.empty import empty
 from elys.samples.hard_cases import HARD_CASES
+from elys.samples.pieces import check_pieces, pieces
 from elys.samples.pile import pile
 from elys.samples.stack import check_stack, stack
 from elys.samples.yard import check_yard, yard
@@ -22,14 +24,18 @@ from elys.samples.yard import check_yard, yard
 CheckFinal = Callable[[Mapping[str, Sequence[float]]], str]
 
 
+FOLDER: Final = Path(__file__).parent  # relative to which samples name files
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sample:
-    """A scene that ELYS can make by itself."""
+    """A scene that ELYS can make by itself; `files` of FOLDER are those that it names."""
 
     name: str
     title: str
     build: Callable[[], SceneDocument]
     check_final: CheckFinal | None = None
+    files: tuple[str, ...] = ()
 
 
 SAMPLES: Final[Mapping[str, Sample]] = {
@@ -39,6 +45,19 @@ SAMPLES: Final[Mapping[str, Sample]] = {
         Sample(name="stack", title="A tower of ten cubes", build=stack, check_final=check_stack),
         Sample(name="bridge", title="A cart drives over a hanging bridge", build=bridge, check_final=check_bridge),
         Sample(name="pile", title="A thousand cubes in a bin", build=pile),
+        Sample(
+            name="dance",
+            title="People dance, and others walk around them",
+            build=dance,
+            check_final=check_dance,
+            files=(FIGURE,),
+        ),
+        Sample(
+            name="pieces",
+            title="Doors, belts, wind, coins: all gameplay pieces",
+            build=pieces,
+            check_final=check_pieces,
+        ),
         Sample(name="empty", title="A ground, a sun and a camera", build=empty),
     )
 }
@@ -64,5 +83,19 @@ def sample(name: str) -> Sample:
 
 
 def write_sample(name: str, path: str | Path) -> None:
-    """Writes a sample's scene file; raises SceneError if there is none of this name or the file cannot be written."""
+    """Writes a sample's scene file, and beside it what it names.
+
+    Raises:
+        SceneError: there is none of this name, or a file cannot be written.
+    """
     write_scene(sample(name).build(), path)
+    copy_files(name, Path(path).parent)
+
+
+def copy_files(name: str, folder: Path) -> None:
+    """Puts the files that a sample names into a folder; SceneError where that fails."""
+    for file in sample(name).files:
+        try:
+            (folder / file).write_bytes((FOLDER / file).read_bytes())
+        except OSError as error:
+            raise SceneError(f"{file}, which {name} names, cannot be written to {folder}: {error}") from error

@@ -19,6 +19,7 @@ from elys.common.components.columns import StringTable
 from elys.common.errors import ComponentError, StateError
 from elys.sim_node.ecs.columns import ComponentTable
 from elys.sim_node.ecs.query import Query
+from elys.sim_node.input_actions import PlayerActions
 from elys.sim_node.physics.kernels.tables import GEAR
 from elys.sim_node.physics.world import PhysicsWorld
 from elys.sim_node.scripts.runner import Scripts
@@ -35,10 +36,16 @@ DERIVED: Final[Mapping[str, frozenset[str]]] = {
     "ComponentTable": frozenset({"structure_version"}),
     "RigidBodies": frozenset({"_seen", "_moving_rows"}),  # versions of lists, and rows of what moves: found anew
     # Clips are read from assets, and who plays them is bound by the tree and the components as they are.
-    "Animations": frozenset({"_clips", "_samplers", "_players", "_moved"}),
+    "Animations": frozenset(
+        {"library", "_binding", "_crew", "_poser", "_markers", "_moved", "_written", "_seen", "_driven", "_events"}
+    ),
+    "RootWalks": frozenset({"_walkers", "_stretches", "_held", "_tracks"}),
 }
 _STRANGERS: Final = (AssetStore, ComponentDeclaration, Query, MethodType)
-_SELF_KEPT: Final = (PhysicsWorld, Scripts)  # that say themselves what is to be kept, and how it comes back
+_SELF_KEPT: Final = (PhysicsWorld, Scripts, PlayerActions)  # that say themselves what is kept, and how it comes back
+# What came to be after states that are still around: parts that were empty then, and fields that had their defaults.
+_LATER: Final = frozenset({"Voices", "RestPoses", "RootWalks"})
+_LATER_FIELDS: Final[Mapping[str, tuple[str, ...]]] = {"Animation": ("fade", "passes")}
 _PACKAGE: Final = "elys.sim_node."
 
 
@@ -185,10 +192,26 @@ def _wanted(part: Any, path: str, values: Mapping[str, Any]) -> dict[str, Any]:
     wanted = {}
     for name, present in (part if isinstance(part, dict) else _state_of(part)).items():
         key = f"{path}{name}"
+        if key not in values and (later := _added_later(part, path, name, values)) is not None:
+            wanted[name] = later
+            continue
         if key not in values:
             raise StateError(f"this state lacks {key}: it is of another version")
         wanted[name] = _fitting(values[key], present, key)
     return wanted
+
+
+def _added_later(part: Any, path: str, name: str, values: Mapping[str, Any]) -> Any:
+    """What a state of before there was such a thing says of it; None if there always was."""
+    if type(part).__name__ in _LATER:
+        value = getattr(part, name)
+        return value[:0] if isinstance(value, np.ndarray) else type(value)()
+    _, _, component, *rest = (*path.split("/"), "", "")
+    if name in _LATER_FIELDS.get(component, ()) and rest[0] == "_columns":
+        known = next(values[key] for key in values if key.startswith(path))
+        field = declarations()[component].field(name)
+        return np.full((known.shape[0], *part[name].shape[1:]), field.default, part[name].dtype)
+    return None
 
 
 def _fitting(value: Any, present: Any, key: str) -> Any:

@@ -8,6 +8,7 @@ import logging
 import math
 import socket
 from collections import deque
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Final, Protocol
 
@@ -44,6 +45,7 @@ from elys.bus.messages.history import HistoryReply, HistoryRequest
 from elys.bus.messages.physics import Touching, TouchingRequest
 from elys.bus.messages.plan import PhysicsPlan, PlanRequest
 from elys.bus.messages.scene import Snapshot, SnapshotRequest
+from elys.bus.messages.scripts import ScriptForm, ScriptFormRequest
 from elys.bus.messages.session import Event, EventBatch, SessionStatus
 from elys.bus.messages.state_frame import INSTANTS
 from elys.bus.messages.timeline import Markers, MarkersRequest
@@ -60,6 +62,7 @@ from elys.sim_node.input_intake import InputIntake
 from elys.sim_node.paused_physics import PausedPhysics
 from elys.sim_node.repetition import Cue, Repetition
 from elys.sim_node.scene_telling import SceneTelling
+from elys.sim_node.scripts.forms import form_of
 from elys.sim_node.scripts.reloading import SCRIPT_FILES, ScriptFiles
 from elys.sim_node.simulation import Simulation
 from elys.sim_node.systems.apply_commands import apply_command
@@ -121,6 +124,7 @@ class SimulationNode:
         self.recorder: BackPressure | None = None
         self.guard: Guard | None = None
         self.repetition: Repetition | None = None  # of a recorded session, which this one goes on like
+        self.players: list[Callable[[], Iterable[CommandRequest]]] = []  # of this process: asked before each step
         self.tick_times: deque[float] = deque(maxlen=TICK_TIMES_KEPT)  # [ms] of the last ticks, for the report
         self._step_limit = step_limit
         self._clock = FixedStepClock(simulation.settings.tick_rate, playing=playing, rate=1.0 if realtime else 0.0)
@@ -136,7 +140,7 @@ class SimulationNode:
         self._intake = InputIntake(
             simulation,
             session,
-            put=self._put,
+            put=self.put,
             wake=self._wake.set,
             is_rewound=lambda: self._is_rewound,
         )
@@ -177,6 +181,7 @@ class SimulationNode:
         session.serve(topics.TOUCHING, self._give_touching)
         serve_assets(session, self.simulation.assets)
         serve_prefabs(session, self.simulation.world.hierarchy.has_instance_of)
+        session.serve(topics.SCRIPT_FORM, self._give_script_form)
         self._publish_status()
         self._publish_frame()  # who subscribes before the first tick sees the scene as it was loaded
         async with asyncio.TaskGroup() as group:
@@ -239,6 +244,8 @@ class SimulationNode:
         stages = StageTimes()
         late = self._clock.lateness() * 1000.0
         self._intake.begin_tick()
+        for request in [request for player in self.players for request in player()] if self.playing else ():
+            self.put(request)
         cue = self._take_cue()
         self._edited.clear()
         stands = is_between or not self.playing if cue is None else not cue.steps
@@ -288,7 +295,7 @@ class SimulationNode:
             if cue.keeps_physics:
                 self._paused_physics.forget()
             for request in cue.requests:
-                self._put(request)
+                self.put(request)
         return cue
 
     def _step(self, stages: StageTimes) -> None:
@@ -367,12 +374,12 @@ class SimulationNode:
     async def _take_command(self, request: CommandRequest, key: str) -> CommandReply:
         if len(self._waiting) >= COMMAND_LIMIT:
             raise RequestError(f"{COMMAND_LIMIT} commands are waiting already: send fewer, or wait for their answers")
-        return await self._put(request)
+        return await self.put(request)
 
     def _put_edit(self, command: Command) -> None:
-        self._put(CommandRequest(origin=SCRIPT_FILES, command=command))
+        self.put(CommandRequest(origin=SCRIPT_FILES, command=command))
 
-    def _put(self, request: CommandRequest) -> asyncio.Future[CommandReply]:
+    def put(self, request: CommandRequest) -> asyncio.Future[CommandReply]:
         """Puts a command before the next tick; what becomes of it."""
         waiting = _Waiting(request, asyncio.get_running_loop().create_future())
         self._waiting.append(waiting)
@@ -526,6 +533,9 @@ class SimulationNode:
 
     async def _give_markers(self, request: MarkersRequest, key: str) -> Markers:
         return self._markers.reply(request)
+
+    async def _give_script_form(self, request: ScriptFormRequest, _: str) -> ScriptForm:
+        return form_of(self.simulation.scripts, request.source)
 
     async def _give_plan(self, request: PlanRequest, key: str) -> PhysicsPlan:
         return physics_plan(self.simulation)

@@ -21,6 +21,7 @@ import logging
 from typing import Any
 
 import msgspec
+import numpy as np
 from numpy.typing import NDArray
 
 from elys.bus.messages.session import Event
@@ -28,10 +29,12 @@ from elys.common.assets.store import AssetStore
 from elys.common.components import Joint, RigidBody, Transform
 from elys.common.ids import Entity
 from elys.common.scene import OpenedScene, SceneSettings
+from elys.sim_node.animation.root_walks import Driven
 from elys.sim_node.capture import captured, restored
 from elys.sim_node.ecs.changes import WorldChanges
 from elys.sim_node.ecs.schedule import System, run
 from elys.sim_node.ecs.world import World
+from elys.sim_node.input_actions import Declared, declared_in
 from elys.sim_node.inputs import Inputs
 from elys.sim_node.physics.checks import named
 from elys.sim_node.physics.settings import Attractor, PhysicsSettings
@@ -57,7 +60,7 @@ class Simulation:
         tick: steps done since the beginning.
         path: the file its scene came from; empty if from none.
         edited: what steps have moved, as it was edited.
-        inputs: what players do, by their numbers: `inputs[1].is_down("w")`.
+        inputs: what players do, by their numbers: `inputs[1].action("jump")`.
         systems: what a step does, in this order.
         stage_times: what each of them took in the last step [ms], the stages of physics as `physics.STAGE` among them.
     """
@@ -90,7 +93,7 @@ class Simulation:
         )
         self.stage_times: dict[str, float] = {}
         self.hands = Hands(self.physics)
-        self.inputs = Inputs()
+        self.inputs = Inputs(self.declared_input)
         self._bodies = RigidBodies(self.world, self.physics, self.assets)
         self._animations = Animations(self.world, self.assets)
         self.scripts = Scripts(self)
@@ -151,6 +154,21 @@ class Simulation:
     def play_animations(self, world: World) -> None:
         """Brings clips to the time of this tick's end, and what they move into the components."""
         self._animations.advance(1.0 / self.settings.tick_rate)
+        self.scripts.hear(self._animations.take_events())
+        self._drive(self._animations.take_driven())
+
+    def _drive(self, driven: Driven | None) -> None:
+        """Bodies that go by root motion get the velocities for it; what falls goes on falling."""
+        if driven is None:
+            return
+        present = np.flatnonzero(np.isin(driven.entity, self.physics.bodies.entity))
+        if not len(present):
+            return
+        entity, linear = driven.entity[present], driven.linear[present]
+        table = self.world.table(RigidBody)
+        falling = table.column("linear_velocity")[table.rows(entity), 1]
+        linear[:, 1] = np.where(driven.rises[present], linear[:, 1], falling)
+        self.physics.set_velocities(entity, linear=linear, angular=driven.angular[present])
 
     def simulate_physics(self, world: World) -> None:
         """Moves the bodies by one tick, and their poses and velocities into the components."""
@@ -203,6 +221,10 @@ class Simulation:
 
     # What others ask
 
+    def declared_input(self) -> Declared:
+        """What players can do in the scene as it is now."""
+        return declared_in(self.world, self.settings.tick_rate)
+
     def named(self, entity: int) -> str:
         """How an entity is called in a sentence: by its id and, where it lives and has one, its name."""
         name = self.world.hierarchy.name_of(Entity(entity)) if self.world.is_alive(entity) else ""
@@ -222,6 +244,11 @@ class Simulation:
     def moving_bodies(self) -> MovingBodies:
         """Where all bodies that can move are."""
         return self._bodies.moving()
+
+    @property
+    def animations(self) -> Animations:
+        """Who plays which clips."""
+        return self._animations
 
     def animated(self) -> Animated:
         """What clips move, as it is now."""

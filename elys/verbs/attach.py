@@ -28,14 +28,19 @@ def view(
     full_frames: bool = False,
     ghosts: Sequence[Path] = (),
     ghosts_start_now: bool = False,
+    player: int = 1,
+    bindings: Path | None = None,
 ) -> None:
     """A window that draws the session by itself, or with `thin` shows what a render node of the session draws; with debug drawing
     of these kinds and the age of what is seen if asked. `bit_rate` [Mbit/s] is for H.264. All who look at the session see the
-    `ghosts`, as long as the window is open.
+    `ghosts`, as long as the window is open. Who sits at it is the `player` of this number, with the bindings of a file, by
+    default the user's.
     """
     from elys.bus.discovery import choose_endpoint
     from elys.bus.log import start_logging
+    from elys.common.input_bindings import FollowedBindings
     from elys.render_node.debug_drawing import parsed_kinds
+    from elys.render_node.game_input import Seating
     from elys.render_node.window import probe_display
     from elys.verbs.ghosts import require_recordings, served
 
@@ -48,6 +53,7 @@ def view(
     if ghosts_start_now and not ghosts:
         raise ElysError("--ghost-now says when ghosts begin: name one with --ghost")
     require_recordings(ghosts)
+    seating = Seating(player, FollowedBindings(bindings))
     start_logging()
     endpoint = choose_endpoint(connect)
     probe_display()
@@ -70,11 +76,12 @@ def view(
                     debug=kinds,
                     age=age,
                     endpoint=endpoint or "",
+                    seating=seating,
                 )
             else:
                 from elys.render_node.view_window import run_view
 
-                await run_view(session, frames=frames, debug=kinds, age=age)
+                await run_view(session, frames=frames, debug=kinds, age=age, seating=seating)
 
     run_until_asked(work())
 

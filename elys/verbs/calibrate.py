@@ -14,7 +14,7 @@ from elys.lab.jobs import workers
 from elys.lab.observables import require_observables
 from elys.lab.pareto import study
 from elys.lab.setting import Setting, ladder
-from elys.samples.registry import is_sample, sample
+from elys.samples.registry import copy_files, is_sample, sample
 from elys.verbs.kernels import compile_with_progress
 from elys.verbs.output import print_json
 from elys.verbs.pareto import answers_of, case_of, counted, require_budget
@@ -55,6 +55,8 @@ def calibrate(
         )
     document.settings = calibrated(document.settings, found)
     write_scene(document, target)
+    if is_sample(scene) and not Path(scene).exists():
+        copy_files(scene, target.parent)
     evidence = document.settings.calibration
     assert evidence is not None and found.chosen is not None
     if json:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from elys.bus.recording import Recording
     from elys.common.assets.store import AssetStore
     from elys.common.scene import OpenedScene
+    from elys.sim_node.simulation import Simulation
 
 SCENE_DURATION: Final = 5.0  # [s] of a video of a scene or a session when nobody says how long
 LinesByTick = dict[int, dict[str, DebugLines]]
@@ -137,28 +138,16 @@ def simulated(
     debug: tuple[Debug, ...] = (),
 ) -> Footage:
     """A scene from `time` [s] on, simulated in this process as it is drawn, debug drawing kept up to date."""
-    from elys.sim_node.scene.snapshot import take_snapshot
     from elys.sim_node.simulation import Simulation
     from elys.sim_node.systems.publish_state import debug_lines, state_frame
 
     simulation = Simulation.load(scene, assets)
     mirror = SceneMirror()
-    mirror.apply_snapshot(
-        take_snapshot(
-            simulation.world,
-            epoch=1,
-            tick=0,
-            simulation_time=0.0,
-            sequence=0,
-            scene=simulation.name,
-            settings=simulation.settings,
-        )
-    )
-
+    follow = _following(simulation, mirror)
     drawing = DebugDrawing(mirror)
 
     def frame_now() -> StateFrame:
-        frame = state_frame(simulation, epoch=1, delta_sequence=0, playing=True)
+        frame = state_frame(simulation, epoch=1, delta_sequence=follow(), playing=True)
         if "trajectories" in debug:
             drawing.take_state(frame)
         return frame
@@ -177,3 +166,38 @@ def simulated(
             simulation.step()
 
     return Footage(mirror=mirror, frames=frames(), fetch=assets.get, duration=duration, drawing=drawing)
+
+
+def _following(simulation: Simulation, mirror: SceneMirror) -> Callable[[], int]:
+    """What brings a mirror to where the scene of a simulation is, scripts' spawning and ending too, and says by which delta."""
+    from elys.sim_node.scene.snapshot import take_snapshot
+    from elys.sim_node.systems.publish_state import scene_delta
+
+    sequence, settings = 0, simulation.settings
+
+    def look() -> None:
+        mirror.apply_snapshot(
+            take_snapshot(
+                simulation.world,
+                epoch=1,
+                tick=simulation.tick,
+                simulation_time=simulation.time,
+                sequence=sequence,
+                scene=simulation.name,
+                settings=simulation.settings,
+            )
+        )
+
+    def follow() -> int:
+        nonlocal sequence, settings
+        changes, told = simulation.take_changes(), settings
+        settings = simulation.settings
+        if changes or settings is not told:
+            sequence += 1
+            changed = settings is not told
+            delta = scene_delta(simulation, changes, epoch=1, sequence=sequence, settings_changed=changed)
+            look() if delta.resync else mirror.apply_delta(delta)
+        return sequence
+
+    look()
+    return follow

@@ -223,12 +223,16 @@ def editor(connect: str | None, *, starts_alone: bool = False, frame_limit: int)
 
 def view(connect: str | None, *, debug: str, frame_limit: int) -> None:
     """A viewer's process, which waits for its session."""
+    from elys.common.input_bindings import FollowedBindings
     from elys.render_node.debug_drawing import parsed_kinds
+    from elys.render_node.game_input import Seating
     from elys.render_node.view_window import run_view
+
+    seating = Seating(bindings=FollowedBindings())
 
     async def work() -> None:
         async with joined(connect, kind="viewer", timeout=60.0) as session:
-            await run_view(session, frames=frame_limit or None, debug=parsed_kinds(debug))
+            await run_view(session, frames=frame_limit or None, debug=parsed_kinds(debug), seating=seating)
 
     start_logging()
     run_until_asked(work())

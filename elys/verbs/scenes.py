@@ -9,7 +9,7 @@ from elys.common.assets.store import AssetStore
 from elys.common.errors import SceneError
 from elys.common.scene import OpenedScene, expand, open_scene
 from elys.samples.hard_cases import HARD_CASES
-from elys.samples.registry import SAMPLES, is_sample, sample
+from elys.samples.registry import FOLDER, SAMPLES, is_sample, sample
 
 
 def open_scene_or_sample(name: str, assets: AssetStore | None = None) -> OpenedScene:
@@ -26,7 +26,7 @@ def open_scene_or_sample(name: str, assets: AssetStore | None = None) -> OpenedS
                 name=document.name or name,
                 path=Path(f"{name}.scene.json").absolute(),
                 settings=document.settings,
-                records=expand(document, directory=Path(), assets=store),
+                records=expand(document, directory=FOLDER, assets=store),
             )
         if "." not in name and "/" not in name:
             close = difflib.get_close_matches(name, [*SAMPLES, *HARD_CASES], n=1)

@@ -6,6 +6,7 @@ import asyncio
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -84,6 +85,7 @@ def test_keys_of_the_editor_move_a_body_and_the_same_ticks_come_again(game, tmp_
             numbers = [record.command.sequence for record in played]
             assert numbers == list(range(1, len(played) + 1))  # each came, in order
             assert [r.tick for r in played] == sorted(r.tick for r in played)
+            assert abs(played[-1].command.done_at - time.time()) < 60.0  # one machine, one clock
             # An editor that dies with a key down lets go of it.
             offer(KeyPressed(Key.F5), KeyReleased(Key.F5), KeyPressed(Key.A))
             await until(editor, lambda: ("a", True) in records[-1].command.changes)

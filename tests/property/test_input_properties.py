@@ -19,9 +19,12 @@ from elys.sim_node.simulation import Simulation
 from elys.sim_node.state import State
 from elys.sim_node.systems.apply_edits import apply_again
 
+BOUND = ("k, pad_a", "w", "space, +pad_left_x", "wheel_y", "")
+MOVES = ("a/d/s/w", "pad_left dead=0.3 curve=0.7, pointer scale=0.2", "")
 KEYS = ("w", "a", "s", "d", "space", "mouse_left", "pad_a")
 NODES = ("one", "two", "three")
 BALLS = [
+    EntityRecord(name="Input", components={"InputMap": {"axes": {"lean": "q/e, a/d, pad_right_y curve=1"}}}),
     EntityRecord(name="Ground", components={"Transform": {"scale": [40, 0.2, 40]}, "Collider": {}}),
     *(
         EntityRecord(
@@ -40,7 +43,7 @@ BALLS = [
 def game() -> Simulation:
     """Each of three players pushes a ball with all that input can say."""
     simulation = Simulation(assets=AssetStore())
-    _, *balls = load_records(simulation.world, BALLS)
+    _, _, *balls = load_records(simulation.world, BALLS)
 
     def push(world) -> None:
         for player, ball in enumerate(balls, 1):
@@ -52,6 +55,9 @@ def game() -> Simulation:
                     20.0 * does.axis("pad_left_x") + 3.0 * len(does.text) + 5.0 * len(does.held),
                 )
             )
+            jump, (right, ahead) = does.action("jump"), does.vector("move")
+            force += (9.0 * right, 70.0 * jump.was_pressed - 7.0 * jump.was_released, -9.0 * ahead)
+            force[1] += 2.0 * jump.is_down + does.axis("lean") + 0.01 * does.vector("look").y
             if force.any():
                 simulation.physics.apply_force([int(ball)], force)
 
@@ -68,6 +74,7 @@ def some_input(choose: random.Random) -> Input:
         changes=tuple((choose.choice(KEYS), choose.random() < 0.6) for _ in range(choose.randint(0, 5))),
         moved={name: choose.uniform(-9, 9) for name in sorted(MOTIONS) if choose.random() < 0.3},
         axes={name: choose.choice((0.0, choose.uniform(-1, 1))) for name in sorted(AXES) if choose.random() < 0.2},
+        bindings=choose.choice((None,) * 6 + ({}, {"jump": choose.choice(BOUND), "move": choose.choice(MOVES)})),
         text="x" * choose.choice((0, 0, 0, 3)),
     )
 
@@ -123,3 +130,4 @@ def test_random_input_comes_out_the_same_after_every_rewind(seed: int) -> None:
             other = game()
             other.restore(State.from_bytes(simulation.capture().to_bytes()))
             assert other.inputs._devices == simulation.inputs._devices
+            assert other.inputs.actions.saved() == simulation.inputs.actions.saved()

@@ -210,6 +210,7 @@ class Input(msgspec.Struct, frozen=True, kw_only=True, tag="input"):
     moved: dict[str, float] = {}  # how far, by MOTIONS
     axes: dict[str, float] = {}  # where sticks stand now, by AXES; those not named stay
     text: str = ""  # that was typed
+    bindings: dict[str, str] | None = None  # controls by name, all that the player has chosen himself; None: as before
     source: str = ""
     sequence: int = 0  # of the node's messages for this player, from 1; 0: not told
     seen_time: float = -1.0  # [s] of simulation that the player saw when it was done; below 0: not told

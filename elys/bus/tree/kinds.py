@@ -19,6 +19,7 @@ _KINDS: Final = (
     ("MeshRenderer", "Mesh"),
     ("RigidBody", "Body"),
     ("Collider", "Collider"),
+    ("InputMap", "Input"),
     ("Script", "Script"),
 )
 KIND_NAMES: Final = (*(name for _, name in _KINDS), EMPTY)

@@ -45,11 +45,13 @@ class ClipSampler:
     """A clip made ready to be asked.
 
     Attributes:
+        clip: what it was made of. duration: its length [s].
         targets: of each property whose value each of its columns is, in the order of `Samples`; of weights one for each number.
         weight_numbers: of the columns of weights, which morph target of its entity each is.
     """
 
     def __init__(self, clip: Clip) -> None:
+        self.clip = clip
         self.duration = clip.duration
         self.targets: dict[Property, list[tuple[str, ...]]] = {name: [] for name in PROPERTIES}
         self._tracks: list[NDArray[np.float64]] = []

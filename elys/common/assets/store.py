@@ -13,7 +13,7 @@ from typing import Final, Literal
 
 from elys.common.errors import AssetError
 
-AssetKind = Literal["mesh", "image", "heights", "clips", "skin", "script"]
+AssetKind = Literal["mesh", "image", "heights", "clips", "skin", "script", "prefab"]
 
 PREFIX: Final = "blake2b:"
 _DIGEST_SIZE: Final = 16

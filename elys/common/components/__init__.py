@@ -1,7 +1,13 @@
 """Components: declared once, known everywhere."""
 
-from elys.common.components.builtin import (
+from elys.common.components.animation import (
     Animation,
+    AnimationBlend,
+    AnimationLayer,
+    AnimationMarkers,
+    RootMotion,
+)
+from elys.common.components.builtin import (
     Camera,
     Collider,
     Environment,
@@ -29,10 +35,14 @@ from elys.common.components.declaration import (
     declarations,
     forget,
 )
-from elys.common.components.values import check_value, component_from, values_of
+from elys.common.components.input_map import InputMap
+from elys.common.components.values import check_value, component_from, laid_over, values_of
 
 __all__ = [
     "Animation",
+    "AnimationBlend",
+    "AnimationLayer",
+    "AnimationMarkers",
     "Camera",
     "Collider",
     "Component",
@@ -40,6 +50,7 @@ __all__ = [
     "Curve",
     "Environment",
     "FieldDeclaration",
+    "InputMap",
     "Joint",
     "Kind",
     "Light",
@@ -48,6 +59,7 @@ __all__ = [
     "Morph",
     "Quat",
     "RigidBody",
+    "RootMotion",
     "Script",
     "Skin",
     "Transform",
@@ -59,5 +71,6 @@ __all__ = [
     "declaration_of",
     "declarations",
     "forget",
+    "laid_over",
     "values_of",
 ]

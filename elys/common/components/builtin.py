@@ -273,20 +273,6 @@ class Morph(Component, frozen=True):
 
 
 @component
-class Animation(Component, frozen=True):
-    """Plays a clip on the entities below it: what the clip names moves as the clip says, at the time of the simulation."""
-
-    clips: Annotated[str, about("The clips there are, as model.glb#clips.", kind=Kind.ASSET)] = ""
-    clip: Annotated[str, about("Name of the clip that is played; empty for the first.")] = ""
-    playing: Annotated[bool, about("Whether time goes on.")] = True
-    time: Annotated[float, about("Where it is in the clip.", unit="s", minimum=0.0, step=0.05, dtype="f8")] = 0.0
-    speed: Annotated[float, about("How fast; below 0 backwards.", minimum=-1000.0, maximum=1000.0, step=0.05)] = 1.0
-    loop: Annotated[
-        Literal["repeat", "ping_pong", "once"], about("Starts again, goes to and fro, or stays at the end.")
-    ] = "repeat"
-
-
-@component
 class Light(Component, frozen=True):
     """A lamp, as in KHR_lights_punctual."""
 

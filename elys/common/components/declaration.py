@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import enum
 import types
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Final, Literal, TypeVar, get_args, get_origin, get_type_hints
 
@@ -29,6 +29,9 @@ from elys.common.errors import ComponentError
 Vec3 = tuple[float, float, float]
 Quat = tuple[float, float, float, float]  # x y z w, unit length
 Values = dict[str, Any]  # by name: numbers, booleans, texts and lists of numbers
+Check = Callable[
+    [str, Any], None
+]  # where it stands and a value of the right kind; raises ComponentError for what is wrong
 
 
 class Kind(enum.Enum):
@@ -63,6 +66,7 @@ class About:
     step: float
     kind: Kind | None
     dtype: str | None
+    check: Check | None
 
 
 def about(
@@ -74,12 +78,14 @@ def about(
     step: float = 0.1,
     kind: Kind | None = None,
     dtype: str | None = None,
+    check: Check | None = None,
 ) -> About:
     """Describes a field: a sentence for the tooltip, SI unit, inclusive range and the step of a drag.
 
-    `kind` is only needed where the type does not tell (COLOR, ASSET, ENTITY); `dtype` overrides the storage (`"f4"`).
+    `kind` is only needed where the type does not tell (COLOR, ASSET, ENTITY); `dtype` overrides the storage (`"f4"`); `check`
+    refuses values that are of the right kind and wrong all the same.
     """
-    return About(text=text, unit=unit, minimum=minimum, maximum=maximum, step=step, kind=kind, dtype=dtype)
+    return About(text=text, unit=unit, minimum=minimum, maximum=maximum, step=step, kind=kind, dtype=dtype, check=check)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,6 +103,7 @@ class FieldDeclaration:
     choices: tuple[str, ...]
     dtype: str  # numpy dtype of one element
     width: int  # numbers that are stored of a value: 1, 3, 4, or those of all keys of a curve
+    check: Check | None = None
 
     @property
     def elements(self) -> int:
@@ -210,6 +217,7 @@ def declare_field(owner: str, name: str, hint: Any, default: Any) -> FieldDeclar
         choices=get_args(value_type) if kind is Kind.CHOICE else (),
         dtype=note.dtype or dtype,
         width=width,
+        check=note.check,
     )
 
 

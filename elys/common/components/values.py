@@ -39,9 +39,26 @@ def values_of(component: Component, *, only_changed: bool = False) -> dict[str, 
     return values
 
 
+def laid_over(component: str, before: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values of some fields over those of a component; named values one by one, of which None takes one away."""
+    laid = {**before, **values}
+    for field in declaration_of(component).fields:
+        if field.kind is Kind.VALUES and isinstance(over := values.get(field.name), Mapping):
+            both = {**before.get(field.name, {}), **over}
+            laid[field.name] = {name: value for name, value in both.items() if value is not None}
+    return laid
+
+
 def check_value(declaration: ComponentDeclaration, field: FieldDeclaration, value: Any) -> Any:
     """`value` in the field's own type (lists become tuples, ints become floats), or ComponentError."""
     where = f"{declaration.name}.{field.name}"
+    checked = _checked(where, field, value)
+    if field.check is not None:
+        field.check(where, checked)
+    return checked
+
+
+def _checked(where: str, field: FieldDeclaration, value: Any) -> Any:
     match field.kind:
         case Kind.FLOAT:
             return _in_range(where, field, _number(where, value))

@@ -27,6 +27,11 @@ _ICONS: Final = {
     "Environment": icons.ICON_FA_CLOUD_SUN,
     "Camera": icons.ICON_FA_VIDEO,
     "Animation": icons.ICON_FA_PERSON_RUNNING,
+    "InputMap": icons.ICON_FA_GAMEPAD,
+    "AnimationBlend": icons.ICON_FA_PERSON_RUNNING,
+    "AnimationLayer": icons.ICON_FA_LAYER_GROUP,
+    "AnimationMarkers": icons.ICON_FA_FLAG,
+    "RootMotion": icons.ICON_FA_SHOE_PRINTS,
     "Script": icons.ICON_FA_CODE,
 }
 _LIST_LINES: Final = 16  # of a list that is longer the rest is scrolled to

@@ -24,6 +24,7 @@ _ICONS: Final = {
     "Mesh": icons.ICON_FA_DRAW_POLYGON,
     "Body": icons.ICON_FA_WEIGHT_HANGING,
     "Collider": icons.ICON_FA_SHAPES,
+    "Input": icons.ICON_FA_GAMEPAD,
     "Script": icons.ICON_FA_CODE,
     "Empty": icons.ICON_FA_LOCATION_CROSSHAIRS,
 }

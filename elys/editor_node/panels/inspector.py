@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from imgui_bundle import imgui
 
-from elys.common.components import Component, ComponentDeclaration, FieldDeclaration, declaration_of
+from elys.common.components import Component, ComponentDeclaration, FieldDeclaration, Kind, declaration_of
 from elys.common.errors import ComponentError
 from elys.common.ids import generation_of, index_of
 from elys.editor_node.comparison import Comparison
@@ -23,6 +23,7 @@ from elys.editor_node.language import tr, tr_label
 from elys.editor_node.panels.component_menus import AddComponentPopup, component_icon, draw_component_menu
 from elys.editor_node.panels.field_rows import FieldActions, FieldRows, FieldState
 from elys.editor_node.panels.scene_settings import draw_scene_settings
+from elys.editor_node.panels.script_rows import ScriptRows
 from elys.editor_node.prefab_values import PrefabEntity
 from elys.editor_node.sentences import tr_sentence
 from elys.editor_node.theme import ACCENT, icons
@@ -37,6 +38,7 @@ class InspectorPanel:
 
     def __init__(self) -> None:
         self.rows = FieldRows()
+        self._script_rows = ScriptRows()
         self._adding = AddComponentPopup()
         self._search = ""
         self._focuses_search = False
@@ -187,7 +189,12 @@ class InspectorPanel:
         imgui.push_id(str(entities[-1]))
         for name in comparison.common:
             declaration = declaration_of(name)
-            fields = [field for field in declaration.fields if shows_field(self._search, declaration, field)]
+            fields = [
+                field
+                for field in declaration.fields
+                if shows_field(self._search, declaration, field)
+                or (field.kind is Kind.VALUES and self._script_rows.finds(ui, entities, self._search))
+            ]
             if fields or not self._search:
                 imgui.push_id(name)
                 self._draw_component(ui, declaration, fields, entities)
@@ -216,6 +223,10 @@ class InspectorPanel:
             written = {} if ui.model.is_replay else ui.model.set_values.written_fields(entities[-1], now)
             overridden = {} if is_added else self._overridden(ui, entities[-1], now)
             for declared in fields:
+                if declared.kind is Kind.VALUES and self._script_rows.draw(
+                    ui, self.rows, entities, self._search, overridden.get(declared.name)
+                ):
+                    continue
                 self._draw_field(ui, declaration, declared, entities, now, written, overridden)
             imgui.end_table()
             imgui.spacing()

@@ -163,7 +163,9 @@ class ViewportPanel:
         if self.stream.shown is None:
             return f"{icons.ICON_FA_HOURGLASS_HALF}  {tr('waiting for the first picture')}", TEXT_DIM
         if self.is_played:
-            text = tr("keys and mouse play the game; {keys} gives them back", keys=ui.keys.label_of("game.leave"))
+            text = tr(
+                "keys, mouse and gamepads play the game; {keys} gives them back", keys=ui.keys.label_of("game.leave")
+            )
             return f"{icons.ICON_FA_GAMEPAD}  {text}", GOOD
         if ui.model.is_replay:
             return f"{icons.ICON_FA_FILM}  {tr('this is a recording: it cannot be edited')}", TEXT_DIM

@@ -21,7 +21,7 @@ MOVED: Final[dict[str, tuple[str, ...]]] = {  # by component the fields that ste
     "Transform": ("position", "rotation", "scale"),
     "RigidBody": ("linear_velocity", "angular_velocity"),
     "Joint": ("broken",),
-    "Animation": ("time",),
+    "Animation": ("time", "passes"),
 }
 
 FieldValues = dict[str, Any]  # stored values by field

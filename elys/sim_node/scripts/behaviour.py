@@ -20,10 +20,12 @@ from __future__ import annotations
 
 import inspect
 import logging
+import math
 import random
 import types
 import typing
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, get_args, get_origin
+from collections.abc import Callable, Coroutine
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, TypeGuard, TypeVar, get_args, get_origin
 
 from elys.common.components.declaration import (
     About,
@@ -38,9 +40,11 @@ from elys.common.errors import ComponentError, ScriptError
 
 if TYPE_CHECKING:
     from elys.bus.messages.session import Event
-    from elys.sim_node.scripts.handles import EntityHandle, GameWorld, Touch
+    from elys.sim_node.scripts.game_world import GameWorld
+    from elys.sim_node.scripts.handles import EntityHandle, Touch
     from elys.sim_node.scripts.waiting import Call
 
+B = TypeVar("B", bound="Behaviour")
 _log = logging.getLogger("elys.script")
 # Hooks that are called with nothing but the behaviour itself, or with what happened.
 HOOKS: Final = (
@@ -70,9 +74,9 @@ class Behaviour:
     entity: EntityHandle
     world: GameWorld
 
-    def begin(self, call: Call) -> None:
+    def begin(self, call: Call | Coroutine[Any, Any, Any]) -> None:
         """Begins an async function beside everything else: `self.begin(self.blink())`."""
-        self.entity._scripts.start_task(self, call)
+        self.entity._scripts.start_task(self, call)  # type: ignore[arg-type]  # a script's async functions give Calls
 
     @property
     def random(self) -> random.Random:
@@ -81,39 +85,70 @@ class Behaviour:
             self._random = self.entity._scripts.random_of(self)
         return self._random
 
-    def log(self, text: str) -> None:
-        """A line for the console, with the entity's name."""
-        _log.info("%s: %s", self.entity._scripts.simulation.named(self.entity.id), text)
+    def every(self, interval: float, function: Callable[[], Any]) -> None:
+        """Calls a method of its own every so many seconds, until it returns False: `self.every(0.5, self.blink)`."""
+        name = self._own_method("every", function)
+        if not 0.0 < float(interval) < math.inf:
+            raise ValueError(f"every() takes an interval above 0 s, not {interval!r}")
+        self.begin(self.entity._scripts.prelude("every", self, name, float(interval)))
 
-    def start(self) -> None:
+    def after(self, delay: float, function: Callable[..., Any], *arguments: Any) -> None:
+        """Calls a method of its own once, in so many seconds: `self.after(2.0, self.open, door)`."""
+        name = self._own_method("after", function)
+        if not 0.0 <= float(delay) < math.inf:
+            raise ValueError(f"after() takes a delay of 0 s or more, not {delay!r}")
+        self.begin(self.entity._scripts.prelude("after", self, name, float(delay), arguments))
+
+    def _own_method(self, what: str, function: Callable[..., Any]) -> str:
+        """The name of a method, which is what a state can hold of it."""
+        name = getattr(function, "__name__", "")
+        if getattr(function, "__self__", None) is not self or not hasattr(type(self), name):
+            raise TypeError(f"{what}() takes a method of the script itself, as in self.{what}(0.5, self.blink)")
+        return str(name)
+
+    def log(self, text: str, *, level: Literal["info", "warning", "error"] = "info") -> None:
+        """A line for the console, with the entity's name."""
+        number = {"info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}[level]
+        _log.log(number, "%s: %s", self.entity._scripts.simulation.named(self.entity.id), text)
+
+    def start(self) -> Any:
         """It begins: in the first tick in which its entity and script are there and enabled."""
 
-    def fixed_update(self, dt: float) -> None:
+    def fixed_update(self, dt: float) -> Any:
         """Each tick, before physics moves anything; dt [s]."""
 
-    def update(self, dt: float) -> None:
+    def update(self, dt: float) -> Any:
         """Each tick, after physics has moved everything; dt [s]."""
 
-    def on_trigger_enter(self, other: EntityHandle) -> None:
+    def on_trigger_enter(self, other: EntityHandle) -> Any:
         """Something has come into its trigger, or it has come into one."""
 
-    def on_trigger_stay(self, other: EntityHandle) -> None:
+    def on_trigger_stay(self, other: EntityHandle) -> Any:
         """It is still inside, each tick."""
 
-    def on_trigger_exit(self, other: EntityHandle) -> None:
+    def on_trigger_exit(self, other: EntityHandle) -> Any:
         """It has left, or is no more."""
 
-    def on_contact(self, other: EntityHandle, touch: Touch) -> None:
+    def on_contact(self, other: EntityHandle, touch: Touch) -> Any:
         """It has begun to touch something."""
 
-    def on_event(self, event: Event) -> None:
+    def on_event(self, event: Event) -> Any:
         """Something was told to all (`world.emit`), or to this entity."""
 
-    def on_input(self, player: int) -> None:
+    def on_input(self, player: int) -> Any:
         """A player did something in this tick; `world.input(player)` says what."""
 
-    def on_destroy(self) -> None:
+    def on_destroy(self) -> Any:
         """It ends: its entity, its script or the component is taken away. Not at the end of the run."""
+
+
+def is_a(itself: Behaviour | None, behaviour: type[B]) -> TypeGuard[B]:
+    """Whether it is one of a class, or of the same class of the same file as another script has imported it.
+
+    Each script runs with copies of its own of the files it imports, so that each can be reloaded by itself.
+    """
+    named = (behaviour.__module__, behaviour.__qualname__)
+    return itself is not None and any((base.__module__, base.__qualname__) == named for base in type(itself).__mro__)
 
 
 def fields_of(behaviour: type[Behaviour], names: dict[str, Any]) -> tuple[FieldDeclaration, ...]:

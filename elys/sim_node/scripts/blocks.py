@@ -133,5 +133,6 @@ def _parsed(text: str, like: ast.stmt) -> list[ast.stmt]:
     for part in parsed:
         for node in ast.walk(part):
             located(node, like)
-            node.end_lineno = node.lineno  # type: ignore[attr-defined]
+            # A place, not a span: the end of a statement of several lines may stand further left than its beginning.
+            node.end_lineno, node.end_col_offset = node.lineno, node.col_offset  # type: ignore[attr-defined]
     return parsed

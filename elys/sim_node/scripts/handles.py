@@ -6,14 +6,15 @@ physics in its next step.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeVar
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeVar, overload
 
 from elys.common.components import Component, RigidBody, Transform
-from elys.common.errors import EntityError
 from elys.common.ids import MAX_ENTITIES, NO_ENTITY, Entity
 from elys.common.math import poses
-from elys.sim_node.inputs import PlayerInput
+from elys.sim_node.scripts import clip_playing
+from elys.sim_node.scripts.easing import checked
+from elys.sim_node.scripts.tweening import goal_of
 from elys.sim_node.scripts.vector import Rotation, Vector
 
 if TYPE_CHECKING:
@@ -76,7 +77,7 @@ class EntityHandle:
 
     @name.setter
     def name(self, name: str) -> None:
-        self._world.rename(self.id, _checked_name(name))
+        self._world.rename(self.id, checked_name(name))
 
     @property
     def parent(self) -> EntityHandle | None:
@@ -160,12 +161,62 @@ class EntityHandle:
         rotation: Iterable[float] | None = None,
         ease: str = "smooth",
     ) -> Call:
-        """To be awaited: goes there in some seconds, "linear" or "smooth" (slow at both ends). A kinematic body takes along what
-        stands on it."""
-        target = None if rotation is None else Rotation(rotation)
-        return self._scripts.prelude(
-            "move_to", self._scripts.world, self, Vector(position), target, float(duration), ease
-        )
+        """To be awaited: goes there in some seconds, and turns if a rotation is given; `ease` as in `tween`. A kinematic body
+        takes along what stands on it."""
+        place, turn = Vector(position), None if rotation is None else Rotation(rotation)
+        return self._scripts.prelude("move_to", self._scripts.world, self, place, turn, *checked(duration, ease))
+
+    def rotate_to(self, rotation: Iterable[float], *, duration: float, ease: str = "smooth") -> Call:
+        """To be awaited: turns to there in some seconds, the shorter way round."""
+        turn = Rotation(rotation)
+        return self._scripts.prelude("move_to", self._scripts.world, self, None, turn, *checked(duration, ease))
+
+    def tween(self, component: type[Component] | str, *, duration: float, ease: str = "smooth", **values: Any) -> Call:
+        """To be awaited: fields of a component that it has go to these values in some seconds.
+
+        Numbers, vectors, colours and rotations do; `ease` is one of easing.EASES. Raises ComponentError for a field that is
+        not there, TypeError for one that has no values between two.
+        """
+        name = component if isinstance(component, str) else component.__name__
+        if not values:
+            raise TypeError(f"tween({name}, ...) takes the fields that shall change, as in intensity=2.0")
+        self._world.get(self.id, name)  # raises for one that it has not
+        goals = {field: goal_of(name, field, value) for field, value in values.items()}
+        return self._scripts.prelude("tween", self._scripts.world, self, name, goals, *checked(duration, ease))
+
+    # --- how it moves: clips of its own Animation, or of the first below it
+
+    def play(
+        self,
+        clip: str,
+        *,
+        fade: float | None = None,
+        speed: float | None = None,
+        loop: str | None = None,
+        time: float | None = None,
+    ) -> None:
+        """Plays a clip, coming in over `fade` seconds; of what is not given the Animation's own. One that plays goes on, unless a
+        `time` [s] is given. LookupError if there is no such clip."""
+        values = {"fade": fade, "speed": speed, "loop": loop, "time": time}
+        clip_playing.play(self._scripts.simulation, self.id, clip, values)
+
+    def blend(self, mix: Mapping[str, float], *, value: float | None = None, fade: float | None = None) -> None:
+        """Plays several clips in step: by their weights; or, with a `value`, by where it is between their numbers."""
+        clip_playing.blend(self._scripts.simulation, self.id, mix, value, fade)
+
+    def animation_end(self) -> Call:
+        """To be awaited: until the clip comes to its end, of one that repeats its next one, or another clip is played."""
+        return self._scripts.prelude("animation_end", self)
+
+    @property
+    def animation_passes(self) -> tuple[str, int]:
+        """The clip that is named, and how often it has come to an end since it began."""
+        return clip_playing.passes_of(self._scripts.simulation, self.id)
+
+    @property
+    def root_motion(self) -> tuple[Vector, Rotation]:
+        """How far it went by root motion in the last tick, in the world [m], and how it turned, in its own space."""
+        return clip_playing.root_motion_of(self._scripts.simulation, self.id)
 
     # --- what it has
 
@@ -173,7 +224,11 @@ class EntityHandle:
         """Whether it has a component."""
         return self._world.has(self.id, component)
 
-    def get(self, component: type[C]) -> C:
+    @overload
+    def get(self, component: type[C]) -> C: ...
+    @overload
+    def get(self, component: str) -> Any: ...
+    def get(self, component: type[Component] | str) -> Any:
         """The value of a component; ComponentError if it has none."""
         return self._world.get(self.id, component)
 
@@ -238,112 +293,9 @@ class EntityHandle:
         world.set_fields(self.id, Transform, {name: tuple(value) for name, value in local.items() if value is not None})
 
 
-def _checked_name(name: str) -> str:
+def checked_name(name: str) -> str:
+    """The name; TypeError for what none can be."""
     if not isinstance(name, str) or len(name) > NAME_LENGTH:
         raise TypeError(f"a name is a text of at most {NAME_LENGTH} characters, not {str(name)[:100]!r}")
     name.encode()  # raises for half a surrogate pair, which could not go over the bus
     return name
-
-
-class GameWorld:
-    """Everything that is not a script's own entity."""
-
-    def __init__(self, scripts: Scripts) -> None:
-        self._scripts = scripts
-
-    @property
-    def time(self) -> float:
-        """Simulation time [s]."""
-        return self._scripts.simulation.time
-
-    @property
-    def tick(self) -> int:
-        """Steps done."""
-        return self._scripts.simulation.tick
-
-    @property
-    def dt(self) -> float:
-        """The length of a tick [s]."""
-        return 1.0 / self._scripts.simulation.settings.tick_rate
-
-    @property
-    def gravity(self) -> Vector:
-        """[m/s^2]"""
-        return Vector(self._scripts.simulation.settings.gravity)
-
-    def find(self, name: str) -> EntityHandle:
-        """The first entity of a name, in the tree's order; LookupError if there is none."""
-        found = self.find_all(name)
-        if not found:
-            raise LookupError(f"nobody is called {name!r}")
-        return found[0]
-
-    def find_all(self, name: str) -> list[EntityHandle]:
-        """All entities of a name."""
-        return [EntityHandle(self._scripts, entity) for entity in self._scripts.named(name)]
-
-    def with_component(self, *components: type[Component]) -> list[EntityHandle]:
-        """All that have these components, in the order of their ids, those switched off too."""
-        query = self._scripts.simulation.world.query(*components)
-        return [EntityHandle(self._scripts, entity) for entity in sorted(query.entities.tolist())]
-
-    def behaviours(self, behaviour: type[B]) -> list[B]:
-        """All scripts of a class that run, in the order in which they do."""
-        return self._scripts.behaviours_of(behaviour)
-
-    def spawn(
-        self,
-        *components: Component,
-        name: str = "",
-        parent: EntityHandle | None = None,
-        position: Iterable[float] | None = None,
-    ) -> EntityHandle:
-        """A new entity; with a position it has a Transform there."""
-        parts = list(components)
-        if position is not None and not any(isinstance(part, Transform) for part in parts):
-            parts.insert(0, Transform(position=tuple(Vector(position))))  # type: ignore[arg-type]
-        above = parent.id if parent is not None else NO_ENTITY
-        return EntityHandle(
-            self._scripts, self._scripts.simulation.world.spawn(parts, name=_checked_name(name), parent=above)
-        )
-
-    def raycast(
-        self, origin: Iterable[float], direction: Iterable[float], max_distance: float = 1000.0, **filters: Any
-    ) -> Hit | None:
-        """The first collider that a ray meets; None if it meets none. Filters as `PhysicsWorld.raycast`'s."""
-        ray = [tuple(Vector(origin))], [tuple(Vector(direction))], max_distance
-        with self._scripts.watchdog.resting():
-            hits = self._scripts.simulation.physics.raycast(*ray, **filters)
-        if not len(hits.entity) or not int(hits.entity[0]):
-            return None
-        return Hit(
-            EntityHandle(self._scripts, int(hits.entity[0])),
-            Vector(hits.point[0].tolist()),
-            Vector(hits.normal[0].tolist()),
-            float(hits.distance[0]),
-        )
-
-    def overlap_sphere(self, center: Iterable[float], radius: float, **filters: Any) -> list[EntityHandle]:
-        """All whose colliders share a point with a ball, once each."""
-        with self._scripts.watchdog.resting():
-            found = self._scripts.simulation.physics.overlap_sphere([tuple(Vector(center))], [radius], **filters)
-        return [EntityHandle(self._scripts, entity) for entity in dict.fromkeys(found.entity.tolist())]
-
-    def input(self, player: int = 1) -> PlayerInput:
-        """What a player does in this tick."""
-        return self._scripts.simulation.inputs[player]
-
-    @property
-    def players(self) -> tuple[int, ...]:
-        """Those who do or hold anything."""
-        return self._scripts.simulation.inputs.players
-
-    def emit(self, name: str, to: EntityHandle | None = None, **values: Any) -> None:
-        """Tells an event: to one entity's script, or to all; they hear it in the next tick, in the order in which it was told."""
-        self._scripts.emit(name, to.id if to is not None else NO_ENTITY, values)
-
-    def entity(self, number: int) -> EntityHandle:
-        """The handle of an id; EntityError if nobody has it."""
-        if not self._scripts.simulation.world.is_alive(number):
-            raise EntityError(f"there is no entity {number}")
-        return EntityHandle(self._scripts, number)

@@ -1,12 +1,14 @@
-"""What the last step of physics means for scripts: who of them hears of which contact and which visit to a trigger."""
+"""What happens to scripts: who of them hears of which contact and visit to a trigger of the last step, and what they may tell."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import msgspec
 import numpy as np
 
+from elys.bus.messages.session import Event
 from elys.sim_node.scripts.handles import EntityHandle, Touch
 from elys.sim_node.scripts.vector import Vector
 
@@ -67,3 +69,21 @@ def _rows_of(sides: tuple[Any, ...], entities: np.ndarray[Any, Any]) -> Iterator
     for row in np.flatnonzero(np.isin(collider, entities) | np.isin(body, entities)).tolist():
         told = dict.fromkeys((int(collider[row]), int(body[row])))
         yield from ((row, entity) for entity in told if entity in entities)
+
+
+def checked_event(kind: str, entity: int, values: dict[str, Any]) -> Event:
+    """An event as scripts tell it; TypeError, or what the encoder raises, for what could not go over the bus."""
+    told = Event(kind=kind, entity=entity, values=values)
+    for name, value in values.items():
+        if not _is_plain(value):
+            raise TypeError(
+                f"{name} of the event {kind!r} must be a number, a text or a tuple of such, not a {type(value).__name__}"
+            )
+    msgspec.json.encode(told)
+    return told
+
+
+def _is_plain(value: object) -> bool:
+    if isinstance(value, tuple):
+        return all(map(_is_plain, value))
+    return value is None or isinstance(value, bool | int | float | str)

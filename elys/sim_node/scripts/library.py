@@ -6,10 +6,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from elys.common.assets.scripts import decode_script
+import msgspec
+
+from elys.common.assets.prefabs import decode_prefab
+from elys.common.assets.scripts import SELF, decode_script
 from elys.common.assets.store import AssetStore, is_reference
 from elys.common.components.declaration import FieldDeclaration
 from elys.common.errors import AssetError, ScriptError
+from elys.common.scene_document import EntityRecord
+from elys.common.scene_files import PIECES, path_of
 from elys.common.trust import is_trusted
 from elys.sim_node.scripts.behaviour import HOOKS, Behaviour, fields_of
 from elys.sim_node.scripts.modules import ScriptModules
@@ -26,6 +31,7 @@ class LoadedScript:
         source: what the component says: a reference to content.
         name: how sentences call it, "door.py:Door".
         hooks: those that it writes itself.
+        prefabs: those that it brings, as its texts name them.
     """
 
     source: str
@@ -34,6 +40,7 @@ class LoadedScript:
     fields: dict[str, FieldDeclaration]
     modules: ScriptModules
     hooks: frozenset[str]
+    prefabs: dict[str, list[EntityRecord]]
 
 
 class ScriptLibrary:
@@ -63,6 +70,8 @@ class ScriptLibrary:
     def require_trusted(self, source: str) -> None:
         """Raises ScriptError for a script that nobody has said may run."""
         path = self._path_of(source)
+        if not path.name and self._is_ours(source):
+            return
         if path.name and not is_trusted(str(path)):
             raise ScriptError(
                 f"scripts in {path.parent} are not trusted, so nothing of them is run: if you know who wrote them, add --trust, "
@@ -97,6 +106,30 @@ class ScriptLibrary:
                 return script.source, name
         return None
 
+    def prefab(self, name: str, source: str) -> list[EntityRecord]:
+        """The records of a prefab that a script names; ScriptError if there is none here."""
+        if is_reference(name):
+            try:
+                return _with_source(decode_prefab(self._assets.get(name)), source)
+            except AssetError as error:
+                raise ScriptError(str(error)) from error
+        found = self._loaded.get(source)
+        carried = found.prefabs if isinstance(found, LoadedScript) else {}
+        if name in carried:
+            return _with_source(carried[name], source)
+        raise ScriptError(
+            f"there is no prefab {name!r} with the script, which brings {', '.join(carried) or 'none'}: a file of that name "
+            "must lie beside it, and the name must stand in the script as one text, or be a field's value in the scene"
+        )
+
+    def _is_ours(self, source: str) -> bool:
+        """Whether a script that came with a recording is, text for text, one that ELYS brings."""
+        try:
+            files = decode_script(self._assets.get(source)).files
+            return all(path_of(PIECES + name, Path()).read_text("utf-8") == text for name, text in files.items())
+        except (AssetError, OSError, ValueError):
+            return False
+
     def _scripts(self) -> list[LoadedScript]:
         return [script for script in self._loaded.values() if isinstance(script, LoadedScript)]
 
@@ -127,4 +160,15 @@ class ScriptLibrary:
             fields={declared.name: declared for declared in fields},
             modules=modules,
             hooks=hooks,
+            prefabs=bundle.prefabs,
         )
+
+
+def _with_source(records: list[EntityRecord], source: str) -> list[EntityRecord]:
+    """Where a carried prefab has the script itself that carries it."""
+    return [
+        msgspec.structs.replace(record, components={**record.components, "Script": {**script, "source": source}})
+        if (script := record.components.get("Script", {})).get("source") == SELF
+        else record
+        for record in records
+    ]

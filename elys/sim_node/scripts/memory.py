@@ -19,6 +19,7 @@ import numpy as np
 from elys.bus.messages.session import Event
 from elys.common.components import Component, component_from, values_of
 from elys.common.errors import ScriptError
+from elys.sim_node.input_actions import ActionState, Direction
 from elys.sim_node.scripts.program import Program
 from elys.sim_node.scripts.task import Frame, Task, Wait
 from elys.sim_node.scripts.vector import Rotation, Vector
@@ -28,7 +29,9 @@ from elys.sim_node.state import ATOMS
 _MARK: Final = "\0"  # begins the word for what a value is
 _DEEPEST: Final = 100
 _CONTAINERS: Final[Mapping[str, Callable[..., Any]]] = {"list": list, "set": set, "deque": deque, "dict": dict}
-_VECTORS: Final[Mapping[str, type[Any]]] = {"Vector": Vector, "Rotation": Rotation}
+_ROWS: Final[Mapping[str, type[Any]]] = {
+    kind.__name__: kind for kind in (Vector, Rotation, Direction, ActionState)
+}  # tuples of plain values
 _SIMPLE_WAITS: Final[Mapping[str, type[Any]]] = {kind.__name__: kind for kind in (Seconds, Ticks, EventNamed)}
 
 
@@ -84,7 +87,7 @@ class Keeper:
             return (f"{_MARK}component", kind.__name__, self._kept(values_of(value)))
         if kind is Event:
             return (f"{_MARK}Event", value.kind, value.entity, value.other, tuple(value.values.items()))
-        if kind in _VECTORS.values():
+        if kind in _ROWS.values():
             return (f"{_MARK}{kind.__name__}", *value)
         if kind in _SIMPLE_WAITS.values():
             return (f"{_MARK}{kind.__name__}", *self._items(dataclasses.astuple(value)))
@@ -184,8 +187,8 @@ class Finder:
             case "Event":
                 name, entity, other, values = parts
                 return Event(kind=name, entity=entity, other=other, values=dict(values))
-            case word if word in _VECTORS:
-                return _VECTORS[word](*parts)
+            case word if word in _ROWS:
+                return _ROWS[word](*parts)
             case "Several":
                 return Several(tuple(map(self.found, parts[1:])), parts[0])
             case "Call":

@@ -66,6 +66,10 @@ class ScriptModules:
         module = self._modules.get(kind.__module__)
         return vars(module) if module is not None else {}
 
+    def loaded(self) -> tuple[ModuleType, ...]:
+        """The modules that have been run."""
+        return tuple(self._modules.values())
+
     @property
     def places(self) -> list[str]:
         """What tracebacks call its files."""

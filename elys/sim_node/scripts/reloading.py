@@ -13,11 +13,13 @@ from pathlib import Path
 from typing import Final
 
 from elys.bus.messages.commands import Batch, Command, SetComponent
-from elys.common.assets.scripts import decode_script, read_script
+from elys.common.assets.scripts import decode_script
 from elys.common.assets.store import is_reference
 from elys.common.components import Script
 from elys.common.errors import AssetError, ScriptError
 from elys.common.ids import Entity
+from elys.common.scene import read_script_file
+from elys.common.scene_files import path_of
 from elys.sim_node.simulation import Simulation
 
 INTERVAL: Final = 0.25  # [s] between two looks at the files
@@ -50,7 +52,7 @@ class ScriptFiles:
         assets = self._simulation.assets
         place, _, behaviour = assets.source(source).partition("#")
         try:
-            new = read_script(Path(place), behaviour, assets)
+            new = read_script_file(Path(place), behaviour, assets)
         except AssetError as error:
             _log.warning("%s", error)
             return None
@@ -82,7 +84,8 @@ class ScriptFiles:
             bundle = decode_script(assets.get(source))
         except AssetError:
             return None, []
-        return Path(place), [Path(place).parent / name for name in bundle.files]
+        folder = Path(place).parent
+        return Path(place), [path_of(name, folder) for name in (*bundle.files, *bundle.prefabs)]
 
     def _have_changed(self, files: list[Path]) -> bool:
         has_changed = False

@@ -1,4 +1,4 @@
-"""Ends a script that does not come back.
+"""Ends a script that does not come back, or that takes more and more memory.
 
 A thread looks whether one call into a script has been going on for longer than a limit far above any budget, and raises an error
 in it. What the script did until then stays, so a run in which this happened is not repeated exactly.
@@ -14,12 +14,32 @@ import weakref
 from collections.abc import Iterator
 from typing import Final
 
+from elys.sim_node.scripts import memory_watch
+
 LIMIT: Final = 3.0  # [s] that one script may run in a tick
 _LOOKS: Final = 0.1  # [s] between two looks
 
 
 class ScriptTimeout(BaseException):
     """Raised in a script that ran too long; no `except Exception` catches it."""
+
+
+class ScriptGrowth(BaseException):
+    """Raised in a script that takes more and more memory without coming back."""
+
+
+def reason_of(error: BaseException) -> str:
+    """What a script is told that was ended from outside, or had no more memory; "" for all else."""
+    match error:
+        case ScriptTimeout():
+            return f"it did not come back within {LIMIT:g} s"
+        case ScriptGrowth():
+            return f"it took {memory_watch.LIMIT >> 20} MB of memory and went on: something in it grows without end"
+        case MemoryError():
+            return (
+                "MemoryError: it asked for more memory than a script may have at once: take less, or a part at a time"
+            )
+    return ""
 
 
 class Watchdog:
@@ -38,9 +58,11 @@ class Watchdog:
         self.is_inside = False
         self._has_fired = False
         self._thread: threading.Thread | None = None
+        self._resident = 0  # [bytes] as scripts began
 
     def begin(self) -> None:
         """Scripts run from now on."""
+        self._resident = memory_watch.resident_size()
         if self._thread is None:
             self._watched = threading.get_ident()
             self._thread = threading.Thread(
@@ -77,23 +99,26 @@ class Watchdog:
             self.is_inside = False
             has_fired, self._has_fired = self._has_fired, False
         if has_fired:
-            with contextlib.suppress(ScriptTimeout):
+            with contextlib.suppress(ScriptTimeout, ScriptGrowth):
                 for _ in range(1000):
                     pass
 
     def look(self, seen: int, since: float) -> None:
         """Ends the call that was seen `since`, if it is still the same and that is too long ago."""
         with self._lock:
-            if (
-                self.is_inside
-                and self.call == seen
-                and not self._has_fired
-                and time.monotonic() - since > self._allowed
-            ):
-                self._has_fired = True
-                ctypes.pythonapi.PyThreadState_SetAsyncExc(
-                    ctypes.c_ulong(self._watched), ctypes.py_object(ScriptTimeout)
-                )
+            if self.call == seen and time.monotonic() - since > self._allowed:
+                self._end_call(ScriptTimeout)
+
+    def look_at_memory(self) -> None:
+        """Ends the call that goes on, if scripts have grown by too much since they began."""
+        with self._lock:
+            if memory_watch.resident_size() - self._resident > memory_watch.LIMIT:
+                self._end_call(ScriptGrowth)
+
+    def _end_call(self, error: type[BaseException]) -> None:
+        if self.is_inside and not self._has_fired:
+            self._has_fired = True
+            ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(self._watched), ctypes.py_object(error))
 
 
 def _look(watchdog: weakref.ref[Watchdog]) -> None:
@@ -103,6 +128,8 @@ def _look(watchdog: weakref.ref[Watchdog]) -> None:
         found = watchdog()
         if found is None:
             return
+        if found.is_inside:
+            found.look_at_memory()
         call = found.call
         if call != seen:
             seen, since = call, time.monotonic()

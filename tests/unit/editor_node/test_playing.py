@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import pytest
 
 from elys.bus import topics
-from elys.bus.messages.commands import Input
+from elys.bus.messages.commands import CommandRecord, Input
+from elys.common.input_bindings import user_file
+from elys.common.input_names import PAD_NAMES
 from elys.editor_node.events import (
     CharacterTyped,
     KeyPressed,
@@ -22,6 +26,13 @@ from elys.editor_node.keys import Key
 from tests.unit.editor_node.person import CTRL, SHIFT
 
 pytestmark = pytest.mark.gl
+
+
+class Pad(NamedTuple):
+    """As GLFW tells it."""
+
+    buttons: list[int]
+    axes: list[float]
 
 
 class Game:
@@ -130,6 +141,46 @@ def test_a_key_is_told_by_its_place_whatever_is_printed_on_it(at_the_editor):
         assert game.changes == [("w", True), ("w", False)]
 
     at_the_editor(scenario)
+
+
+def test_gamepads_play_with_what_the_person_has_bound(at_the_editor, tmp_path, monkeypatch):
+    monkeypatch.setenv("ELYS_CONFIG_DIR", str(tmp_path))
+
+    async def scenario(person):
+        editor = person.editor
+        game = await see(person)
+        pads = {0: pad(), 1: pad()}
+        editor.game._pads = lambda: pads
+        editor.game._keeps_bindings = True
+        user_file().write_text('[bindings]\njump = "k"\n[player.2]\njump = "pad_y"\n')
+        await person.press(Key.F5)
+        await person.until(lambda: game.heard)
+        assert (game.heard[0].player, game.heard[0].bindings) == (1, {"jump": "k"})
+        shown = editor.panel.stream.shown
+        assert game.heard[0].seen_time <= shown.simulation_time
+        assert game.heard[0].seen_time >= 0.0
+        pads = {0: pad("pad_a"), 1: pad("pad_start")}
+        await person.until(lambda: game.heard[-1].player == 2)
+        bound = {message.player: message.bindings for message in game.heard if message.bindings is not None}
+        assert bound == {1: {"jump": "k"}, 2: {"jump": "pad_y"}}
+        assert game.changes == [("pad_a", True)]
+        refused = CommandRecord(
+            tick=3, origin=editor.seat.node.id, command=Input(player=2), accepted=False, reason="no such key"
+        )
+        person.stage.host.session.publish(topics.COMMANDS, refused)
+        await person.until(lambda: "no such key" in [line.text for line in editor.model.console])
+        await person.press(Key.ESCAPE)
+        await person.until(lambda: game.heard[-1].lets_go and game.heard[-1].player == 2)
+        user_file().write_text("[bindings]\njump = 3\n")
+        await person.press(Key.F5)
+        assert editor.game.is_on  # with the scene's own controls
+        assert "bindings.toml:2: jump is bound to a text" in editor.model.error
+
+    at_the_editor(scenario)
+
+
+def pad(*down: str) -> Pad:
+    return Pad([int(name in down) for name in PAD_NAMES], [0.0, 0.0, 0.0, 0.0, -1.0, -1.0])
 
 
 @pytest.mark.parametrize("how", ["focus", "host", "closed", "hidden", "key"])

@@ -9,7 +9,7 @@ from elys.common.assets.store import AssetStore
 from elys.common.components import Collider, Joint, RigidBody, Transform
 from elys.common.scene import OpenedScene, expand
 from elys.lab.plan_report import AFTER_PHYSICS, REST, PlanReport, advance, forcible, kernels_of, report, table_bytes
-from elys.samples.registry import SAMPLES
+from elys.samples.registry import FOLDER, SAMPLES
 from elys.sim_node.kernel_needs import needed_kernels
 from elys.sim_node.physics.plan import SWITCH_FACTS
 from elys.sim_node.physics.settings import SWITCHES, PhysicsSettings
@@ -19,7 +19,7 @@ from elys.sim_node.simulation import Simulation
 
 def opened(name: str, assets: AssetStore, tmp_path) -> OpenedScene:
     document = SAMPLES[name].build()
-    records = expand(document, directory=tmp_path, assets=assets)
+    records = expand(document, directory=FOLDER, assets=assets)
     return OpenedScene(name=name, path=tmp_path, settings=document.settings, records=records)
 
 

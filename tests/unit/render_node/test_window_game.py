@@ -8,6 +8,8 @@ from tests.unit.render_node.test_view_window import in_process
 
 SCRIPT = """
 import glfw
+from collections import namedtuple
+from elys.render_node.game_input import Seating
 from elys.bus.messages.session import SessionStatus
 from elys.render_node import thin_window
 from elys.render_node.game_input import NOTE, GameInput
@@ -32,7 +34,8 @@ async def main():
     window = Window("test", (96, 64))
     window.on_event = events.append
     play = PlayControl(session)
-    game = GameInput(session, window, play)
+    game = GameInput(session, window, play, seating=Seating(3, lambda player: {"jump": f"f{player}"}))
+    assert window.pads() == {}  # the null platform has none
     game.start()
     assert not game.is_on  # nobody has said yet that there is a game
     for wrong in (status(kind="replay"), status(is_rewound=True)):
@@ -57,17 +60,39 @@ async def main():
     w._button(None, glfw.MOUSE_BUTTON_RIGHT, glfw.PRESS, 0)
     w._scrolled(None, 0.0, 2.0)
     assert not game.update()
-    await until(lambda: heard)
-    (message, node), = heard
+    await until(lambda: len(heard) == 2)
+    (bound, _), (message, node) = heard
+    assert (bound.player, bound.bindings, bound.changes) == (3, {"jump": "f3"}, ())
     assert node == session.node.id
     assert message.changes == (("w", True), ("space", True), ("space", False), ("mouse_right", True)), message
+    assert (message.player, message.bindings, message.sequence) == (3, None, 2)
     assert message.moved == {"pointer_x": 5.0, "pointer_y": -1.0, "wheel_y": 2.0} and message.text == "w"
     assert events == []
     game.update(); game.update()
     w._key(None, glfw.KEY_ESCAPE, 0, glfw.PRESS, 0)
     assert game.update() and not game.is_on and game.note == ()
+    await until(lambda: len(heard) == 3)
+    assert heard[2][0].lets_go and heard[2][0].bindings is None
+    heard.clear()
+    Pad = namedtuple("Pad", "buttons axes")
+    def pad(*down):
+        return Pad([int(number in down) for number in range(15)], [0.5, 0.0, 0.0, 0.0, -1.0, -1.0])
+    window.pads = lambda: {0: pad(), 2: pad()}
+    game.start()
+    assert not game.update()
+    window.pads = lambda: {0: pad(glfw.GAMEPAD_BUTTON_A), 2: pad(glfw.GAMEPAD_BUTTON_START)}
+    game.update()
+    await until(lambda: len(heard) == 5)
+    assert [(m.player, m.changes, m.axes, m.bindings) for m, _ in heard] == [
+        (3, (), {}, {"jump": "f3"}), (3, (), {"pad_left_x": 0.5}, None), (3, (("pad_a", True),), {}, None),
+        (4, (), {}, {"jump": "f4"}), (4, (), {"pad_left_x": 0.5}, None)]
+    assert game.note == (NOTE + " - other pads play as 4",)
+    heard.clear()
+    w._key(None, glfw.KEY_ESCAPE, 0, glfw.PRESS, 0)
+    assert game.update()
     await until(lambda: len(heard) == 2)
-    assert heard[1][0].lets_go
+    assert all(m.lets_go for m, _ in heard)
+    window.pads = dict
     w._key(None, glfw.KEY_SPACE, 0, glfw.PRESS, 0)  # the viewer's own again
     w._scrolled(None, 0.0, 1.0)
     assert events == [KeyPressed("space"), Scrolled(1.0)]

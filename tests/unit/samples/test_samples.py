@@ -51,7 +51,7 @@ def test_a_sample_is_a_canonical_file_that_opens(name: str, tmp_path: Path) -> N
     scene = open_scene(path, AssetStore())
     present = {component for record in scene.records for component in record.components}
     assert {"Camera", "Light", "Collider"} <= present
-    assert len({record.name for record in scene.records}) == len(scene.records)
+    assert len({(record.parent, record.name) for record in scene.records}) == len(scene.records)
 
 
 @pytest.mark.parametrize("name", SAMPLES)

@@ -8,7 +8,7 @@ from elys.common.assets.store import AssetStore
 from elys.common.scene import open_scene, write_scene
 from elys.common.scene_document import EntityNode, SceneDocument
 from elys.samples.hard_cases import HARD_CASES
-from elys.samples.registry import SAMPLES
+from elys.samples.registry import SAMPLES, write_sample
 from elys.sim_node.kernel_list import all_kernels, first_kernels
 from elys.sim_node.kernel_needs import needed_kernels
 from elys.sim_node.physics import events as event_stage
@@ -63,8 +63,10 @@ def test_a_sample_calls_no_other_kernel_in_its_first_second(name, tmp_path, monk
     for module in (stepping, event_stage):
         for function in {name.partition(".")[2] for name in LATER} & set(vars(module)):
             _listen(monkeypatch, module, function, called)
-    document = HARD_CASES[name].quick.build(0) if name in HARD_CASES else SAMPLES[name].build()
-    write_scene(document, tmp_path / f"{name}.scene.json")
+    if name in HARD_CASES:
+        write_scene(HARD_CASES[name].quick.build(0), tmp_path / f"{name}.scene.json")
+    else:
+        write_sample(name, tmp_path / f"{name}.scene.json")
     scene, assets = open_scene(tmp_path / f"{name}.scene.json", AssetStore()), AssetStore()
     simulation = Simulation.load(scene, assets)
     for _ in range(60):

@@ -39,8 +39,8 @@ def steered(monkeypatch: pytest.MonkeyPatch) -> None:
             bodies = self.moving_bodies().entity
             for player in (1, 2):
                 done = self.inputs[player]
-                push = 40.0 * (done.is_down("d") - done.is_down("a"))
-                force = np.array((push, 300.0 * done.was_pressed("space"), 2.0 * done.moved("pointer_x")))
+                push = 40.0 * done.vector("move").x
+                force = np.array((push, 300.0 * done.action("jump").was_pressed, 2.0 * done.moved("pointer_x")))
                 if force.any():
                     self.physics.apply_force([int(bodies[player])], force)
 
@@ -65,7 +65,11 @@ async def a_game_of_two(stage: Stage) -> None:
                 await anna.step(1)
 
     await anna.step(20)
+    two.bind({"jump": "k, space", "move": "pad_left"})
     for number in range(12):
+        if number == 6:
+            two.bind({"jump": "space"})
+            one.bind({"move": "a/d/s/w scale=0.5"})
         one.press("d" if number % 2 else "a")
         one.move("pointer_x", 0.25 * number)
         two.press("space")

@@ -9,6 +9,7 @@ from __future__ import annotations
 from elys.sim_node.compilation import inner
 from elys.sim_node.physics.kernels.clipping import facing, meet_flat, meet_segments
 from elys.sim_node.physics.kernels.gjk import FAR, core_distance, core_overlap, distance_from, first_direction
+from elys.sim_node.physics.kernels.ray import into_axes
 from elys.sim_node.physics.kernels.support import face_normal, gap_along, load_convex, load_triangle
 from elys.sim_node.physics.kernels.tables import HEIGHT_FIELD
 
@@ -17,6 +18,8 @@ PREFERENCE = 5e-3  # how much worse a face may be than another direction, as a s
 SLIGHT = 0.1  # overlap that is followed from the normal of before, as a share of the smaller shape
 SNAP = 1e-6  # 1 - cosine up to which a direction between rounded shapes passes for a face's
 ONE_POINT = 0x40000000
+BEYOND = 1e-8  # squared sine above which something lies on the core's side of a plane, and not in it
+WITHIN = 1e-6  # by which the cosine to the middle of a corner's normals may be less than theirs
 ON_SIDE = 1e-6  # weight of a corner below which a point of a triangle lies on the side opposite to it
 
 
@@ -168,13 +171,41 @@ def lies_on(triangle, simplex):
 
 
 @inner
-def triangle_gap(a, b, faces, points, reach, thick, simplex):
+def lies_nearer_beside(mesh, face, points, sides, origin, simplex):
+    """Whether the surface comes nearer to the core beside the closest point of a triangle, which lies on these sides of it.
+
+    On one side it does if the third corner of the triangle beyond it lies, from there, on the core's side of a plane across the
+    way to the core. At a corner the way to the core must lie among the normals of the triangles around it. What rolls towards
+    an edge or corner is held by the triangle that it is on: from afar it would be a step.
+    """
+    d = simplex.direction
+    dx, dy, dz = into_axes(mesh.axes, d[0], d[1], d[2])
+    first = face.first_corner
+    if sides == 3 or sides == 6 or sides == 5:
+        k = 1 if sides == 3 else (2 if sides == 6 else 0)
+        at = first + 6 + k
+        return points[at, 0] * dx + points[at, 1] * dy + points[at, 2] * dz < points[first + 9, k] - WITHIN
+    x, y, z = origin[0] - mesh.center[0], origin[1] - mesh.center[1], origin[2] - mesh.center[2]
+    p = simplex.on_a
+    px, py, pz = into_axes(mesh.axes, p[0] + x, p[1] + y, p[2] + z)
+    for k in range(3):
+        if sides == 1 << k and face.active >> (3 + k) & 1:
+            at = first + 3 + k
+            ax, ay, az = points[at, 0] - px, points[at, 1] - py, points[at, 2] - pz
+            along = ax * dx + ay * dy + az * dz
+            return along > 0.0 and along * along > BEYOND * (ax * ax + ay * ay + az * az)
+    return False
+
+
+@inner
+def triangle_gap(a, b, mesh, face, points, reach, origin, simplex):
     """Signed distance from a one-sided triangle to a core, FAR where it does not count; `flat` when its face decides.
 
     What is behind a triangle does not touch it, but a thick one (of a height field, with ground below) pushes out whatever
     is there. A side that leads on flatly or into a valley has no normals but the face's: what slides over it must not
     catch (the neighbour holds it there).
     """
+    thick = mesh.kind == HEIGHT_FIELD
     n = a.axes
     nx, ny, nz = n[3], n[4], n[5]
     center = b.center
@@ -194,9 +225,12 @@ def triangle_gap(a, b, faces, points, reach, thick, simplex):
         cosine = d[0] * nx + d[1] * ny + d[2] * nz
         if 1.0 - cosine < SNAP:
             return gap, True
-        if lies_on(a, simplex) & a.active == 0:
+        sides = lies_on(a, simplex)
+        if sides & a.active == 0:
             return gap, True
-        return (distance, False) if cosine > 0.0 else (FAR, False)
+        if cosine <= 0.0 or lies_nearer_beside(mesh, face, points, sides, origin, simplex):
+            return FAR, False
+        return distance, False
     better = core_overlap(a, b, gap, nx, ny, nz, OPENING * smallest_half(b, b), points, simplex)
     d = simplex.direction
     cosine = d[0] * nx + d[1] * ny + d[2] * nz
@@ -220,7 +254,8 @@ def triangle_convex(mesh, part, second, margin, found, geometry):
     for k in range(3):
         a.half_extents[k] = FAR
     reach = margin + b.radius
-    gap, flat = triangle_gap(a, b, faces, points, reach, mesh.kind == HEIGHT_FIELD, simplex)
+    face = faces[header.first_face + part]
+    gap, flat = triangle_gap(a, b, mesh, face, points, reach, origin, simplex)
     if gap > reach:
         return 0
     if flat:

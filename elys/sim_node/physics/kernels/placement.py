@@ -117,17 +117,23 @@ def place_colliders(bodies, colliders, listed, count, geometry):
 
 
 @inner
+def lever(collider, body):
+    """How far from its body's centre the farthest point of a collider is that is elsewhere when it turns [m]: a ball's middle."""
+    squared = 0.0
+    for k in range(3):
+        away = collider.center[k] - body.position[k]
+        squared += away * away
+    return math.sqrt(squared) + (0.0 if collider.kind == SPHERE else collider.reach)
+
+
+@inner
 def turning_travel(body, collider, h):
     """How far the farthest point of a collider can go by its body's turning within the time h [m]."""
     v = body.velocity
     squared_spin = v[3] * v[3] + v[4] * v[4] + v[5] * v[5]
     if squared_spin == 0.0:
         return 0.0
-    squared = 0.0
-    for k in range(3):
-        away = collider.center[k] - body.position[k]
-        squared += away * away
-    return min(math.sqrt(squared_spin) * h, 2.0) * (math.sqrt(squared) + collider.reach)
+    return min(math.sqrt(squared_spin) * h, 2.0) * lever(collider, body)
 
 
 @inner

@@ -15,7 +15,7 @@ from elys.sim_node.compilation import inner, kernel
 from elys.sim_node.physics.kernels.gjk import FAR, core_distance
 from elys.sim_node.physics.kernels.integrator import publish_pose
 from elys.sim_node.physics.kernels.midphase import has_parts
-from elys.sim_node.physics.kernels.placement import place_collider
+from elys.sim_node.physics.kernels.placement import lever, place_collider, thinness
 from elys.sim_node.physics.kernels.rotation import multiplied, normalized
 from elys.sim_node.physics.kernels.support import load_convex, load_triangle, support
 from elys.sim_node.physics.kernels.tables import DYNAMIC, MESH, PLANE, STATIC
@@ -50,16 +50,6 @@ def turned_on_path(body, start):
     r = body.rotation
     x, y, z, w = multiplied(r[0], r[1], r[2], r[3], -q[0], -q[1], -q[2], q[3])
     return math.pi * math.sqrt(x * x + y * y + z * z) if abs(w) < 1.0 else 0.0
-
-
-@inner
-def lever(collider, body):
-    """How far the farthest point of a collider is from its body's centre."""
-    squared = 0.0
-    for k in range(3):
-        away = collider.center[k] - body.position[k]
-        squared += away * away
-    return math.sqrt(squared) + collider.reach
 
 
 @inner
@@ -132,6 +122,34 @@ def time_of_impact(pair, colliders, bodies, starts, fractions, places, shapes, g
     return t
 
 
+@inner
+def ends_above(pair, colliders, bodies, starts, fractions, places, shapes, geometry):
+    """Whether the middle of what met a triangle is in front of its face, by half its thickness, where its path ends.
+
+    Then it was not gone through, and the solver has held it: so a ball rolls from one triangle of a road onto the next.
+    """
+    if not (has_parts(colliders[pair.a]) or has_parts(colliders[pair.b])):
+        return False
+    rows = (pair.b, pair.a) if has_parts(colliders[pair.b]) else (pair.a, pair.b)
+    for side in range(2):
+        collider = colliders[rows[side]]
+        shapes[side] = collider
+        body_on_path(bodies[collider.body], starts[collider.body], fractions[collider.body], places[side])
+        place_collider(places[side], shapes[side])
+    a = geometry.convex[0]
+    b = geometry.convex[1]
+    mesh = shapes[0]
+    center = shapes[1].center
+    x, y, z = center[0], center[1], center[2]
+    load_triangle(a, mesh, geometry.headers[mesh.geometry], geometry.faces, geometry.points, pair.part, x, y, z)
+    load_convex(b, shapes[1], geometry.headers, x, y, z)
+    n = a.axes
+    px, py, pz = support(b, geometry.points, -n[3], -n[4], -n[5])
+    height = -b.radius
+    height += (px - a.center[0]) * n[3] + (py - a.center[1]) * n[4] + (pz - a.center[2]) * n[5]
+    return height > -0.5 * thinness(shapes[1])
+
+
 @kernel
 def stop_at_impacts(
     bodies, colliders, pairs, fast, fast_count, starts, fractions, poses, places, shapes, geometry, all_constants
@@ -159,6 +177,8 @@ def stop_at_impacts(
             a = colliders[pair.a].body
             b = colliders[pair.b].body
             t = time_of_impact(pair, colliders, bodies, starts, fractions, places, shapes, geometry, near)
+            if t < 1.0 and ends_above(pair, colliders, bodies, starts, fractions, places, shapes, geometry):
+                continue
             if bodies[a].motion == DYNAMIC and t < fractions[a]:
                 fractions[a] = t
                 quiet = False

@@ -303,7 +303,9 @@ CONVEX = np.dtype(
         ("point_count", "i4"),
         ("first_face", "i4"),
         ("face_count", "i4"),
-        ("active", "i4"),  # of a triangle: bit k where something may hang over its edge from corner k to the next
+        # Of a triangle: bit k where something may hang over its edge from corner k to the next, bit 3 + k where one triangle lies
+        # beyond that edge. What else is known around it follows its corners in the points, see `geometry._surroundings`.
+        ("active", "i4"),
     ],
     align=True,
 )

@@ -8,9 +8,11 @@ from dataclasses import replace
 import msgspec
 import pytest
 
+from elys.bus.messages.commands import Input
 from elys.common.components import Collider, RigidBody, Script, Transform
 from elys.common.errors import ScriptError
 from elys.sim_node.scripts import runner
+from elys.sim_node.scripts.behaviour import Behaviour
 from elys.sim_node.state import State
 from tests.unit.sim_node.scripts.conftest import Playground
 
@@ -338,3 +340,53 @@ def test_what_cannot_be_kept_is_said_and_disturbs_nothing(play: Playground, capl
     play.on(thing).file.close()
     play.simulation.restore(state)
     assert play.on(thing).n == 4 and not hasattr(play.on(thing), "file")
+
+
+def test_a_class_that_a_script_imports_finds_those_that_run_as_it(play: Playground) -> None:
+    door = play.write("door.py", "class Door(Behaviour):\n    def start(self): self.opened = 0\n")
+    bell = play.write(
+        "bell.py",
+        """
+        from door import Door
+
+        class Bell(Behaviour):
+            def update(self, dt):
+                for door in self.world.behaviours(Door):
+                    door.opened += 1
+                self.own = self.world.find("Door").script(Door).opened
+        """,
+    )
+    play.spawn(door, "Door"), play.spawn(bell, "Bell"), play.spawn(bell, "Other")
+    play.run(3)
+    assert play.on(play.simulation.scripts.behaviours_of(Behaviour)[0].entity.id).opened == 6
+    assert [one.own for one in play.simulation.scripts.behaviours_of(Behaviour)[1:]] == [5, 6]
+
+
+def test_scripts_read_actions_and_keep_what_they_read(play: Playground) -> None:
+    source = play.write(
+        "a.py",
+        """
+        class A(Behaviour):
+            def __init__(self): self.jumps = 0
+            def fixed_update(self, dt):
+                player = self.world.input(2)
+                self.jump, self.move = player.action("jump"), player.vector("move")
+                if self.jump.was_pressed:
+                    self.jumps += 1
+            async def start(self):
+                await until(lambda: self.world.input(2).action("use").is_down)
+                self.world.input(2).axis("fly")
+        """,
+    )
+    thing = play.spawn(source)
+    play.run()
+    play.simulation.inputs.take(Input(player=2, changes=(("space", True), ("d", True))))
+    play.run(3)
+    one = play.on(thing)
+    assert (one.jumps, one.jump.is_down, one.move.x) == (1, True, 1.0)
+    play.simulation.restore(State.from_bytes(play.simulation.capture().to_bytes()))
+    one = play.on(thing)
+    assert (one.jump.is_down, one.jump.was_pressed, tuple(one.move)) == (True, False, (1.0, 0.0))
+    play.simulation.inputs.take(Input(player=2, changes=(("e", True),)))
+    play.run(2)
+    assert "there is no axis 'fly': the scene declares none" in play.failure(thing)

@@ -1,0 +1,54 @@
+"""A driver at the wheel of a simulation of this process: it sees what a state tells, and its hands are part of the recording."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from elys.bus.messages.commands import CommandRequest
+from elys.common.components import RigidBody
+from elys.game.driver import Driver, Style
+from elys.samples.game.course import Place
+
+if TYPE_CHECKING:
+    from elys.sim_node.simulation import Simulation
+
+
+class Bot:
+    """One of `SimulationNode.players`."""
+
+    def __init__(
+        self, simulation: Simulation, line: Sequence[Place], *, player: int = 1, style: Style | None = None
+    ) -> None:
+        self._simulation = simulation
+        self._line = line
+        self._style = style
+        self.player = player
+        self._driver = Driver(line, player=player, style=style)
+        self._ball = 0  # entity, once it was found
+
+    def drive(self, line: Sequence[Place]) -> None:
+        """From now on along another line, from its beginning."""
+        self._driver = Driver(line, player=self.player, style=self._style)
+        self._ball = 0
+
+    def __call__(self) -> list[CommandRequest]:
+        """What it does before the next step."""
+        world = self._simulation.world
+        if not self._ball or not world.is_alive(self._ball):
+            self._ball, self._camera = self._named(f"Ball {self.player}"), self._named(f"Camera {self.player}")
+            if not self._ball or not self._camera:
+                self._ball = 0
+                return []
+        x, y, z, w = world.transforms.world_pose(self._camera)[1]
+        heading = math.atan2(2.0 * (x * z + w * y), 1.0 - 2.0 * (x * x + y * y))
+        position = world.transforms.world_pose(self._ball)[0]
+        command = self._driver.input(position, world.get(self._ball, RigidBody).linear_velocity, heading)
+        name = f"bot-{self.player}"
+        return [CommandRequest(origin=name, command=msgspec.structs.replace(command, source=name))]
+
+    def _named(self, name: str) -> int:
+        return next(iter(self._simulation.scripts.named(name)), 0)

@@ -1,0 +1,238 @@
+"""Hosts races one after the other in a session: puts levels in place, records each race, keeps times, and has ghosts run along.
+
+What it knows of a race it hears as anybody could: from the events that the level's scripts tell.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import getpass
+import logging
+import time
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Protocol
+
+from elys.bus import topics
+from elys.bus.ghost_service import GhostServer
+from elys.bus.messages.commands import CommandRequest, LoadScene
+from elys.bus.messages.ghosts import GHOST_COLORS
+from elys.bus.recording import Recording
+from elys.common.errors import ElysError
+from elys.game.board import Board, Entry
+from elys.samples.game.levels import LEVELS, Level
+
+if TYPE_CHECKING:
+    from elys.bus.messages.session import Event, EventBatch
+    from elys.bus.session import Session
+    from elys.common.scene import OpenedScene
+    from elys.sim_node.node import SimulationNode
+
+AFTERGLOW: Final = 1.0  # [s] of simulation that a recording goes on after the finish
+_log = logging.getLogger(__name__)
+
+
+class Recorder(Protocol):
+    """What records a race, from the moment at which it is made until it is finished."""
+
+    path: Path
+
+    async def finish(self) -> int:
+        """Ends it."""
+        ...
+
+
+@dataclass(slots=True, kw_only=True)
+class Attempt:
+    """A race that is on."""
+
+    recorder: Recorder
+    began: float = -1.0  # [s] of simulation time at which the countdown ended
+    finished: dict[int, Event] = field(default_factory=dict)  # by player
+    splits: dict[int, list[float]] = field(default_factory=dict)
+    ended_at: float = -1.0  # [s] of simulation time of the last finish
+
+
+class Referee:
+    """Runs races in a simulation's session.
+
+    Args:
+        record: begins to record into a file what happens from now on.
+        open_level: a level as a scene, its meshes in the simulation's store.
+        prove: gives the verdict on a recording; takes its time.
+    """
+
+    def __init__(
+        self,
+        node: SimulationNode,
+        session: Session,
+        *,
+        level: Level,
+        players: int = 1,
+        person: str = "",
+        folder: Path | None = None,
+        record: Callable[[Path], Recorder],
+        open_level: Callable[[Level, int], OpenedScene],
+        prove: Callable[[Path], Awaitable[str]],
+        race_limit: int = 0,
+        has_ghosts: bool = True,
+    ) -> None:
+        self._node, self._session = node, session
+        self.level = level
+        self._players = players
+        self._person = person or getpass.getuser()
+        self._folder = folder
+        self._record, self._open_level, self._prove = record, open_level, prove
+        self._race_limit = race_limit
+        self._has_ghosts = has_ghosts
+        self.board = Board(level.name, folder)
+        self.attempt: Attempt | None = None
+        self.races = 0
+        self.is_done = asyncio.Event()
+        self._wishes: asyncio.Queue[tuple[str, dict[str, Any]]] = asyncio.Queue()
+        self._ghosts: list[asyncio.Task[None]] = []
+        self._proofs: set[asyncio.Task[None]] = set()
+
+    async def run(self) -> None:
+        """Until `race_limit` races were finished, or for ever."""
+        close = self._session.subscribe(topics.EVENTS, self._heard)
+        try:
+            await self._begin()
+            while True:
+                wish, values = await self._wishes.get()
+                if wish == "finished":
+                    await self._end()
+                    self.races += 1
+                    if self._race_limit and self.races >= self._race_limit:
+                        return
+                elif wish == "restart":
+                    await self._begin()
+                elif wish == "level" and values.get("name") in LEVELS:
+                    await self._choose(LEVELS[values["name"]])
+        finally:
+            close()
+            await asyncio.shield(self._close())
+
+    async def _close(self) -> None:
+        await self._drop()
+        await self._end_ghosts()
+        await asyncio.gather(*self._proofs, return_exceptions=True)
+        self.is_done.set()
+
+    async def _choose(self, level: Level) -> None:
+        self.level = level
+        self.board = Board(level.name, self._folder)
+        await self._begin()
+
+    async def _begin(self) -> None:
+        """Another race: the level as it was made, a recording that begins with it, and ghosts."""
+        await self._drop()
+        await self._end_ghosts()
+        opened = self._open_level(self.level, self._players)
+        command = LoadScene(name=opened.name, records=tuple(opened.records), settings=opened.settings)
+        reply = await self._node.put(CommandRequest(origin=self._session.node.id, command=command))
+        if not reply.accepted:
+            raise ElysError(f"the level {self.level.name} cannot be begun: {reply.reason}")
+        stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S-%f")
+        self.board.folder.mkdir(parents=True, exist_ok=True)
+        self.attempt = Attempt(recorder=self._record(self.board.folder / f"{stamp}.mcap"))
+
+    async def _drop(self) -> None:
+        """A race that was not finished leaves nothing behind."""
+        attempt, self.attempt = self.attempt, None
+        if attempt is not None:
+            await attempt.recorder.finish()
+            attempt.recorder.path.unlink(missing_ok=True)
+
+    async def _end(self) -> None:
+        """A finished race becomes entries: one recording, the fastest of its players' times."""
+        attempt, self.attempt = self.attempt, None
+        if attempt is None:
+            return
+        await attempt.recorder.finish()
+        player = min(attempt.finished, key=lambda one: attempt.finished[one].values["time"])
+        values = attempt.finished[player].values
+        entry = Entry(
+            file=attempt.recorder.path.name,
+            player=self._person if self._players == 1 else f"{self._person} {player}",
+            time=round(values["time"], 4),
+            medal=values["medal"],
+            date=datetime.now(UTC).isoformat(timespec="seconds"),
+            began=attempt.began,
+            splits=tuple(round(split, 4) for split in attempt.splits.get(player, ())),
+        )
+        place = self.board.add(entry)
+        _log.info("%s: %s", self.level.title, told(entry, place))
+        if place:
+            proof = asyncio.create_task(self._verify(entry, self.board))
+            self._proofs.add(proof)
+            proof.add_done_callback(self._proofs.discard)
+
+    async def _verify(self, entry: Entry, board: Board) -> None:
+        began = time.monotonic()
+        verdict = await self._prove(board.path_of(entry))
+        board.prove(entry.file, verdict)
+        _log.info("%s: %.3f s is %s (%.1f s)", self.level.title, entry.time, verdict, time.monotonic() - began)
+
+    def _heard(self, batch: EventBatch, _: str) -> None:
+        attempt = self.attempt
+        for event in batch.events:
+            if event.kind == "race_wanted":
+                self._wishes.put_nowait((str(event.values.get("what", "")), event.values))
+            elif attempt is None:
+                continue
+            elif event.kind == "race_go":
+                attempt.began = batch.tick / self._node.simulation.settings.tick_rate
+                self._send_ghosts(attempt.began)
+            elif event.kind == "race_gate":
+                attempt.splits.setdefault(event.values["player"], []).append(event.values["time"])
+            elif event.kind == "race_finished":
+                attempt.finished[event.values["player"]] = event
+                attempt.ended_at = self._node.simulation.time
+                if len(attempt.finished) == self._players:
+                    asyncio.create_task(self._finish_soon(attempt))
+
+    async def _finish_soon(self, attempt: Attempt) -> None:
+        """What comes right after the finish belongs to the race as well."""
+        while self.attempt is attempt and self._node.simulation.time < attempt.ended_at + AFTERGLOW:
+            await asyncio.sleep(0.02)
+        if self.attempt is attempt:
+            self._wishes.put_nowait(("finished", {}))
+
+    def _send_ghosts(self, began: float) -> None:
+        """Lets those who were fast run along, from the start that all have in common."""
+        for number, entry in enumerate(self.board.ghosts(self._person)) if self._has_ghosts else ():
+            try:
+                recording = Recording(self.board.path_of(entry))
+            except ElysError as error:
+                _log.warning("no ghost of %s: %s", entry.player, error)
+                continue
+            server = GhostServer(
+                recording,
+                self._session,
+                color=GHOST_COLORS[number % len(GHOST_COLORS)],
+                title=f"{entry.player} {entry.time:.2f} s",
+                offset=entry.began - began,
+            )
+            self._ghosts.append(asyncio.create_task(_served(server, recording)))
+
+    async def _end_ghosts(self) -> None:
+        for ghost in self._ghosts:
+            ghost.cancel()
+        await asyncio.gather(*self._ghosts, return_exceptions=True)
+        self._ghosts = []
+
+
+async def _served(server: GhostServer, recording: Recording) -> None:
+    with contextlib.closing(recording):
+        await server.run()
+
+
+def told(entry: Entry, place: int) -> str:
+    """An entry as a person reads it."""
+    medal = f", {entry.medal} medal" if entry.medal else ""
+    rank = f", place {place}" if place else ", slower than all that are kept"
+    return f"{entry.player} {entry.time:.3f} s{medal}{rank}"

@@ -1,0 +1,1 @@
+"""The ball time trial: its levels, laid out by code, and its behaviours (scripts/)."""

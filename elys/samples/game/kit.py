@@ -1,0 +1,175 @@
+"""What levels are put together from: the road, gates, a ball with its camera, light, and things to hit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from elys.common.assets.mesh import Mesh, encode_mesh
+from elys.common.assets.primitives import primitive
+from elys.common.assets.store import AssetStore
+from elys.common.scene import EntityNode
+from elys.samples.entities import body, group, material, rounded
+from elys.samples.game.course import Course, Place
+
+SCRIPTS: Final = Path(__file__).parent / "scripts"
+BALL_DIAMETER: Final = 1.0  # [m]
+BALL_MASS: Final = 8.0  # [kg]
+PLAYER_COLORS: Final = ((0.90, 0.28, 0.05), (0.06, 0.30, 0.75), (0.10, 0.50, 0.15), (0.55, 0.12, 0.45))
+_GORES: Final = 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Medals:
+    """Times [s] that earn them."""
+
+    gold: float
+    silver: float
+    bronze: float
+
+
+def script(name: str, **values: Any) -> dict[str, Any]:
+    """A Script component: one of the game's behaviours, as "ball.py#Ball"."""
+    return {"source": str(SCRIPTS / name), "values": values} if values else {"source": str(SCRIPTS / name)}
+
+
+def road(course: Course, assets: AssetStore, *, friction: float = 1.2) -> EntityNode:
+    """All stretches of a course, to be rolled along."""
+    stretches = []
+    for number, stretch in enumerate(s for s in course.stretches if len(s.places) > 1):
+        mesh, origin = stretch.mesh()
+        stretches.append(
+            EntityNode(
+                name=f"Stretch {number + 1}",
+                components={
+                    "Transform": {"position": rounded(origin)},
+                    "Collider": {"shape": "mesh", "friction": friction},
+                    "MeshRenderer": {"mesh": assets.put(encode_mesh(mesh), kind="mesh")},
+                    "Material": {"base_color": [1.0, 1.0, 1.0], "roughness": 0.75},
+                },
+            )
+        )
+    return group("Road", stretches)
+
+
+def gate(place: Place, number: int, *, width: float, height: float = 3.4) -> EntityNode:
+    """A lit arch across the road, that counts when it is gone through the way the road leads."""
+    half = width / 2.0 + 0.35
+    posts = [
+        ("Left", (-half, height / 2.0, 0.0), (0.3, height, 0.3)),
+        ("Right", (half, height / 2.0, 0.0), (0.3, height, 0.3)),
+    ]
+    parts = [*posts, ("Beam", (0.0, height, 0.0), (2.0 * half + 0.3, 0.35, 0.35))]
+    return EntityNode(
+        name=f"Gate {number}",
+        components={
+            "Transform": {"position": place.at(), "rotation": _upright(place)},
+            "Script": script("race.py#Gate", number=number, width=width + 0.7, height=height),
+        },
+        children=[
+            EntityNode(
+                name=name,
+                components={
+                    "Transform": {"position": rounded(position), "scale": rounded(size)},
+                    "MeshRenderer": {"mesh": "box"},
+                    "Material": material((0.10, 0.11, 0.13), roughness=0.4),
+                },
+            )
+            for name, position, size in parts
+        ],
+    )
+
+
+def player(place: Place, number: int, assets: AssetStore, *, side: float = 0.0) -> list[EntityNode]:
+    """A ball at the start, and the camera that follows it."""
+    name = f"Ball {number}"
+    mesh = assets.put(encode_mesh(striped_ball(PLAYER_COLORS[number - 1])), kind="mesh")
+    eye = place.at(right=side, up=3.4, forward=-6.5)
+    ball = EntityNode(
+        name=name,
+        components={
+            "Transform": {
+                "position": place.at(right=side, up=BALL_DIAMETER / 2.0),
+                "rotation": _upright(place),
+                "scale": [BALL_DIAMETER] * 3,
+            },
+            "RigidBody": {"mass": BALL_MASS},
+            "Collider": {"shape": "sphere", "friction": 1.2, "restitution": 0.15, "rolling_friction": 0.002},
+            "MeshRenderer": {"mesh": mesh},
+            "Material": {"base_color": [1.0, 1.0, 1.0], "roughness": 0.35, "clearcoat": 0.6},
+            "Script": script("ball.py#Ball", player=number),
+        },
+    )
+    camera = EntityNode(
+        name=f"Camera {number}",
+        components={
+            "Transform": {"position": eye, "rotation": _upright(place)},
+            "RigidBody": {"motion": "kinematic"},
+            "Camera": {"field_of_view": 1.05, "priority": 10 - number, "far": 900.0},
+            "Script": script("ball.py#ChaseCamera", ball=name),
+        },
+    )
+    return [ball, camera]
+
+
+def race(medals: Medals) -> EntityNode:
+    """What measures."""
+    values = {"gold": medals.gold, "silver": medals.silver, "bronze": medals.bronze}
+    return EntityNode(name="Race", components={"Transform": {}, "Script": script("race.py#Race", **values)})
+
+
+def wall_of_boxes(
+    place: Place,
+    *,
+    columns: int,
+    rows: int,
+    size: Sequence[float] = (1.0, 0.7, 0.6),
+    colors: Sequence[Any] = PLAYER_COLORS,
+) -> EntityNode:
+    """Light boxes in courses like bricks, across the road, to be driven through."""
+    boxes = []
+    for row in range(rows):
+        shift = (row % 2) * 0.5
+        for column in range(columns - row % 2):
+            right = (column + shift - (columns - 1) / 2.0) * (size[0] + 0.01)
+            boxes.append(
+                body(
+                    f"Brick {row + 1}.{column + 1}",
+                    "box",
+                    size=size,
+                    position=place.at(right=right, up=size[1] * (row + 0.5)),
+                    rotation=_upright(place),
+                    color=colors[(row + column) % len(colors)],
+                    density=6.0,
+                    friction=0.6,
+                )
+            )
+    return group("Bricks", boxes)
+
+
+def striped_ball(color: tuple[float, float, float]) -> Mesh:
+    """A sphere of diameter 1 in gores of two colours, so that its rolling is seen."""
+    plain = primitive("sphere")
+    corners = plain.positions[plain.indices].reshape(-1, 3, 3)
+    normals = plain.normals[plain.indices].reshape(-1, 3)
+    middle = corners.mean(axis=1)
+    sector = np.floor((np.arctan2(middle[:, 2], middle[:, 0]) / math.tau + 1.0) * _GORES).astype(int) % 2
+    tinted = np.where(sector[:, None] == 1, np.array([[*color, 1.0]]), np.array([[0.86, 0.84, 0.78, 1.0]]))
+    return Mesh(
+        positions=corners.reshape(-1, 3).astype(np.float32),
+        normals=normals.astype(np.float32),
+        uvs=plain.uvs[plain.indices].astype(np.float32),
+        colors=np.repeat(tinted, 3, axis=0).astype(np.float32),
+        indices=np.arange(len(normals), dtype=np.uint32),
+    )
+
+
+def _upright(place: Place) -> list[float]:
+    """How a thing stands that looks along the road, straight up however the road lies."""
+    yaw = math.atan2(-place.forward[0], -place.forward[2])
+    return [0.0, round(math.sin(yaw / 2.0), 7), 0.0, round(math.cos(yaw / 2.0), 7)]

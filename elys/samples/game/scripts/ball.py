@@ -1,0 +1,170 @@
+"""The ball that a player rolls, and the camera that follows it."""
+
+import math
+from typing import Annotated
+
+from race import Race
+
+from elys.script import *
+
+COYOTE = 0.10  # [s] after it has left the ground in which it may still jump
+SLIP = 3.0  # [m/s] by which its skin may be faster than the road
+BUFFER = 0.12  # [s] before it reaches the ground in which a jump is not lost
+
+
+class Ball(Behaviour):
+    """Rolls where the player pushes it, as seen by the camera; jumps; goes back to the last gate when it has fallen."""
+
+    player: Annotated[int, about("Whose keys and sticks move it.", minimum=1, maximum=16)] = 1
+    top_speed: Annotated[float, about("That it can be brought to on level ground.", unit="m/s", minimum=1.0)] = 17.0
+    grip: Annotated[float, about("Greatest acceleration on the ground.", unit="m/s^2", minimum=0.1)] = 13.0
+    air_grip: Annotated[float, about("Greatest acceleration in the air.", unit="m/s^2", minimum=0.0)] = 5.0
+    response: Annotated[float, about("How fast its speed becomes the one wanted.", unit="1/s", minimum=0.1)] = 1.8
+    jump_height: Annotated[float, about("How high it jumps.", unit="m", minimum=0.0)] = 1.6
+
+    def start(self):
+        body = self.entity.get(components.RigidBody)
+        self.mass, self.radius = body.mass, self.entity.get(components.Transform).scale[0] / 2
+        forward = self.entity.forward()
+        self.heading = math.atan2(-forward.x, -forward.z)  # of the camera; 0 looks along -z
+        self.home = self.entity.position, forward
+        self.before = self.entity.position
+        self.ground_time = self.jump_time = -1.0
+        self.ground_normal = Vector(0, 1, 0)
+        self.hand_time = -10.0  # when the camera was turned by hand
+
+    @property
+    def race(self):
+        """The race that it is part of, if there is one."""
+        return next(iter(self.world.behaviours(Race)), None)
+
+    def fixed_update(self, dt):
+        player, race = self.world.input(self.player), self.race
+        self.look(player, dt)
+        self.feel_ground()
+        if race is not None and not race.is_on:
+            self.entity.velocity, self.entity.spin = (0, min(self.entity.velocity.y, 0), 0), (0, 0, 0)
+            return
+        if player.was_pressed("space") or player.was_pressed("pad_a"):
+            self.jump_time = self.world.time
+        push = self.wanted(player)
+        self.roll(push)
+        if self.world.time - self.jump_time <= BUFFER and self.world.time - self.ground_time <= COYOTE:
+            self.jump()
+        if player.was_pressed("backspace") or player.was_pressed("pad_b"):
+            self.go_back()
+        if player.was_pressed("r") or player.was_pressed("pad_back"):
+            self.world.emit("race_wanted", what="restart", player=self.player)
+
+    def update(self, dt):
+        race, now = self.race, self.entity.position
+        if race is not None:
+            race.moved(self.player, self.before, now)
+            if now.y < race.lowest_of(self.player, self.home[0]):
+                self.go_back()
+        self.before = self.entity.position
+
+    def wanted(self, player):
+        """Where the player pushes, level, at most 1 long."""
+        keys = lambda *names: any(player.is_down(name) for name in names)  # noqa: E731
+        right = keys("d", "right") - keys("a", "left") + dead(player.axis("pad_left_x"))
+        ahead = keys("w", "up") - keys("s", "down") - dead(player.axis("pad_left_y"))
+        push = Vector(math.cos(self.heading), 0, -math.sin(self.heading)) * right
+        push += Vector(-math.sin(self.heading), 0, -math.cos(self.heading)) * ahead
+        return push / max(push.length, 1.0)
+
+    def roll(self, push):
+        """Brings its speed towards the one wanted: on the ground by turning it, in the air by a little push."""
+        now = self.entity.velocity
+        level = Vector(now.x, 0, now.z)
+        if push.length < 0.05:
+            change = level * -0.35  # lets it roll, and come to rest some day
+        else:
+            change = (push * self.top_speed - level) * self.response
+        on_ground = self.world.time - self.ground_time <= self.world.dt
+        most = self.grip if on_ground else self.air_grip
+        change = change * min(1.0, most / max(change.length, 1e-9))
+        if on_ground:
+            axis = self.ground_normal.cross(change).normalized()
+            slip = (self.entity.spin - self.ground_normal.cross(level) / self.radius).dot(axis) * self.radius
+            if slip < SLIP:  # one that is held fast does not wind itself up
+                # A solid ball: torque T at its middle moves it by T / (m r (1 + 2/5)).
+                self.entity.apply_torque(axis * (change.length * 1.4 * self.mass * self.radius))
+        elif push.length >= 0.05:
+            self.entity.apply_force(change * self.mass)
+
+    def jump(self):
+        """Straight up, to its height, whatever it did before."""
+        speed = math.sqrt(2.0 * self.world.gravity.length * self.jump_height)
+        now = self.entity.velocity
+        self.entity.apply_impulse((0, (speed - min(now.y, 0.0)) * self.mass, 0))
+        self.jump_time = self.ground_time = -1.0
+        self.world.emit("ball_jumped", player=self.player)
+
+    def feel_ground(self):
+        """Whether there is something to push against below."""
+        middle = self.entity.position
+        hit = self.world.raycast(middle, (0, -1, 0), self.radius * 1.5 + 0.15, exclude=[self.entity.id])
+        if hit is None or hit.normal.y < 0.4:
+            return
+        # Of the slope below, the distance of the ball's skin is what counts.
+        if hit.distance * hit.normal.y <= self.radius + 0.08:
+            self.ground_time, self.ground_normal = self.world.time, hit.normal
+
+    def go_back(self):
+        """To the last gate, at rest."""
+        race = self.race
+        place, forward = race.rest_of(self.player, self.home) if race is not None else self.home
+        self.entity.position = place
+        self.entity.velocity, self.entity.spin = (0, 0, 0), (0, 0, 0)
+        self.heading = math.atan2(-forward.x, -forward.z)
+        self.before = place
+        self.world.emit("ball_fell", player=self.player)
+
+    def look(self, player, dt):
+        """Turns the camera: by hand, or behind the way that the ball goes."""
+        by_hand = player.moved("pointer_x") * 0.003 + dead(player.axis("pad_right_x")) * 2.8 * dt
+        if by_hand:
+            self.heading -= by_hand
+            self.hand_time = self.world.time
+        now = self.entity.velocity
+        speed = math.hypot(now.x, now.z)
+        if speed > 2.0 and self.world.time - self.hand_time > 1.0:
+            off = math.remainder(math.atan2(-now.x, -now.z) - self.heading, math.tau)
+            if abs(off) < 2.4:  # who rolls backwards looks where he looks
+                self.heading += off * min(1.0, 1.6 * dt * min(speed / 8.0, 1.0))
+
+
+def dead(place, zone=0.15):
+    """Where a stick stands, without the middle in which it never rests quite."""
+    return 0.0 if abs(place) <= zone else math.copysign((abs(place) - zone) / (1.0 - zone), place)
+
+
+class ChaseCamera(Behaviour):
+    """Looks over a ball's shoulder."""
+
+    ball: Entity | None = None
+    distance: Annotated[float, about("Behind the ball.", unit="m", minimum=1.0)] = 6.5
+    height: Annotated[float, about("Above it.", unit="m", minimum=0.0)] = 2.9
+
+    def start(self):
+        self.middle = None
+
+    def fixed_update(self, dt):
+        if self.ball is None or not self.ball.is_alive:
+            return
+        ball = self.ball.script(Ball)
+        now = self.ball.position
+        if self.middle is None or self.middle.distance(now) > 8.0:
+            self.middle = now
+        # Follows at once along the ground and softly upwards, so that small bumps do not shake the picture.
+        self.middle = Vector(now.x, self.middle.y + (now.y - self.middle.y) * min(1.0, 9.0 * dt), now.z)
+        back = Vector(math.sin(ball.heading), 0, math.cos(ball.heading))
+        eye = back * self.distance + (0, self.height, 0)
+        look_at = self.middle + (0, 0.7, 0)
+        reach = eye.length
+        hit = self.world.raycast(look_at, eye.normalized(), reach, exclude=[self.ball.id])
+        eye = look_at + eye.normalized() * (max(hit.distance - 0.3, 0.6) if hit is not None else reach)
+        down = math.atan2(eye.y - look_at.y, math.hypot(eye.x - look_at.x, eye.z - look_at.z))
+        turn = Rotation.about((0, 1, 0), ball.heading) * Rotation.about((1, 0, 0), -down)
+        self.entity.set(components.Transform, position=tuple(eye), rotation=tuple(turn))

@@ -1,0 +1,201 @@
+"""game: the ball time trial, with a window, or hosted for others, or driven by nobody."""
+
+from __future__ import annotations
+
+import asyncio
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from elys.bus.access.listening import Listening
+from elys.common.errors import ElysError
+from elys.verbs.output import print_json, print_table
+
+if TYPE_CHECKING:
+    from elys.samples.game.levels import Level
+
+FIRST: Final = "meadow"
+
+
+def level_named(name: str) -> Level:
+    """The level; ElysError naming those there are."""
+    from elys.samples.game.levels import LEVELS
+
+    if name not in LEVELS:
+        raise ElysError(f"there is no level '{name}': there are {', '.join(LEVELS)}")
+    return LEVELS[name]
+
+
+def play(level: str, *, players: int, person: str, ghosts: bool, listen: Listening) -> None:
+    """A window on a race that this machine hosts."""
+    from elys.render_node.window import probe_display
+    from elys.verbs.run import start
+
+    level_named(level)
+    probe_display()
+    words = [*listen.words(), "--players", str(players)]
+    words += ["--name", person] if person else []
+    words += [] if ghosts else ["--no-ghosts"]
+    sys.exit(start("game", {"level": level}, endpoint=listen.endpoint, extra={"race": words}))
+
+
+def host(
+    level: str,
+    *,
+    players: int,
+    person: str,
+    ghosts: bool,
+    listen: Listening,
+    bot: bool,
+    races: int,
+    realtime: bool,
+    json: bool = False,
+) -> None:
+    """Races in a session of this process, until `races` were finished or for ever; with `bot` nobody need play."""
+    from elys.bus.log import start_logging
+    from elys.verbs.nodes import run_until_asked
+
+    chosen = level_named(level)
+    start_logging()
+    finished: list[str] = []
+    run_until_asked(
+        _host(
+            chosen,
+            players=players,
+            person=person or ("bot" if bot else ""),
+            ghosts=ghosts,
+            listen=listen,
+            bot=bot,
+            races=races,
+            realtime=realtime,
+            finished=finished,
+        )
+    )
+    if json:
+        print_json(times_of(chosen))
+
+
+async def _host(
+    level: Level,
+    *,
+    players: int,
+    person: str,
+    ghosts: bool,
+    listen: Listening,
+    bot: bool,
+    races: int,
+    realtime: bool,
+    finished: list[str],
+) -> None:
+    from elys.common.assets.store import AssetStore
+    from elys.common.scene import OpenedScene
+    from elys.game.bot import Bot
+    from elys.game.referee import Referee
+    from elys.samples.game.levels import open_level
+    from elys.sim_node.node import SimulationNode
+    from elys.sim_node.simulation import Simulation
+    from elys.verbs.host_facts import facts_of
+    from elys.verbs.kernels import compile_with_progress
+    from elys.verbs.nodes import hosted
+    from elys.verbs.recording_child import RecordingChild
+
+    assets = AssetStore()
+    opened, layout = open_level(level, assets, players=players)
+    await asyncio.to_thread(compile_with_progress, opened)
+    simulation = Simulation.load(opened, assets)
+    bots = [Bot(simulation, layout.line, player=number + 1) for number in range(players if bot else 0)]
+
+    def reopened(chosen: Level, count: int) -> OpenedScene:
+        opened, layout = open_level(chosen, assets, players=count)
+        for one in bots:
+            one.drive(layout.line)
+        return opened
+
+    async with hosted(listen, name="game", kind="simulation", scene=level.title, epoch=time.time_ns()) as (session, _):
+        node = SimulationNode(simulation, session, realtime=realtime)
+        node.players += bots
+        session.host_facts = facts_of(node)
+
+        def record(path: Path) -> RecordingChild:
+            recorder = RecordingChild(path)
+            recorder.attach(session, node, assets, lossless=not realtime)
+            return recorder
+
+        referee = Referee(
+            node,
+            session,
+            level=level,
+            players=players,
+            person=person,
+            record=record,
+            open_level=reopened,
+            prove=proof_of,
+            race_limit=races,
+            has_ghosts=ghosts,
+        )
+        ticking = asyncio.create_task(node.run())
+        judging = asyncio.create_task(referee.run())
+        try:
+            await asyncio.wait((ticking, judging), return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in (judging, ticking):
+                task.cancel()
+            for outcome in await asyncio.gather(judging, ticking, return_exceptions=True):
+                if isinstance(outcome, Exception):
+                    raise outcome
+
+
+async def proof_of(recording: Path) -> str:
+    """The verdict of `elys verify`, asked of another process that leaves the game its processor."""
+    process = await asyncio.create_subprocess_exec(
+        *("nice", "-n", "15", sys.executable, "-m", "elys", "verify", str(recording), "--trust"),
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+    )
+    said, _ = await process.communicate()
+    if process.returncode == 0:
+        return "equal"
+    return said.decode(errors="replace").strip().splitlines()[0][:200] if said.strip() else "not proven"
+
+
+def times_of(level: Level) -> list[dict[str, object]]:
+    """The board of a level, for programs."""
+    from elys.game.board import Board
+
+    board = Board(level.name)
+    return [
+        {
+            "place": place,
+            "player": entry.player,
+            "time": entry.time,
+            "medal": entry.medal,
+            "proof": entry.proof,
+            "date": entry.date,
+            "recording": str(board.path_of(entry)),
+        }
+        for place, entry in enumerate(board.entries, 1)
+    ]
+
+
+def times(level: str, *, json: bool) -> None:
+    """Prints the best times of one level, or of all."""
+    from elys.samples.game.levels import LEVELS
+
+    chosen = [level_named(level)] if level else list(LEVELS.values())
+    if json:
+        print_json({one.name: times_of(one) for one in chosen})
+        return
+    for one in chosen:
+        medals = one.medals
+        print(f"{one.title}  gold {medals.gold:g} s, silver {medals.silver:g} s, bronze {medals.bronze:g} s")
+        rows = [
+            (str(row["place"]), str(row["player"]), f"{row['time']:.3f} s", str(row["medal"]), str(row["proof"] or "-"))
+            for row in times_of(one)
+        ]
+        if rows:
+            print_table(("", "player", "time", "medal", "verified"), rows)
+        else:
+            print("  nobody has finished it yet")
