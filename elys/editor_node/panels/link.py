@@ -11,6 +11,7 @@ from elys.bus.state_source import stream_report
 from elys.bus.transports.zenoh import DEFAULT_PORT
 from elys.editor_node.language import tr, tr_label
 from elys.editor_node.panels.key_field import key_field
+from elys.editor_node.sentences import tr_sentence
 from elys.editor_node.theme import ERROR, GOOD, NOTICE, TEXT, TEXT_DIM, WARNING, Rgba, icons
 from elys.editor_node.ui import Ui, colored_text, dim_text
 
@@ -94,7 +95,7 @@ class LinkWindow:
             dim_text(f"{attachments.doing} ...")
         elif attachments.error:
             imgui.push_text_wrap_pos(imgui.get_font_size() * 26.0)
-            colored_text(ERROR, attachments.error)
+            colored_text(ERROR, tr_sentence(attachments.error))
             imgui.pop_text_wrap_pos()
             ui.landmarks.note("connect/error")
         if (imgui.button(tr_label("Connect")) or entered or is_confirmed) and self._endpoint.strip():

@@ -13,6 +13,7 @@ from elys.bus.beacon import FoundSession
 from elys.bus.transports.zenoh import DEFAULT_PORT
 from elys.editor_node.language import tr, tr_label
 from elys.editor_node.panels.key_field import key_field
+from elys.editor_node.sentences import tr_sentence
 from elys.editor_node.theme import ERROR, TEXT, TEXT_DIM, icons
 from elys.editor_node.ui import Ui, color_code, colored_text, dim_text
 
@@ -78,7 +79,7 @@ class StartPage:
             ui.landmarks.note("start/cancel")
         elif attachments.error:
             imgui.push_text_wrap_pos(0.0)
-            colored_text(ERROR, f"{icons.ICON_FA_TRIANGLE_EXCLAMATION}  {attachments.error}")
+            colored_text(ERROR, f"{icons.ICON_FA_TRIANGLE_EXCLAMATION}  {tr_sentence(attachments.error)}")
             imgui.pop_text_wrap_pos()
             ui.landmarks.note("start/error")
         else:

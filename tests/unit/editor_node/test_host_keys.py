@@ -19,6 +19,7 @@ from elys.common.errors import AccessError
 from elys.editor_node.events import CursorEntered
 from elys.editor_node.host_keys import HostKeys, credentials_of, is_secret
 from elys.editor_node.keys import Key
+from elys.editor_node.sentences import is_known, tr_sentence
 from elys.verbs.openers import ChildProcesses
 from tests.unit.bus.access.guarded import free_port
 from tests.unit.editor_node.person import CTRL, Person
@@ -109,17 +110,21 @@ def test_a_host_that_asks_for_a_secret_is_reached_from_the_start_page(
         await person.type(endpoint)
         await person.press(Key.ENTER)
         await told("lets in only who shows a secret")
+        is_french = tr_sentence(attachments.error).startswith("la session à tcp/127.0.0.1:")
+        assert is_french == (language == "fr")
         await person.click("start/key")
         await person.type(SECRET)
         await person.frames(2)
         editor.screenshot(screenshot_directory / f"start-key-{language}.png")
         await person.press(Key.ENTER)
         await told("does not take the secret of viewer-k3x9")
+        assert is_known(attachments.error, "fr")
         await person.click("start/key")
         await person.press(Key.A, CTRL)
         await person.type("hello")
         await person.click("start/connect")
         await told("is no secret")
+        assert is_known(attachments.error, "fr")
         assert not attachments.is_attached and not town.shown
         await person.click("start/key")
         await person.press(Key.A, CTRL)
