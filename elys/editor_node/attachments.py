@@ -8,12 +8,14 @@ import time
 from collections.abc import Awaitable, Callable
 from typing import Final, Protocol
 
+from elys.bus.access.credentials import Credentials
 from elys.bus.beacon import FoundSession, look_around
 from elys.bus.discovery import SessionRecord, complete_place, find_sessions, join_session
 from elys.bus.log import SessionLogHandler, log_to_session
 from elys.bus.messages.ghosts import Color
 from elys.bus.session import Session
 from elys.common.errors import BusError, ElysError
+from elys.editor_node.host_keys import HostKeys
 from elys.editor_node.language import tr
 from elys.editor_node.preferences import Preferences, remember
 from elys.editor_node.seat import Seat
@@ -50,6 +52,9 @@ class Openers(Protocol):
     async def draw(self, endpoint: str) -> None:
         """Starts a render node for the session at an endpoint. ElysError says why not."""
 
+    def show(self, endpoint: str, credentials: Credentials | None) -> None:
+        """What is started for the session at an endpoint shows these from now on; None: what this process would."""
+
 
 class Attachments:
     """Connecting never blocks: it is done beside the frames, `doing` says what, and `error` what came of it."""
@@ -79,7 +84,12 @@ class Attachments:
         self.nearby: tuple[FoundSession, ...] | None = None  # of the local network, once somebody asked
         self._asking: asyncio.Task[None] | None = None
         self._preferences = preferences
-        self._join = join or (lambda endpoint: join_session(endpoint, kind=seat.node.kind, node=seat.node))
+        self.keys = HostKeys()
+        self._join = join or (
+            lambda endpoint: join_session(
+                endpoint, kind=seat.node.kind, node=seat.node, credentials=self.keys.of(endpoint)
+            )
+        )
         self._on_change = on_change
         self._on_leave = on_leave
         self._on_failure = on_failure
@@ -128,10 +138,14 @@ class Attachments:
 
     # --- what can be wished for ------------------------------------------------------------------------------------
 
-    def connect(self, text: str) -> None:
-        """Attaches to the session at an endpoint, as a person writes one."""
+    def connect(self, text: str, *, key: str | None = None) -> None:
+        """Attaches to the session at an endpoint, as a person writes one; shows it `key` from now on, or with "" what is shown
+        everywhere.
+        """
         try:
             endpoint = complete_place(text.strip())
+            if key is not None:
+                self.keys.choose(endpoint, key)
         except BusError as error:
             self._refuse(str(error))
             return
@@ -261,6 +275,8 @@ class Attachments:
 
     async def _connect(self, endpoint: str, *, forked_from: str = "") -> None:
         session = await self._join(endpoint)
+        if self.openers is not None:
+            self.openers.show(endpoint, self.keys.of(endpoint))
         if self.is_attached:
             self._on_leave()
             self._let_go()

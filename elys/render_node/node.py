@@ -103,6 +103,8 @@ class SceneFollower:
         self._loop = asyncio.get_running_loop()
         self._assets = AssetClient(session, _asset_store())
         self.world = RenderWorld(DrawableAssets(self.fetch, on_ready=self._asset_arrived))
+        if session.states is not None:
+            self.world.timeline.expect_stream()
         self.drawing = DebugDrawing(self.mirror)
         self._debug = DebugListener(session, self.drawing, self._lines_arrived)
         self._wanted: frozenset[Debug] = frozenset()

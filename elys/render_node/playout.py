@@ -19,6 +19,9 @@ SLEW: Final = 0.05  # by which time is seen to go faster or slower, to be as lat
 SLEW_TIME: Final = 0.5  # [s] within which a small difference has gone for the most part
 LEAP: Final = 0.5  # [s] of difference above which time is not slewed but set
 LONGEST_WAIT: Final = 0.25  # [s] beyond a tick that is waited for late states; what comes later finds things standing
+STREAM_WAIT: Final = (
+    0.08  # [s] the same of a stream, which leaves out what is late: with 50 ms and a tick it makes 150 ms
+)
 BRIDGED: Final = 0.25  # of a tick by which a state may be late and cost no delay: things go on as they did for so long
 BRIDGED_AT_MOST: Final = 0.01  # [s] likewise
 CLOCK_SET: Final = 1.0  # [s] by which stamps and arrivals disagree when somebody has set the host's clock
@@ -31,9 +34,14 @@ UNEVEN: Final = 0.005  # [s] and a quarter of an interval: what is farther from 
 
 
 class Playout:
-    """Hears when states were stamped and when they came; tells which moment to show. Without frames, without a clock."""
+    """Hears when states were stamped and when they came; tells which moment to show. Without frames, without a clock.
+
+    Attributes:
+        longest_wait: [s] beyond a tick for late states.
+    """
 
     def __init__(self) -> None:
+        self.longest_wait = LONGEST_WAIT
         self._lateness = Lateness()
         self._intervals: deque[float] = deque(maxlen=REMEMBERED)  # [s] of the host's clock between two states
         self._slopes: deque[float] = deque(maxlen=REMEMBERED)  # [s] of it for one of the simulation
@@ -56,7 +64,7 @@ class Playout:
     def delay(self) -> float:
         """How long [s] after the quickest way a state is to be seen: a tick, and what some wait or others are left out."""
         bridged = min(BRIDGED * self._tick, BRIDGED_AT_MOST)
-        return self._tick + min(max(self._lateness.usual - bridged, 0.0), LONGEST_WAIT)
+        return self._tick + min(max(self._lateness.usual - bridged, 0.0), self.longest_wait)
 
     def follow(
         self, stamp: float, simulation_time: float, *, ticks: int, first: float, came: float

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from elys.bus.messages.state_frame import LOCAL_COLUMNS, WEIGHT_COLUMNS, StateFrame
 from elys.common.math import quaternion
-from elys.render_node.playout import Playout
+from elys.render_node.playout import STREAM_WAIT, Playout
 from elys.render_node.rotation_path import FAST_TURN, rotations_between
 
 LONGEST_LOOKAHEAD: Final = 0.1  # [s] of wall clock for which things go on as they did when the next frame comes late
@@ -50,6 +50,10 @@ class Timeline:
         self._found: list[tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.intp] | slice, NDArray[np.bool_]]]
         self._fastest: tuple[StateFrame | None, StateFrame | None, float, float] = (None, None, 0.0, 0.0)
         self._found = []  # who was looked for in which table, and where they stand
+
+    def expect_stream(self) -> None:
+        """States come by a stream, which leaves out what is late: less is waited for."""
+        self._playout.longest_wait = STREAM_WAIT
 
     @property
     def interval(self) -> float:

@@ -11,6 +11,7 @@ from collections import deque
 from pathlib import Path
 from typing import Final
 
+from elys.bus.access.credentials import Credentials
 from elys.bus.discovery import find_sessions
 from elys.bus.messages.ghosts import Color
 from elys.common.errors import LaunchError, RecordingError
@@ -29,6 +30,7 @@ class ChildProcesses:
     def __init__(self) -> None:
         self._children: list[asyncio.subprocess.Process] = []
         self._tasks: set[asyncio.Task[None]] = set()
+        self._shown: dict[str, Credentials] = {}  # by endpoint
         self._is_closing = False
 
     @property
@@ -98,6 +100,12 @@ class ChildProcesses:
         self._tasks.add(keeper)
         keeper.add_done_callback(self._tasks.discard)
 
+    def show(self, endpoint: str, credentials: Credentials | None) -> None:
+        """What is started for the session at an endpoint shows these from now on; None: what this process would."""
+        self._shown.pop(endpoint, None)
+        if credentials is not None:
+            self._shown[endpoint] = credentials
+
     async def close(self) -> None:
         """Ends all that was started here."""
         self._is_closing = True
@@ -131,6 +139,11 @@ class ChildProcesses:
                 await asyncio.sleep(LOOK_INTERVAL)
         return endpoint
 
+    def _environment(self, words: tuple[str, ...]) -> dict[str, str]:
+        """Of a process with these words: other users cannot see what stands there."""
+        shown = next((self._shown[word] for word in words if word in self._shown), None)
+        return dict(os.environ) if shown is None else shown.in_environment(os.environ)
+
     async def _start(self, kind: str, *words: str, nice: int = 0) -> tuple[asyncio.subprocess.Process, deque[str]]:
         try:
             child = await asyncio.create_subprocess_exec(
@@ -141,7 +154,7 @@ class ChildProcesses:
                 stderr=asyncio.subprocess.STDOUT,
                 preexec_fn=before_exec(nice),
                 start_new_session=True,
-                env={**os.environ, "PYTHONUNBUFFERED": "1"},
+                env={**self._environment(words), "PYTHONUNBUFFERED": "1"},
             )
         except OSError as error:
             raise LaunchError(f"a {kind} node cannot be started: {error}") from error

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import fcntl
 import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Final
 
 from elys.bus.recording_plan import PLAIN, RecordingPlan, files_of, to_json
 from elys.bus.session import Session
@@ -15,6 +18,10 @@ from elys.bus.transports.mcap import open_alone
 from elys.common.assets.store import AssetStore
 from elys.common.errors import RecordingError
 from elys.sim_node.node import SimulationNode
+
+# What stands in the pipe outlives the simulation, what waits in front of it does not: while the recorder starts, or waits for
+# its turn or a disk, a kill would lose it. Linux gives this much to everybody, 64 KiB if not asked.
+PIPE_SIZE: Final = 1 << 20  # [bytes]
 
 
 def require_recordable(path: Path) -> None:
@@ -42,6 +49,9 @@ class RecordingChild:
         self._earlier = set(files_of(path)) if plan.rotates else set()
         self._plan = plan
         reading, self._writing = os.pipe()
+        if hasattr(fcntl, "F_SETPIPE_SZ"):
+            with contextlib.suppress(OSError):  # this user has as many as the system lets him: a short one will do
+                fcntl.fcntl(self._writing, fcntl.F_SETPIPE_SZ, PIPE_SIZE)
         self._tap: RecordingTap | None = None
         command = [sys.executable, "-m", "elys.bus.recorder_process", "--fd", str(reading), "--output", str(path)]
         self._process = subprocess.Popen(

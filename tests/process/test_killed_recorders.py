@@ -5,6 +5,7 @@ A few kills in the tests, 200 in `make soak`.
 
 from __future__ import annotations
 
+import asyncio
 import os
 import random
 import signal
@@ -23,6 +24,8 @@ from elys.bus.mirror import SceneMirror
 from elys.bus.recording import Recording
 from elys.bus.recording_pipe import FrameKind, frame_head
 from elys.bus.topics import Encoding
+from tests.process.clients import client
+from tests.process.conftest import wait_until
 
 pytestmark = pytest.mark.process
 KILLS, SOAK_KILLS = 3, 200
@@ -105,3 +108,31 @@ def test_kill_9_of_the_recorder(tmp_path: Path, soak: bool) -> None:
         lost = killed - telling.sent[count][0] if count < len(telling.sent) else 0.0
         print(f"{lost:.3f}", end=" ")
         assert lost <= (LOST if soak else LOST_UNDER_LOAD), f"kill {number}: {lost:.3f} s are not in the file"
+
+
+def test_kill_9_of_the_simulation_while_its_recorder_waits_for_its_turn(elys, free_port, tmp_path: Path) -> None:
+    """As it does while it starts: what was published is in the pipe, and in the file when the recorder gets on."""
+    endpoint, path = f"tcp/127.0.0.1:{free_port}", tmp_path / "it.mcap"
+    running = elys("run", "stack", "--headless", "--listen", endpoint, "--record", path)
+    running.wait_for("first tick")
+    children = Path(f"/proc/{running.process.pid}/task/{running.process.pid}/children").read_text().split()
+    (recorder,) = [int(n) for n in children if b"recorder_process" in Path(f"/proc/{n}/cmdline").read_bytes()]
+    os.kill(recorder, signal.SIGSTOP)
+    try:
+
+        async def seen() -> tuple[int, int]:
+            async with client(endpoint) as watcher:
+                await watcher.until(lambda: bool(watcher.frames))
+                first = watcher.frames[-1].tick
+                await watcher.until(lambda: watcher.frames[-1].tick > first + 150)  # 64 KiB hold half of it
+                return first, watcher.frames[-1].tick
+
+        first, last = asyncio.run(seen())
+        running.kill()
+    finally:
+        os.kill(recorder, signal.SIGCONT)
+    wait_until(lambda: path.exists() and path.read_bytes()[-8:] == b"\x89MCAP0\r\n")
+    with Recording(path) as recording:
+        ticks = recording.tick.tolist()
+        assert ticks[-1] >= last > first
+        assert set(range(first, last + 1)) <= set(ticks)

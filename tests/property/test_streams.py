@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -14,6 +16,7 @@ from elys.bus.streaming.receiver import Receiver
 from elys.bus.streaming.sender import Sender
 from elys.bus.streaming.wire import Ack
 from elys.common.errors import MessageError
+from elys.render_node.timeline import Timeline
 from tests.property.simulated_link import Conditions
 from tests.property.streamed_bodies import TICK, Bodies, Stream, ages, errors
 
@@ -79,6 +82,27 @@ def test_fifty_milliseconds_and_two_per_cent_keep_a_thousand_bodies_fresh():
     assert np.percentile(ages(stream, 2.0, 4.0), 95) < 0.15
     check_claims(stream, every=20)
     assert np.median([errors(stream, frame)[0].max() for when, frame, _ in stream.shown[::20] if when > 2.0]) < 0.01
+
+
+@pytest.mark.parametrize("rate", [1e6, 6e4])  # all is told, and a third
+def test_what_is_seen_of_a_stream_is_no_older_than_promised_and_even(rate):
+    """With the wait for late states, which makes motion even: 50 ms one way and 2 % loss."""
+    stream = Stream(Bodies(150, seed=1), Conditions(delay=0.05, loss=0.02, rate=rate), seed=2)
+    stream.run(15.0)
+    timeline, states = Timeline(), [(came, frame) for came, frame, _ in stream.shown]
+    timeline.expect_stream()
+    seen, place = [], 0
+    moments = np.arange(0.5, 15.0, 1.0 / 59.4)
+    for now in moments:
+        while place < len(states) and states[place][0] <= now:
+            came, frame = states[place]
+            stamp = round((frame.simulation_time - TICK) * 1e9)  # tick 1 was at 0
+            timeline.take(dataclasses.replace(frame, published_at=stamp), came)
+            place += 1
+        seen.append(timeline.seen_time(now) - TICK)
+    settled = moments > 10.0
+    assert np.percentile((moments - seen)[settled], 95) < (0.15 if rate > 1e5 else 0.16)
+    assert np.std(np.diff(np.array(seen)[settled])) * 59.4 < 0.1  # a tenth of the speed of time
 
 
 def test_a_bottleneck_holds_no_stale_data():

@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import os
 import re
-from collections.abc import MutableMapping
+from collections.abc import Mapping, MutableMapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -108,6 +108,13 @@ class Credentials:
         if secret := environment.get(SECRET_VARIABLE):
             return cls.from_secret(secret, source=SECRET_VARIABLE)
         return None
+
+    def in_environment(self, environment: Mapping[str, str]) -> dict[str, str]:
+        """An environment in which a process shows these: a certificate by the file that it stands in."""
+        others = {name: value for name, value in environment.items() if name not in (SECRET_VARIABLE, KEY_VARIABLE)}
+        if self.has_certificate:
+            return {**others, KEY_VARIABLE: str(Path(self.source).resolve())}
+        return {**others, SECRET_VARIABLE: f"{self.user}:{self.secret}"}
 
 
 def remember(

@@ -10,6 +10,8 @@ from imgui_bundle import imgui
 from elys.bus.state_source import stream_report
 from elys.bus.transports.zenoh import DEFAULT_PORT
 from elys.editor_node.language import tr, tr_label
+from elys.editor_node.panels.key_field import key_field
+from elys.editor_node.sentences import tr_sentence
 from elys.editor_node.theme import ERROR, GOOD, NOTICE, TEXT, TEXT_DIM, WARNING, Rgba, icons
 from elys.editor_node.ui import Ui, colored_text, dim_text
 
@@ -32,7 +34,7 @@ class LinkWindow:
     def __init__(self) -> None:
         self.is_open = False
         self._asks = False
-        self._endpoint = ""
+        self._endpoint = self._key = ""
 
     def ask_endpoint(self) -> None:
         """Opens the dialog to connect by."""
@@ -88,15 +90,16 @@ class LinkWindow:
         hint = f"tcp/HOST:{DEFAULT_PORT}"
         entered, self._endpoint = imgui.input_text_with_hint("###endpoint", hint, self._endpoint, flags)
         ui.landmarks.note("connect/endpoint")
+        is_confirmed, self._key = key_field(ui, self._key, name="connect/key", width=imgui.get_font_size() * 26.0)
         if attachments.doing:
             dim_text(f"{attachments.doing} ...")
         elif attachments.error:
             imgui.push_text_wrap_pos(imgui.get_font_size() * 26.0)
-            colored_text(ERROR, attachments.error)
+            colored_text(ERROR, tr_sentence(attachments.error))
             imgui.pop_text_wrap_pos()
             ui.landmarks.note("connect/error")
-        if (imgui.button(tr_label("Connect")) or entered) and self._endpoint.strip():
-            attachments.connect(self._endpoint)
+        if (imgui.button(tr_label("Connect")) or entered or is_confirmed) and self._endpoint.strip():
+            attachments.connect(self._endpoint, key=self._key or None)
         ui.landmarks.note("connect/connect")
         imgui.same_line()
         if imgui.button(tr_label("Close")) or imgui.is_key_pressed(imgui.Key.escape):

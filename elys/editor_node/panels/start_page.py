@@ -12,6 +12,8 @@ import elys
 from elys.bus.beacon import FoundSession
 from elys.bus.transports.zenoh import DEFAULT_PORT
 from elys.editor_node.language import tr, tr_label
+from elys.editor_node.panels.key_field import key_field
+from elys.editor_node.sentences import tr_sentence
 from elys.editor_node.theme import ERROR, TEXT, TEXT_DIM, icons
 from elys.editor_node.ui import Ui, color_code, colored_text, dim_text
 
@@ -30,7 +32,7 @@ class StartPage:
     """Fills what the menu and the status bar leave. Everything it offers goes through `Attachments`."""
 
     def __init__(self) -> None:
-        self._endpoint = ""
+        self._endpoint = self._key = ""
 
     def draw(self, ui: Ui) -> None:
         """Draws the page."""
@@ -77,7 +79,7 @@ class StartPage:
             ui.landmarks.note("start/cancel")
         elif attachments.error:
             imgui.push_text_wrap_pos(0.0)
-            colored_text(ERROR, f"{icons.ICON_FA_TRIANGLE_EXCLAMATION}  {attachments.error}")
+            colored_text(ERROR, f"{icons.ICON_FA_TRIANGLE_EXCLAMATION}  {tr_sentence(attachments.error)}")
             imgui.pop_text_wrap_pos()
             ui.landmarks.note("start/error")
         else:
@@ -104,14 +106,16 @@ class StartPage:
         entered, self._endpoint = imgui.input_text_with_hint("###endpoint", hint, self._endpoint, flags)
         ui.landmarks.note("start/endpoint")
         imgui.same_line()
-        if (imgui.button(tr_label("Connect"), (-1.0, 0.0)) or entered) and self._endpoint.strip():
-            ui.attachments.connect(self._endpoint)
+        is_pressed = imgui.button(tr_label("Connect"), (-1.0, 0.0))
         ui.landmarks.note("start/connect")
         imgui.set_item_tooltip(tr("Attaches to the session that listens there"))
+        is_confirmed, self._key = key_field(ui, self._key, name="start/key", width=-imgui.get_font_size() * 8.0)
+        if (is_pressed or entered or is_confirmed) and self._endpoint.strip():
+            ui.attachments.connect(self._endpoint, key=self._key)
         for place, endpoint in enumerate(ui.preferences.recent_endpoints[:5]):
             if _offer(f"{icons.ICON_FA_PLUG}   {endpoint}", "", f"endpoint {endpoint}"):
                 self._endpoint = endpoint
-                ui.attachments.connect(endpoint)
+                ui.attachments.connect(endpoint, key=self._key or None)
             ui.landmarks.note(f"start/recent endpoint/{place}")
 
     def _draw_nearby(self, ui: Ui) -> None:
@@ -129,7 +133,7 @@ class StartPage:
             dim_text(tr("No session of the local network answers."))
         for place, found in enumerate(attachments.nearby):
             if _offer(f"{_icon_of(found.kind)}   {found.name}", nearby_text(found), f"nearby {found.place}"):
-                attachments.connect(found.place)
+                attachments.connect(found.place, key=self._key or None)
             ui.landmarks.note(f"start/nearby/{place}")
 
     def _draw_recent(self, ui: Ui) -> None:

@@ -8,6 +8,7 @@ from collections.abc import AsyncIterator
 
 import pytest
 
+from elys.bus.access.credentials import Credentials
 from elys.bus.beacon import FoundSession
 from elys.bus.discovery import SessionRecord
 from elys.bus.session import Session
@@ -36,6 +37,7 @@ class Town:
         self.brokers: dict[str, LoopbackBroker] = {}
         self.hosts: dict[str, SceneHost] = {}
         self.started: list[str] = []
+        self.shown: dict[str, Credentials | None] = {}
 
     async def host(
         self, endpoint: str, *, name: str, epoch: int = 1, records: list[EntityRecord] | None = None
@@ -75,6 +77,9 @@ class Town:
 
     async def draw(self, endpoint: str) -> None:
         self.started.append(f"draw {endpoint}")
+
+    def show(self, endpoint: str, credentials: Credentials | None) -> None:
+        self.shown[endpoint] = credentials
 
     async def until(self, condition) -> None:
         async with asyncio.timeout(5.0):

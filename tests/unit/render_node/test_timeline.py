@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import asyncio
 import itertools
 
 import numpy as np
 import pytest
 
+from elys.bus.session import Session
+from elys.bus.streaming.client import StreamClient
+from elys.bus.transports.loopback import LoopbackBroker
 from elys.common.components import MeshRenderer, Transform
-from elys.render_node.playout import SLEW
+from elys.render_node.node import SceneFollower
+from elys.render_node.playout import BRIDGED_AT_MOST, SLEW, STREAM_WAIT
 from elys.render_node.timeline import LONGEST_LOOKAHEAD, Timeline
 
 BODY = np.array([1], np.uint32)
@@ -148,3 +153,22 @@ def test_frames_that_come_early_do_not_go_back(frame_at) -> None:
         timeline.take(frame_at(number), now)
         places.append(seen(timeline, now))
     assert all(after >= before for before, after in itertools.pairwise(places))
+
+
+@pytest.mark.parametrize("is_stream", [True, False])
+def test_of_a_stream_less_is_waited_for(frame_at, is_stream: bool) -> None:
+    async def main() -> float:
+        broker = LoopbackBroker()
+        host = await Session.host(broker.listen(), name="yard", kind="simulation", epoch=1)
+        viewer = await Session.join(broker.connect(), kind="tool")
+        viewer.states = StreamClient(viewer, lambda _: broker.connect()) if is_stream else None
+        timeline = SceneFollower(viewer).world.timeline
+        came = 0.0
+        for number in range(200):  # each tenth is 0.2 s late, and holds up those after it
+            came = max(came, 10.0 + number * STEP + (0.2 if number % 10 == 0 else 0.0))
+            timeline.take(frame_at(number), came)
+        await viewer.close()
+        await host.close()
+        return timeline.delay
+
+    assert asyncio.run(main()) == pytest.approx(STEP + (STREAM_WAIT if is_stream else 0.2 - BRIDGED_AT_MOST))
