@@ -65,7 +65,7 @@ class Driver:
         out = (DEAD_ZONE + (1.0 - DEAD_ZONE) * min(length, 1.0)) / max(
             length, 1e-9
         )  # past the middle of a stick, that is dead
-        axes = {"pad_left_x": right * out, "pad_left_y": -ahead * out}
+        axes = {"pad_left_x": float(right * out), "pad_left_y": float(-ahead * out)}
         jumps = self._is_before_gap(place)
         changes = (("pad_a", jumps),) if jumps != self._jumps else ()
         self._jumps = jumps

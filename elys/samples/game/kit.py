@@ -13,6 +13,7 @@ import numpy as np
 from elys.common.assets.mesh import Mesh, encode_mesh
 from elys.common.assets.primitives import primitive
 from elys.common.assets.store import AssetStore
+from elys.common.components.input_map import ACTIONS
 from elys.common.scene import EntityNode
 from elys.samples.entities import body, group, material, rounded
 from elys.samples.game.course import Course, Place
@@ -21,6 +22,7 @@ SCRIPTS: Final = Path(__file__).parent / "scripts"
 BALL_DIAMETER: Final = 1.0  # [m]
 BALL_MASS: Final = 8.0  # [kg]
 PLAYER_COLORS: Final = ((0.90, 0.28, 0.05), (0.06, 0.30, 0.75), (0.10, 0.50, 0.15), (0.55, 0.12, 0.45))
+WIDE: Final = 16.0 / 9.0  # heights of the picture
 _GORES: Final = 8
 
 
@@ -115,6 +117,55 @@ def player(place: Place, number: int, assets: AssetStore, *, side: float = 0.0) 
         },
     )
     return [ball, camera]
+
+
+def controls() -> EntityNode:
+    """What players can do, and with which keys."""
+    actions = {**ACTIONS, "confirm": "enter, space, pad_a"}
+    return EntityNode(name="Controls", components={"Transform": {}, "InputMap": {"actions": actions}})
+
+
+def hud(number: int) -> EntityNode:
+    """What stands on a player's picture."""
+    lines = (
+        ("Clock", {"anchor": "top", "y": 0.025}, {"text": "{:time}", "size": 0.075, "outline": 0.08}),
+        ("Gates", {"anchor": "top_right", "x": -0.04, "y": 0.035}, {"text": "", "size": 0.05, "outline": 0.08}),
+        (
+            "Speed",
+            {"anchor": "bottom_left", "x": 0.04, "y": -0.035},
+            {"text": "{:.0f} km/h", "size": 0.045, "outline": 0.08},
+        ),
+        ("Message", {"anchor": "top", "y": 0.2}, {"text": "", "size": 0.12, "outline": 0.08, "align": "center"}),
+    )
+    return EntityNode(
+        name=f"Display {number}",
+        components={
+            "Overlay": {"width": WIDE, "height": 1.0, "anchor": "center", "player": number},
+            "Script": script("hud.py#Hud", player=number),
+        },
+        children=[
+            EntityNode(name=name, components={"Overlay": place, "OverlayText": text}) for name, place, text in lines
+        ],
+    )
+
+
+def menu() -> EntityNode:
+    """Which level to race on; its lines are filled in by who knows the times."""
+    title = {"text": "Time trial", "size": 0.09, "color": [1.0, 0.8, 0.25]}
+    keys = {"text": "up, down: choose   space: race   P: menu   backspace: again   E: last gate", "size": 0.026}
+    return EntityNode(
+        name="Menu",
+        components={
+            "Overlay": {"anchor": "center", "width": 1.0, "height": 0.72, "order": 10, "visible": False},
+            "OverlayPanel": {"color": [0.015, 0.02, 0.03], "opacity": 0.82, "radius": 0.03},
+            "Script": script("menu.py#Menu"),
+        },
+        children=[
+            EntityNode(name="Title", components={"Overlay": {"anchor": "top", "y": 0.05}, "OverlayText": title}),
+            EntityNode(name="Rows", components={"Overlay": {"anchor": "top", "y": 0.2, "width": 0.9, "height": 0.4}}),
+            EntityNode(name="Keys", components={"Overlay": {"anchor": "bottom", "y": -0.035}, "OverlayText": keys}),
+        ],
+    )
 
 
 def race(medals: Medals) -> EntityNode:

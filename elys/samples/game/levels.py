@@ -71,14 +71,15 @@ def _laid_out(
         sun((-0.5, -0.75, -0.35), intensity=3.4),
         EntityNode(name="Sky", components={"Transform": {}, "Environment": {"kind": "sky", "turbidity": 2.6}}),
         kit.race(medals),
-        EntityNode(name="Controls", components={"Transform": {}, "InputMap": {}}),
+        kit.controls(),
+        kit.menu(),
         kit.road(course, assets),
         *(kit.gate(place, number, width=course.width) for number, place in enumerate(gates, 1)),
         *things,
     ]
     for number in range(1, players + 1):
         side = (number - (players + 1) / 2.0) * 1.6
-        entities += kit.player(start, number, assets, side=side)
+        entities += [*kit.player(start, number, assets, side=side), kit.hud(number)]
     return Layout(SceneDocument(name=name, settings=SceneSettings(), entities=entities), tuple(course.stations))
 
 

@@ -4,6 +4,8 @@ from typing import Annotated
 
 from elys.script import Behaviour, about
 
+from .menu import Menu
+
 
 class Gate(Behaviour):
     """One gate: whoever's middle goes through its opening, the right way round, has passed it."""
@@ -43,24 +45,35 @@ class Race(Behaviour):
 
     def start(self):
         self.gates = sorted(self.world.behaviours(Gate), key=lambda gate: gate.number)
-        self.began = self.world.tick
+        self.began = None  # the tick at which the countdown begins
         self.passed = {}  # gates by player
         self.times = {}  # [s] at the finish, by player
         self.splits = {}  # [s] at each gate, by player
         self.light()
 
+    def fixed_update(self, dt):
+        if self.began is None and not any(menu.is_open for menu in self.world.behaviours(Menu)):
+            self.began = self.world.tick
+
+    @property
+    def is_begun(self):
+        """Whether the countdown has begun."""
+        return self.began is not None
+
     @property
     def is_on(self):
-        """Whether the countdown is over."""
-        return self.clock >= 0.0
+        """Whether the countdown is over, and nobody is in the menu."""
+        return self.clock >= 0.0 and not any(menu.is_open for menu in self.world.behaviours(Menu))
 
     @property
     def clock(self):
-        """Time [s] since it began; below 0 in the countdown."""
+        """Time [s] since it began; below 0 in the countdown, and before it."""
+        if self.began is None:
+            return -self.countdown
         return (self.world.tick - self.began) * self.world.dt - self.countdown
 
     def update(self, dt):
-        if -dt / 2 <= self.clock < dt / 2:
+        if self.is_begun and -dt / 2 <= self.clock < dt / 2:
             self.world.emit("race_go")
 
     def moved(self, player, before, after):
