@@ -10,6 +10,7 @@ import msgspec
 
 from elys.bus.messages.commands import CommandRequest
 from elys.common.components import RigidBody
+from elys.common.ids import NO_ENTITY, Entity
 from elys.game.driver import Driver, Style
 from elys.samples.game.course import Place
 
@@ -24,24 +25,22 @@ class Bot:
         self, simulation: Simulation, line: Sequence[Place], *, player: int = 1, style: Style | None = None
     ) -> None:
         self._simulation = simulation
-        self._line = line
         self._style = style
         self.player = player
         self._driver = Driver(line, player=player, style=style)
-        self._ball = 0  # entity, once it was found
+        self._ball = self._camera = NO_ENTITY  # until they are found
 
     def drive(self, line: Sequence[Place]) -> None:
         """From now on along another line, from its beginning."""
         self._driver = Driver(line, player=self.player, style=self._style)
-        self._ball = 0
+        self._ball = self._camera = NO_ENTITY
 
     def __call__(self) -> list[CommandRequest]:
         """What it does before the next step."""
         world = self._simulation.world
-        if not self._ball or not world.is_alive(self._ball):
+        if not (world.is_alive(self._ball) and world.is_alive(self._camera)):
             self._ball, self._camera = self._named(f"Ball {self.player}"), self._named(f"Camera {self.player}")
-            if not self._ball or not self._camera:
-                self._ball = 0
+            if NO_ENTITY in (self._ball, self._camera):
                 return []
         x, y, z, w = world.transforms.world_pose(self._camera)[1]
         heading = math.atan2(2.0 * (x * z + w * y), 1.0 - 2.0 * (x * x + y * y))
@@ -50,5 +49,5 @@ class Bot:
         name = f"bot-{self.player}"
         return [CommandRequest(origin=name, command=msgspec.structs.replace(command, source=name))]
 
-    def _named(self, name: str) -> int:
-        return next(iter(self._simulation.scripts.named(name)), 0)
+    def _named(self, name: str) -> Entity:
+        return Entity(next(iter(self._simulation.scripts.named(name)), NO_ENTITY))

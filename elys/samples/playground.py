@@ -74,7 +74,7 @@ def _walker() -> EntityNode:
 
 def _camera() -> EntityNode:
     node = camera((0.4, 2.4, 17.5), (0.4, 1.6, 13.0), field_of_view=0.95)
-    node.components["Camera"]["priority"] = 1
+    node.components["Camera"] = {**(node.components["Camera"] or {}), "priority": 1}
     node.components["CameraRig"] = {"target": "Walker", "player": 1}
     return node
 
@@ -162,7 +162,10 @@ def _slope(name: str, degrees: float, foot: Vector, width: float, height: float,
         color=_CAN if degrees <= SLOPE_LIMIT else _CANNOT,
     )
     turn = quaternion.from_axis_angle((0.0, 0.0, 1.0), sign * angle)
-    node.components["Transform"]["rotation"] = [round(float(x), 7) for x in turn]
+    node.components["Transform"] = {
+        **(node.components["Transform"] or {}),
+        "rotation": [round(float(x), 7) for x in turn],
+    }
     return node
 
 
@@ -182,7 +185,10 @@ def _corner() -> EntityNode:
     for name, side in (("Wall A", 1.0), ("Wall B", -1.0)):
         wall = obstacle(name, size=(0.4, 2.0, 5.0), position=(side * 1.1, 1.0, 0.0), color=_WALL)
         turn = quaternion.from_axis_angle((0.0, 1.0, 0.0), side * math.radians(25.0))
-        wall.components["Transform"]["rotation"] = [round(float(x), 7) for x in turn]
+        wall.components["Transform"] = {
+            **(wall.components["Transform"] or {}),
+            "rotation": [round(float(x), 7) for x in turn],
+        }
         parts.append(wall)
     return group("Corner", parts, position=(15.0, 0.0, 1.0))
 

@@ -33,13 +33,9 @@ class Menu(Behaviour):
             parent=panel,
         )
         best = f"{entry[2]}  {entry[3]}".strip() if entry[2] else "-"
-        for anchor, text in (("left", entry[1]), ("right", best)):
-            self.world.spawn(
-                components.Overlay(anchor=anchor, x=0.03 if anchor == "left" else -0.03),
-                components.OverlayText(text=text, size=0.042, color=PLAIN),
-                name=anchor.title(),
-                parent=row,
-            )
+        left, right = components.Overlay(anchor="left", x=0.03), components.Overlay(anchor="right", x=-0.03)
+        for place, text in ((left, entry[1]), (right, best)):
+            self.world.spawn(place, components.OverlayText(text=text, size=0.042, color=PLAIN), parent=row)
         return row
 
     def fixed_update(self, dt):
