@@ -86,4 +86,5 @@ def node_race(
         bot=False,
         races=0,
         realtime=True,
+        has_menu=True,
     )

@@ -139,8 +139,14 @@ def node_ghost(
 
 @node_app.command("view")
 @shows_credentials
-def node_view(connect: Connect = None, session: SessionName = "", debug: DebugKinds = "", frames: Frames = 0) -> None:
+def node_view(
+    connect: Connect = None,
+    session: SessionName = "",
+    debug: DebugKinds = "",
+    play: Annotated[bool, typer.Option("--play")] = False,
+    frames: Frames = 0,
+) -> None:
     """A viewer's window, which waits for its session."""
     from elys.verbs import nodes
 
-    nodes.view(place(connect, session), debug=debug, frame_limit=frames)
+    nodes.view(place(connect, session), debug=debug, frame_limit=frames, plays=play)

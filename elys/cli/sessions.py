@@ -139,6 +139,9 @@ def view(
         Optional[Path],  # noqa: UP045
         typer.Option(help="file of bindings (elys input); default: the user's own"),
     ] = None,
+    play: Annotated[
+        bool, typer.Option("--play", help="give the game keys and mouse at once; Esc gives them back")
+    ] = False,
     frames: Frames = 0,
 ) -> None:
     """Watch a running session or a replay in a window."""
@@ -156,6 +159,7 @@ def view(
         ghosts=ghost,
         ghosts_start_now=ghost_now,
         player=player,
+        plays=play,
         bindings=bindings,
     )
 

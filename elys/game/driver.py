@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -12,12 +13,16 @@ from numpy.typing import NDArray
 
 from elys.bus.messages.commands import Input
 from elys.samples.game.course import Place
+from elys.samples.game.levels import Ferry
 
 Array = NDArray[np.float64]
 TOP_SPEED: Final = 17.0  # [m/s] of a ball, see ball.py
 DEAD_ZONE: Final = 0.15  # of its sticks
 SEARCH: Final = 40  # stations ahead in which it looks for where it is
 FAR: Final = 6.0  # [m] moved in a tick means that it was put elsewhere
+ABOARD: Final = 2.0  # [m] from the middle of a ferry
+DOCKED: Final = 0.3  # [m] from where it waits
+WAITING: Final = 12.0  # [m] before an edge at which one looks for the ferry
 RAMP: Final = 0.1  # of what leads up so steeply one flies off by itself
 GAP: Final = 1.5  # [m] between two stations that nothing joins
 
@@ -35,30 +40,48 @@ class Style:
 class Driver:
     """One player's hands. `input` is asked once a tick."""
 
-    def __init__(self, line: Sequence[Place], *, player: int = 1, style: Style | None = None) -> None:
+    def __init__(
+        self,
+        line: Sequence[Place],
+        *,
+        ferries: Sequence[Ferry] = (),
+        player: int = 1,
+        style: Style | None = None,
+    ) -> None:
         self._points = np.array([place.position for place in line])
         self._rises = np.array([place.forward[1] for place in line])
         self._style = style or Style()
         self._player = player
+        self._ferries = ferries
+        self._seen: dict[str, Array] = {}  # where ferries were a tick ago
         self._speeds = self._allowed()
         self._at = 0  # the station that is nearest
         self._before: Array | None = None
         self._jumps = False
 
-    def input(self, position: Sequence[float], velocity: Sequence[float], heading: float) -> Input:
+    def input(
+        self,
+        position: Sequence[float],
+        velocity: Sequence[float],
+        heading: float,
+        *,
+        ferries: Mapping[str, Sequence[float]] = MappingProxyType({}),
+    ) -> Input:
         """What the hands do.
 
         Args:
             position, velocity: of the ball, world space [m], [m/s].
             heading: of its camera [rad], 0 looks along -z, from above counterclockwise.
+            ferries: where the middles of ferries are now, by name.
         """
         place, speed = np.asarray(position, dtype=float), np.asarray(velocity, dtype=float)
         self._find(place)
         pace = math.hypot(speed[0], speed[2])
-        target = self._ahead(2.0 + 0.32 * pace)
-        way = (target - place)[[0, 2]]
-        way /= max(float(np.hypot(*way)), 1e-9)
-        wanted = way * self._speeds[self._at] / TOP_SPEED
+        wanted = self._ferry_speed(place, ferries)
+        if wanted is None:
+            way = (self._ahead(2.0 + 0.32 * pace) - place)[[0, 2]]
+            wanted = way / max(float(np.hypot(*way)), 1e-9) * self._speeds[self._at]
+        wanted = wanted / TOP_SPEED
         right = wanted[0] * math.cos(heading) - wanted[1] * math.sin(heading)
         ahead = -wanted[0] * math.sin(heading) - wanted[1] * math.cos(heading)
         length = math.hypot(right, ahead)
@@ -85,10 +108,29 @@ class Driver:
             number += 1
         return self._points[number]
 
+    def _ferry_speed(self, place: Array, ferries: Mapping[str, Sequence[float]]) -> Array | None:
+        """The level speed [m/s] that is wanted near a ferry: to wait for it, go aboard, stay there, and leave; else None."""
+        for ferry in self._ferries:
+            middle = np.asarray(ferries[ferry.name], dtype=float)
+            speed = (middle - self._seen.get(ferry.name, middle)) * 60.0
+            self._seen[ferry.name] = middle
+            edge = self._points[ferry.station]
+            if np.hypot(*(place - middle)[[0, 2]]) < ABOARD and abs(place[1] - middle[1]) < 1.5:
+                if np.linalg.norm(middle - ferry.far) > DOCKED:
+                    return speed[[0, 2]] + _limited(2.0 * (middle - place)[[0, 2]], 2.5)
+                return _limited(6.0 * (self._points[ferry.station + 3] - place)[[0, 2]], 5.0)
+            before = float(np.linalg.norm(edge - place))
+            if self._at <= ferry.station and before < WAITING:
+                if np.linalg.norm(middle - ferry.near) <= DOCKED or before < 0.5:
+                    return _limited(3.0 * (middle - place)[[0, 2]], 5.0)
+                stop = self._points[max(ferry.station - 5, 0)]
+                return _limited(1.2 * (stop - place)[[0, 2]], 9.0)
+        return None
+
     def _is_before_gap(self, place: Array) -> bool:
         for number in range(self._at, min(self._at + 6, len(self._points) - 1)):
             step = self._points[number + 1] - self._points[number]
-            if np.linalg.norm(step) > GAP:
+            if np.linalg.norm(step) > GAP and number not in [ferry.station for ferry in self._ferries]:
                 if self._rises[number] > RAMP:  # which throws it farther than a jump would
                     return False
                 return float(np.linalg.norm((self._points[number] - place)[[0, 2]])) <= self._style.jump_before
@@ -109,3 +151,7 @@ class Driver:
             length = float(np.linalg.norm(points[number + 1] - points[number]))
             speeds[number] = min(speeds[number], math.sqrt(speeds[number + 1] ** 2 + 2.0 * style.braking * length))
         return speeds
+
+
+def _limited(vector: Array, most: float) -> Array:
+    return vector * min(1.0, most / max(float(np.linalg.norm(vector)), 1e-9))

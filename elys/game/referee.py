@@ -10,7 +10,7 @@ import contextlib
 import getpass
 import logging
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -61,7 +61,8 @@ class Referee:
 
     Args:
         record: begins to record into a file what happens from now on.
-        open_level: a level as a scene, its meshes in the simulation's store.
+        open_level: a level as a scene, its meshes in the simulation's store, with these values of its scripts.
+        has_menu: begins with the menu, and comes back to it after each race.
         prove: gives the verdict on a recording; takes its time.
     """
 
@@ -75,10 +76,11 @@ class Referee:
         person: str = "",
         folder: Path | None = None,
         record: Callable[[Path], Recorder],
-        open_level: Callable[[Level, int], OpenedScene],
+        open_level: Callable[[Level, int, Mapping[str, Mapping[str, Any]]], OpenedScene],
         prove: Callable[[Path], Awaitable[str]],
         race_limit: int = 0,
         has_ghosts: bool = True,
+        has_menu: bool = False,
     ) -> None:
         self._node, self._session = node, session
         self.level = level
@@ -88,6 +90,7 @@ class Referee:
         self._record, self._open_level, self._prove = record, open_level, prove
         self._race_limit = race_limit
         self._has_ghosts = has_ghosts
+        self._has_menu = has_menu
         self.board = Board(level.name, folder)
         self.attempt: Attempt | None = None
         self.races = 0
@@ -100,11 +103,13 @@ class Referee:
         """Until `race_limit` races were finished, or for ever."""
         close = self._session.subscribe(topics.EVENTS, self._heard)
         try:
-            await self._begin()
+            await self._begin(opens_menu=self._has_menu)
             while True:
                 wish, values = await self._wishes.get()
                 if wish == "finished":
                     await self._end()
+                    if self._has_menu:
+                        await self._begin(opens_menu=True)
                     self.races += 1
                     if self._race_limit and self.races >= self._race_limit:
                         return
@@ -127,11 +132,11 @@ class Referee:
         self.board = Board(level.name, self._folder)
         await self._begin()
 
-    async def _begin(self) -> None:
+    async def _begin(self, *, opens_menu: bool = False) -> None:
         """Another race: the level as it was made, a recording that begins with it, and ghosts."""
         await self._drop()
         await self._end_ghosts()
-        opened = self._open_level(self.level, self._players)
+        opened = self._open_level(self.level, self._players, self._told(opens_menu=opens_menu))
         command = LoadScene(name=opened.name, records=tuple(opened.records), settings=opened.settings)
         reply = await self._node.put(CommandRequest(origin=self._session.node.id, command=command))
         if not reply.accepted:
@@ -139,6 +144,18 @@ class Referee:
         stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S-%f")
         self.board.folder.mkdir(parents=True, exist_ok=True)
         self.attempt = Attempt(recorder=self._record(self.board.folder / f"{stamp}.mcap"))
+
+    def _told(self, *, opens_menu: bool) -> dict[str, dict[str, Any]]:
+        """What the level's scripts are told: the menu all best times, the displays the times at gates that are to be beaten."""
+        lines = []
+        for name, level in LEVELS.items():
+            best = self.board.best() if name == self.level.name else Board(name, self._folder).best()
+            told_best = f"{best.time:.2f} s" if best is not None else ""
+            lines.append(f"{name}|{level.title}|{told_best}|{best.medal if best is not None else ''}")
+        best = self.board.best(self._person) or self.board.best()
+        splits = ",".join(map(str, best.splits)) if best is not None else ""
+        menu = {"levels": "\n".join(lines), "level": self.level.name, "is_open": opens_menu}
+        return {"Menu": menu} | {f"Display {number}": {"best": splits} for number in range(1, self._players + 1)}
 
     async def _drop(self) -> None:
         """A race that was not finished leaves nothing behind."""

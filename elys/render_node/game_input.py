@@ -24,10 +24,13 @@ class Seen(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Seating:
-    """As whom the person at a window plays, and what players there have bound to which controls."""
+    """As whom the person at a window plays, what players there have bound to which controls, and whether the game has keys and
+    mouse as soon as there is one.
+    """
 
     player: int = 1
     bindings: Callable[[int], Mapping[str, str]] = lambda player: {}
+    plays_at_once: bool = False
 
 
 class GameInput:
@@ -47,6 +50,7 @@ class GameInput:
         self._echo = InputEcho(session)
         self._window = window
         self._play = play
+        self._begins = seating.plays_at_once
         self._players = LocalPlayers(session, player=seating.player, bindings=seating.bindings)
 
     @property
@@ -85,6 +89,9 @@ class GameInput:
 
     def update(self) -> bool:
         """Call it after each look at the window: sends what was done. Whether keys and mouse were just given back."""
+        if self._begins and self._is_possible():
+            self._begins = False
+            self.start()
         if self.is_on and not self._is_possible():
             self._window.player = None
         has_ended = self._window.gave_back

@@ -83,6 +83,7 @@ class RenderWorld:
         self._bodies = self._animated = np.zeros(0, np.uint32)
         self._assets_version = -1
         self._placed = (-1, -1.0)
+        self.player = 1  # whose cameras are looked through; said before there is a scene
         self._seen_time = 0.0  # [s] of the simulation, of what is placed
         self._rests = False  # placed as the newest frame says, not on the way there
         self._preferred_camera = 0
@@ -288,7 +289,7 @@ class RenderWorld:
         return surroundings_of(self._settings, self._environment, rotation, to_sun, self.assets)
 
     def camera(self, aspect: float = 16 / 9) -> ViewCamera:
-        """The view of the scene's enabled camera of highest priority, or one that shows everything."""
+        """The view of the scene's enabled camera of highest priority, a player's own first; or one that shows everything."""
         if self._camera is None:
             return framing_camera(*self.bounds(), aspect=aspect)
         position, linear = self.standing.fixture(len(self._lights))
@@ -334,9 +335,10 @@ class RenderWorld:
         self.scene_version += 1
         self._place_anew()
 
-    def _camera_rank(self, row: int) -> tuple[bool, float]:
-        tables = self._tables
-        return int(tables.entity[row]) == self._preferred_camera, tables.cameras[row].priority
+    def _camera_rank(self, row: int) -> tuple[bool, bool, bool, float]:
+        camera = self._tables.cameras[row]
+        is_preferred = int(self._tables.entity[row]) == self._preferred_camera
+        return is_preferred, camera.player in (0, self.player), camera.player == self.player, camera.priority
 
     def _place_anew(self) -> None:
         instances, newest = self.instances, self.timeline.newest

@@ -80,6 +80,7 @@ async def run_view(
     """
     window = Window(f"ELYS  {session.name}")
     follower = SceneFollower(session)
+    follower.world.player = seating.player
     scene = asyncio.ensure_future(follower.start())
     await asyncio.sleep(0)  # the scene is on its way while OpenGL starts
     viewer: _Viewer | None = None

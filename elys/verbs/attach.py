@@ -30,11 +30,12 @@ def view(
     ghosts_start_now: bool = False,
     player: int = 1,
     bindings: Path | None = None,
+    plays: bool = False,
 ) -> None:
     """A window that draws the session by itself, or with `thin` shows what a render node of the session draws; with debug drawing
     of these kinds and the age of what is seen if asked. `bit_rate` [Mbit/s] is for H.264. All who look at the session see the
     `ghosts`, as long as the window is open. Who sits at it is the `player` of this number, with the bindings of a file, by
-    default the user's.
+    default the user's; with `plays` the game has keys and mouse at once.
     """
     from elys.bus.discovery import choose_endpoint
     from elys.bus.log import start_logging
@@ -53,7 +54,7 @@ def view(
     if ghosts_start_now and not ghosts:
         raise ElysError("--ghost-now says when ghosts begin: name one with --ghost")
     require_recordings(ghosts)
-    seating = Seating(player, FollowedBindings(bindings))
+    seating = Seating(player, FollowedBindings(bindings), plays)
     start_logging()
     endpoint = choose_endpoint(connect)
     probe_display()

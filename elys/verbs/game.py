@@ -6,8 +6,9 @@ import asyncio
 import subprocess
 import sys
 import time
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from elys.bus.access.listening import Listening
 from elys.common.errors import ElysError
@@ -51,6 +52,7 @@ def host(
     bot: bool,
     races: int,
     realtime: bool,
+    has_menu: bool = False,
     json: bool = False,
 ) -> None:
     """Races in a session of this process, until `races` were finished or for ever; with `bot` nobody need play."""
@@ -59,7 +61,6 @@ def host(
 
     chosen = level_named(level)
     start_logging()
-    finished: list[str] = []
     run_until_asked(
         _host(
             chosen,
@@ -70,7 +71,7 @@ def host(
             bot=bot,
             races=races,
             realtime=realtime,
-            finished=finished,
+            has_menu=has_menu,
         )
     )
     if json:
@@ -87,7 +88,7 @@ async def _host(
     bot: bool,
     races: int,
     realtime: bool,
-    finished: list[str],
+    has_menu: bool,
 ) -> None:
     from elys.common.assets.store import AssetStore
     from elys.common.scene import OpenedScene
@@ -105,12 +106,12 @@ async def _host(
     opened, layout = open_level(level, assets, players=players)
     await asyncio.to_thread(compile_with_progress, opened)
     simulation = Simulation.load(opened, assets)
-    bots = [Bot(simulation, layout.line, player=number + 1) for number in range(players if bot else 0)]
+    bots = [Bot(simulation, layout, player=number + 1) for number in range(players if bot else 0)]
 
-    def reopened(chosen: Level, count: int) -> OpenedScene:
-        opened, layout = open_level(chosen, assets, players=count)
+    def reopened(chosen: Level, count: int, values: Mapping[str, Mapping[str, Any]]) -> OpenedScene:
+        opened, layout = open_level(chosen, assets, players=count, values=values)
         for one in bots:
-            one.drive(layout.line)
+            one.drive(layout)
         return opened
 
     async with hosted(listen, name="game", kind="simulation", scene=level.title, epoch=time.time_ns()) as (session, _):
@@ -134,6 +135,7 @@ async def _host(
             prove=proof_of,
             race_limit=races,
             has_ghosts=ghosts,
+            has_menu=has_menu,
         )
         ticking = asyncio.create_task(node.run())
         judging = asyncio.create_task(referee.run())

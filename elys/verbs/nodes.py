@@ -221,14 +221,14 @@ def editor(connect: str | None, *, starts_alone: bool = False, frame_limit: int)
     run_until_asked(work())
 
 
-def view(connect: str | None, *, debug: str, frame_limit: int) -> None:
+def view(connect: str | None, *, debug: str, frame_limit: int, plays: bool = False) -> None:
     """A viewer's process, which waits for its session."""
     from elys.common.input_bindings import FollowedBindings
     from elys.render_node.debug_drawing import parsed_kinds
     from elys.render_node.game_input import Seating
     from elys.render_node.view_window import run_view
 
-    seating = Seating(bindings=FollowedBindings())
+    seating = Seating(bindings=FollowedBindings(), plays_at_once=plays)
 
     async def work() -> None:
         async with joined(connect, kind="viewer", timeout=60.0) as session:

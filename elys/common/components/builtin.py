@@ -348,6 +348,9 @@ class Camera(Component, frozen=True):
     near: Annotated[float, about("Nearest distance seen.", unit="m", minimum=1e-4, step=0.01)] = 0.05
     far: Annotated[float, about("Farthest distance seen.", unit="m", minimum=1e-3, step=1.0)] = 500.0
     priority: Annotated[int, about("The enabled camera with the highest one is the scene's view.")] = 0
+    player: Annotated[
+        int, about("Windows of this player look through it, others do not; 0: all may.", minimum=0, maximum=16)
+    ] = 0
 
 
 @component

@@ -13,6 +13,7 @@ It is a chain of stations half a metre apart; between two gaps they are one stre
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -58,10 +59,10 @@ class Place:
 class Look:
     """Linear colours of a stretch."""
 
-    deck: Color = (0.62, 0.64, 0.66)
-    line: Color = (0.80, 0.80, 0.78)
-    curb: Color = (0.75, 0.10, 0.07)
-    dash: Color = (0.85, 0.84, 0.80)
+    deck: Color = (0.30, 0.33, 0.36)
+    line: Color = (0.75, 0.75, 0.70)
+    curb: Color = (0.65, 0.06, 0.04)
+    dash: Color = (0.75, 0.74, 0.70)
     side: Color = (0.22, 0.24, 0.28)
 
 
@@ -107,6 +108,23 @@ class Course:
     def here(self) -> Place:
         """Where it is."""
         return self._place()
+
+    @property
+    def station(self) -> int:
+        """The number of that place among the stations."""
+        return len(self.stations) - 1
+
+    def plank(self, start: Sequence[float], end: Sequence[float], *, width: float) -> Course:
+        """A straight board from one point to another, beside the road: no station of the line."""
+        a, b = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
+        forward = (b - a) / np.linalg.norm(b - a)
+        right = np.cross(forward, (0.0, 1.0, 0.0))
+        right /= np.linalg.norm(right)
+        up = np.cross(right, forward)
+        count = max(1, round(float(np.linalg.norm(b - a)) / STEP))
+        places = [Place(a + (b - a) * number / count, forward, right, up) for number in range(count + 1)]
+        self.stretches.insert(len(self.stretches) - 1, Stretch(width, 0.0, self.look, places))
+        return self
 
     def straight(self, length: float, *, climb: float = 0.0) -> Course:
         """Goes on for a length [m] along the ground, and up by `climb` [m], level at both ends."""

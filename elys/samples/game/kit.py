@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
+import random
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from elys.common.assets.mesh import Mesh, encode_mesh
 from elys.common.assets.primitives import primitive
 from elys.common.assets.store import AssetStore
 from elys.common.components.input_map import ACTIONS
 from elys.common.scene import EntityNode
+from elys.common.scene_files import PIECES
 from elys.samples.entities import body, group, material, rounded
 from elys.samples.game.course import Course, Place
 
@@ -22,6 +25,7 @@ SCRIPTS: Final = Path(__file__).parent / "scripts"
 BALL_DIAMETER: Final = 1.0  # [m]
 BALL_MASS: Final = 8.0  # [kg]
 PLAYER_COLORS: Final = ((0.90, 0.28, 0.05), (0.06, 0.30, 0.75), (0.10, 0.50, 0.15), (0.55, 0.12, 0.45))
+FERRY_HEIGHT: Final = 0.4  # [m]
 WIDE: Final = 16.0 / 9.0  # heights of the picture
 _GORES: Final = 8
 
@@ -38,6 +42,11 @@ class Medals:
 def script(name: str, **values: Any) -> dict[str, Any]:
     """A Script component: one of the game's behaviours, as "ball.py#Ball"."""
     return {"source": str(SCRIPTS / name), "values": values} if values else {"source": str(SCRIPTS / name)}
+
+
+def piece(name: str, **values: Any) -> dict[str, Any]:
+    """A Script component of one of the pieces that ELYS brings, as "rotator.py#Rotator"."""
+    return {"source": f"{PIECES}{name}", "values": values}
 
 
 def road(course: Course, assets: AssetStore, *, friction: float = 1.2) -> EntityNode:
@@ -112,7 +121,7 @@ def player(place: Place, number: int, assets: AssetStore, *, side: float = 0.0) 
         components={
             "Transform": {"position": eye, "rotation": _upright(place)},
             "RigidBody": {"motion": "kinematic"},
-            "Camera": {"field_of_view": 1.05, "priority": 10 - number, "far": 900.0},
+            "Camera": {"field_of_view": 1.05, "player": number, "far": 900.0},
             "Script": script("ball.py#ChaseCamera", ball=name),
         },
     )
@@ -201,6 +210,130 @@ def wall_of_boxes(
                 )
             )
     return group("Bricks", boxes)
+
+
+def ferry(
+    name: str, near: Place, far: Place, *, length: float = 4.0, width: float = 4.0, speed: float = 3.0
+) -> EntityNode:
+    """A platform that goes to and fro between two edges, and waits at each."""
+    first, last = docks(near, far, length=length)
+    travel = [round(float(value), 4) for value in last - first]
+    return EntityNode(
+        name=name,
+        components={
+            "Transform": {
+                "position": [round(float(value), 4) for value in first],
+                "rotation": _upright(near),
+                "scale": [width, FERRY_HEIGHT, length],
+            },
+            "RigidBody": {"motion": "kinematic"},
+            "Collider": {"friction": 1.2},
+            "MeshRenderer": {"mesh": "box"},
+            "Material": material((0.80, 0.42, 0.05), roughness=0.6),
+            "Script": piece("moving_platform.py#MovingPlatform", travel=travel, speed=speed, pause=1.6, ease="smooth"),
+        },
+    )
+
+
+def docks(near: Place, far: Place, *, length: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Where the middle of a ferry waits at either edge, its top as high as the road."""
+    down = np.array([0.0, FERRY_HEIGHT / 2.0, 0.0])
+    away = length / 2.0 + 0.12
+    return near.position + away * near.forward - down, far.position - away * far.forward - down
+
+
+def bar(name: str, place: Place, *, length: float, speed: float) -> EntityNode:
+    """A bar that turns just above the road about an upright axis, and sweeps away what does not wait or jump."""
+    return EntityNode(
+        name=name,
+        components={
+            "Transform": {"position": place.at(up=0.45), "rotation": _upright(place), "scale": [length, 0.35, 0.35]},
+            "RigidBody": {"motion": "kinematic"},
+            "Collider": {"friction": 0.4},
+            "MeshRenderer": {"mesh": "box"},
+            "Material": material((0.70, 0.07, 0.05), roughness=0.5),
+            "Script": piece("rotator.py#Rotator", speed=speed),
+        },
+    )
+
+
+def boost(name: str, place: Place, *, length: float = 5.0, width: float = 3.0, speed: float = 26.0) -> EntityNode:
+    """A stretch of wind that hurries what rolls along it."""
+    wind = [round(float(value), 4) for value in speed * place.forward]
+    glow = {"emissive": [0.1, 1.6, 2.2], "base_color": [0.02, 0.3, 0.4], "roughness": 0.4}
+    arrows = [
+        EntityNode(
+            name=f"Mark {number + 1}",
+            components={
+                "Transform": {
+                    "position": [0.0, 0.02, length * (0.5 - (number + 0.5) / 3.0)],
+                    "scale": [width, 0.03, 0.5],
+                },
+                "MeshRenderer": {"mesh": "box", "cast_shadows": False},
+                "Material": glow,
+            },
+        )
+        for number in range(3)
+    ]
+    return EntityNode(
+        name=name,
+        components={
+            "Transform": {"position": place.at(), "rotation": _upright(place)},
+            "Collider": {"size": [width, 2.0, length], "offset": [0, 1, 0], "is_trigger": True},
+            "Script": piece("force_zone.py#ForceZone", wind=wind, drag=2.5),
+        },
+        children=arrows,
+    )
+
+
+def landscape(course: Course, *, seed: int, ground: Any, trees: int = 90) -> EntityNode:
+    """A plain below it all, with trees where the road does not lead over them; nothing of it is ever touched."""
+    chance = random.Random(seed)
+    along = np.array([place.position for place in course.stations])
+    low, high = along.min(axis=0) - 45.0, along.max(axis=0) + 45.0
+    depth = float(along[:, 1].min()) - 6.0
+    plain = EntityNode(
+        name="Plain",
+        components={
+            "Transform": {"position": [0.0, round(depth - 0.5, 3), 0.0], "scale": [1400.0, 1.0, 1400.0]},
+            "MeshRenderer": {"mesh": "box", "cast_shadows": False},
+            "Material": material(ground, roughness=0.95),
+        },
+    )
+    grown: list[EntityNode] = []
+    while len(grown) < trees:
+        x, z = chance.uniform(low[0], high[0]), chance.uniform(low[2], high[2])
+        if np.hypot(along[:, 0] - x, along[:, 2] - z).min() < 9.0:
+            continue
+        height = chance.uniform(4.0, 8.5)
+        tint = chance.choice(((0.05, 0.16, 0.05), (0.07, 0.20, 0.05), (0.10, 0.18, 0.04)))
+        grown.append(_tree(f"Tree {len(grown) + 1}", (x, depth, z), height, tint))
+    return group("Landscape", [plain, *grown])
+
+
+def _tree(name: str, foot: Sequence[float], height: float, tint: Any) -> EntityNode:
+    parts = [
+        ("Trunk", "cylinder", 0.18 * height, (0.09, 0.05, 0.03), 0.07),
+        ("Crown", "cone", 0.85 * height, tint, 0.42),
+    ]
+    children = []
+    base = 0.0
+    for part, mesh, tall, color, wide in parts:
+        children.append(
+            EntityNode(
+                name=part,
+                components={
+                    "Transform": {
+                        "position": [0, round(base + tall / 2, 3), 0],
+                        "scale": rounded((wide * height, tall, wide * height)),
+                    },
+                    "MeshRenderer": {"mesh": mesh},
+                    "Material": material(color, roughness=0.9),
+                },
+            )
+        )
+        base += tall
+    return group(name, children, position=rounded(foot))
 
 
 def striped_ball(color: tuple[float, float, float]) -> Mesh:

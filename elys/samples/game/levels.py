@@ -5,14 +5,31 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from types import MappingProxyType
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
 
 from elys.common.assets.store import AssetStore
 from elys.common.scene import EntityNode, OpenedScene, SceneDocument, SceneSettings, expand
 from elys.samples.entities import sun
 from elys.samples.game import kit
-from elys.samples.game.course import Course, Place
+from elys.samples.game.course import Course, Look, Place
 from elys.samples.game.kit import Medals
+
+STONE: Final = Look(deck=(0.34, 0.30, 0.25), line=(0.62, 0.57, 0.48), curb=(0.60, 0.34, 0.05), side=(0.20, 0.16, 0.13))
+STEEL: Final = Look(deck=(0.16, 0.19, 0.24), line=(0.60, 0.66, 0.74), curb=(0.05, 0.35, 0.55), side=(0.07, 0.08, 0.11))
+
+
+@dataclass(frozen=True, slots=True)
+class Ferry:
+    """A platform that leads over a gap: between which stations, and where its middle waits at either edge."""
+
+    name: str
+    station: int  # the last before the gap
+    near: NDArray[np.float64]
+    far: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +38,7 @@ class Layout:
 
     document: SceneDocument
     line: tuple[Place, ...]
+    ferries: tuple[Ferry, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,7 +56,7 @@ class Level:
 
 
 def meadow(assets: AssetStore, medals: Medals, players: int) -> Layout:
-    """A gentle beginning: bends, one hill, one jump, and bricks that stand in the short way."""
+    """A gentle beginning: bends, one hill, one jump, and bricks that stand in the way."""
     course = Course(width=7.0, height=8.0)
     start = course.straight(14.0).here
     course.straight(18.0)
@@ -53,8 +71,71 @@ def meadow(assets: AssetStore, medals: Medals, players: int) -> Layout:
     course.turn(90.0, radius=13.0, bank=16.0)
     gates.append(course.straight(20.0).here)
     course.straight(14.0)
-    things = [kit.wall_of_boxes(bricks, columns=5, rows=3)]
+    things = [
+        kit.wall_of_boxes(bricks, columns=5, rows=3),
+        kit.landscape(course, seed=1, ground=(0.12, 0.22, 0.06)),
+    ]
     return _laid_out("Meadow", assets, medals, players, course, start, gates, things)
+
+
+def quarry(assets: AssetStore, medals: Medals, players: int) -> Layout:
+    """A ferry over a pit, beside which a board saves the waiting; bars that sweep the road; a wind that throws far."""
+    course = Course(width=6.0, height=10.0, look=STONE)
+    start = course.straight(10.0).here
+    course.straight(16.0)
+    gates = [course.turn(-90.0, radius=12.0, bank=14.0).here]
+    near = course.straight(14.0).here
+    at = course.station
+    far = course.gap(18.0).here
+    ferry = kit.ferry("Ferry", near, far)
+    line = Ferry("Ferry", at, *kit.docks(near, far, length=4.0))
+    course.plank(near.at(right=-2.5, forward=-0.1), far.at(right=-2.5, forward=0.1), width=1.0)
+    gates.append(course.straight(12.0).here)
+    bars = [kit.bar("Bar 1", course.straight(8.0).here, length=5.2, speed=1.5)]
+    bars.append(kit.bar("Bar 2", course.straight(11.0).here, length=5.2, speed=-1.8))
+    course.straight(10.0).turn(110.0, radius=13.0, climb=3.0, bank=16.0)
+    gates.append(course.straight(6.0).here)
+    bricks = course.straight(12.0).here
+    course.straight(8.0).turn(70.0, radius=14.0, bank=14.0)
+    wind = kit.boost("Wind", course.straight(8.0).here)
+    course.straight(4.0).ramp(9.0, climb=1.8).gap(12.0, drop=2.0)
+    gates.append(course.straight(26.0).here)
+    course.turn(-90.0, radius=14.0, bank=16.0)
+    gates.append(course.straight(14.0).here)
+    course.straight(14.0)
+    things = [
+        *(ferry, *bars, wind),
+        kit.wall_of_boxes(bricks, columns=4, rows=4),
+        kit.landscape(course, seed=2, ground=(0.34, 0.24, 0.15), trees=40),
+    ]
+    return _laid_out("Quarry", assets, medals, players, course, start, gates, things, ferries=(line,))
+
+
+def skyline(assets: AssetStore, medals: Medals, players: int) -> Layout:
+    """High and narrow, without curbs: hairpins, gaps to be jumped, and a board across the widest bend for who dares."""
+    course = Course(width=5.0, height=30.0, curb=0.0, look=STEEL)
+    start = course.straight(8.0).here
+    course.straight(14.0)
+    course.turn(60.0, radius=14.0, bank=12.0)
+    gates = [course.straight(8.0).here]
+    course.gap(3.0).straight(10.0)
+    inner = course.here
+    course.turn(-180.0, radius=12.0, climb=-3.0, bank=20.0)
+    gates.append(course.straight(6.0).here)
+    course.plank(inner.at(right=2.3, forward=0.5), course.here.at(right=2.3), width=1.2)
+    course.widen(3.2).straight(14.0, climb=-2.0)
+    course.widen(5.0, curb=0.4).turn(150.0, radius=11.0, bank=22.0)
+    gates.append(course.straight(8.0).here)
+    bar = kit.bar("Bar", course.straight(9.0).here, length=4.4, speed=1.4)
+    wind = kit.boost("Wind", course.straight(12.0).here)
+    course.straight(4.0).ramp(10.0, climb=2.2).gap(14.0, drop=3.0)
+    gates.append(course.widen(7.0).straight(28.0).here)
+    course.widen(5.0, curb=0.0).turn(-90.0, radius=13.0, climb=-2.0, bank=16.0).straight(6.0)
+    course.gap(3.5, drop=0.4).straight(8.0)
+    gates.append(course.turn(60.0, radius=14.0, bank=10.0).straight(12.0).here)
+    course.straight(14.0)
+    things = [bar, wind, kit.landscape(course, seed=3, ground=(0.05, 0.10, 0.16), trees=0)]
+    return _laid_out("Skyline", assets, medals, players, course, start, gates, things)
 
 
 def _laid_out(
@@ -66,39 +147,59 @@ def _laid_out(
     start: Place,
     gates: list[Place],
     things: list[EntityNode],
+    ferries: tuple[Ferry, ...] = (),
 ) -> Layout:
     entities = [
-        sun((-0.5, -0.75, -0.35), intensity=3.4),
-        EntityNode(name="Sky", components={"Transform": {}, "Environment": {"kind": "sky", "turbidity": 2.6}}),
+        sun((-0.5, -0.75, -0.35), intensity=2.4),
+        EntityNode(
+            name="Sky",
+            components={"Transform": {}, "Environment": {"kind": "sky", "turbidity": 2.6, "intensity": 0.45}},
+        ),
         kit.race(medals),
         kit.controls(),
         kit.menu(),
         kit.road(course, assets),
-        *(kit.gate(place, number, width=course.width) for number, place in enumerate(gates, 1)),
+        *(kit.gate(place, number, width=7.0) for number, place in enumerate(gates, 1)),
         *things,
     ]
     for number in range(1, players + 1):
         side = (number - (players + 1) / 2.0) * 1.6
         entities += [*kit.player(start, number, assets, side=side), kit.hud(number)]
-    return Layout(SceneDocument(name=name, settings=SceneSettings(), entities=entities), tuple(course.stations))
+    return Layout(
+        SceneDocument(name=name, settings=SceneSettings(), entities=entities), tuple(course.stations), ferries
+    )
 
 
 LEVELS: Final[Mapping[str, Level]] = {
     level.name: level
     for level in (
-        Level(name="meadow", title="Meadow", medals=Medals(gold=24.0, silver=30.0, bronze=45.0), lay_out=meadow),
+        Level(name="meadow", title="Meadow", medals=Medals(gold=20.0, silver=26.0, bronze=45.0), lay_out=meadow),
+        Level(name="quarry", title="Quarry", medals=Medals(gold=34.0, silver=45.0, bronze=75.0), lay_out=quarry),
+        Level(name="skyline", title="Skyline", medals=Medals(gold=32.0, silver=42.0, bronze=70.0), lay_out=skyline),
     )
 }
 
 
-def open_level(level: Level, assets: AssetStore, *, players: int = 1) -> tuple[OpenedScene, Layout]:
-    """A level as a scene that can be loaded, its meshes and scripts in the store; and how it was laid out."""
+def open_level(
+    level: Level,
+    assets: AssetStore,
+    *,
+    players: int = 1,
+    values: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
+) -> tuple[OpenedScene, Layout]:
+    """A level as a scene that can be loaded, its meshes and scripts in the store; and how it was laid out.
+
+    `values` are laid over those of the scripts of entities at the top, by their names.
+    """
     layout = level.build(assets, players)
-    document = layout.document
+    for entity in layout.document.entities:
+        if entity.name in values:
+            script = entity.components["Script"] or {}
+            entity.components["Script"] = {**script, "values": {**script.get("values", {}), **values[entity.name]}}
     opened = OpenedScene(
-        name=document.name,
+        name=layout.document.name,
         path=Path(f"{level.name}.scene.json").absolute(),
-        settings=document.settings,
-        records=expand(document, directory=kit.SCRIPTS, assets=assets),
+        settings=layout.document.settings,
+        records=expand(layout.document, directory=kit.SCRIPTS, assets=assets),
     )
     return opened, layout

@@ -1,0 +1,85 @@
+"""Each level can be finished: by a driver that has nothing but a gamepad's stick and button; and its clock is exact."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from elys.common.assets.store import AssetStore
+from elys.common.errors import ElysError
+from elys.game.bot import Bot
+from elys.samples.game.levels import LEVELS, open_level
+from elys.sim_node.simulation import Simulation
+from elys.verbs.game import level_named
+
+LIMIT = 75  # [s] of simulation
+
+
+class Run:
+    """A level driven to its end in this process: what was told, and where the balls were after each tick."""
+
+    def __init__(self, name: str, *, players: int = 1, ticks: int = LIMIT * 60) -> None:
+        assets = AssetStore()
+        opened, layout = open_level(LEVELS[name], assets, players=players)
+        self.simulation = Simulation.load(opened, assets)
+        bots = [Bot(self.simulation, layout, player=number + 1) for number in range(players)]
+        balls = [self.simulation.scripts.named(f"Ball {number + 1}")[0] for number in range(players)]
+        self.events: list[Any] = []
+        self.paths: list[list[Any]] = []
+        while self.simulation.tick < ticks and len(self.told("race_finished")) < players:
+            for bot in bots:
+                for request in bot():
+                    self.simulation.inputs.take(request.command)
+            self.simulation.step()
+            self.events += [(self.simulation.tick, event) for event in self.simulation.take_events()]
+            self.paths.append([self.simulation.world.transforms.world_pose(ball)[0] for ball in balls])
+
+    def told(self, kind: str) -> list[Any]:
+        return [event for _, event in self.events if event.kind == kind]
+
+
+@pytest.mark.parametrize("name", list(LEVELS))
+@pytest.mark.timeout(400)
+def test_a_driver_finishes_each_level(name):
+    run = Run(name)
+    assert not run.told("script")  # none failed
+    (finished,) = run.told("race_finished")
+    gates = [event.values["number"] for event in run.told("race_gate")]
+    assert gates == list(range(1, len(gates) + 1)) and len(gates) >= 5
+    assert finished.values["time"] == run.told("race_gate")[-1].values["time"]
+    assert finished.values["medal"] in ("gold", "silver", "bronze")
+    check_times(run)
+
+
+def check_times(run: Run) -> None:
+    """The clock at each gate against the crossing of its plane by the straight ways between the states."""
+    world = run.simulation.world
+    (go,) = [tick for tick, event in run.events if event.kind == "race_go"]
+    path = np.array(run.paths)[:, 0]
+    for tick, event in run.events:
+        if event.kind != "race_gate":
+            continue
+        place, rotation, _ = world.transforms.world_pose(
+            run.simulation.scripts.named(f"Gate {event.values['number']}")[0]
+        )
+        yaw = 2.0 * np.arctan2(rotation[1], rotation[3])
+        along = np.array([-np.sin(yaw), 0.0, -np.cos(yaw)])
+        # What scripts tell is told in the tick after.
+        before, after = ((path[number] - place) @ along for number in (tick - 3, tick - 2))
+        assert before < 0.0 <= after
+        share = -before / (after - before)
+        assert event.values["time"] == pytest.approx((tick - go + share) / 60.0, abs=2e-6)
+
+
+def test_two_race_at_once_and_the_same_way_each_time():
+    first, second = (Run("meadow", players=2, ticks=420) for _ in range(2))
+    assert first.simulation.state_hash() == second.simulation.state_hash()
+    players = {event.values["player"] for event in first.told("race_gate")}
+    assert players == {1, 2}
+
+
+def test_an_unknown_level_names_those_there_are():
+    with pytest.raises(ElysError, match="there is no level 'mars': there are meadow, quarry, skyline"):
+        level_named("mars")
