@@ -87,14 +87,13 @@ class Referee:
         self._players = players
         self._person = person or getpass.getuser()
         self._folder = folder
-        self._record, self._open_level, self._prove = record, open_level, prove
+        self._record, self._open_level, self._proof_of = record, open_level, prove
         self._race_limit = race_limit
         self._has_ghosts = has_ghosts
         self._has_menu = has_menu
         self.board = Board(level.name, folder)
         self.attempt: Attempt | None = None
         self.races = 0
-        self.is_done = asyncio.Event()
         self._wishes: asyncio.Queue[tuple[str, dict[str, Any]]] = asyncio.Queue()
         self._ghosts: list[asyncio.Task[None]] = []
         self._beside: set[asyncio.Task[None]] = set()  # what goes on while others race
@@ -108,24 +107,25 @@ class Referee:
                 wish, values = await self._wishes.get()
                 if wish == "finished":
                     await self._end()
-                    if self._has_menu:
-                        await self._begin(opens_menu=True)
                     self.races += 1
                     if self._race_limit and self.races >= self._race_limit:
                         return
+                    await self._begin(opens_menu=self._has_menu)
                 elif wish == "restart":
                     await self._begin()
                 elif wish == "level" and values.get("name") in LEVELS:
                     await self._choose(LEVELS[values["name"]])
         finally:
             close()
-            await asyncio.shield(self._close())
+            await asyncio.shield(self._leave())
 
-    async def _close(self) -> None:
+    async def prove(self) -> None:
+        """Waits for the verdicts that are still out. Time need not go on for that."""
+        await asyncio.gather(*self._beside, return_exceptions=True)
+
+    async def _leave(self) -> None:
         await self._drop()
         await self._end_ghosts()
-        await asyncio.gather(*self._beside, return_exceptions=True)
-        self.is_done.set()
 
     async def _choose(self, level: Level) -> None:
         self.level = level
@@ -192,7 +192,7 @@ class Referee:
 
     async def _verify(self, entry: Entry, board: Board) -> None:
         began = time.monotonic()
-        verdict = await self._prove(board.path_of(entry))
+        verdict = await self._proof_of(board.path_of(entry))
         board.prove(entry.file, verdict)
         _log.info("%s: %.3f s is %s (%.1f s)", self.level.title, entry.time, verdict, time.monotonic() - began)
 

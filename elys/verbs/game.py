@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -132,7 +133,7 @@ async def _host(
             person=person,
             record=record,
             open_level=reopened,
-            prove=proof_of,
+            prove=partial(proof_of, niceness=5 if realtime else 0),
             race_limit=races,
             has_ghosts=ghosts,
             has_menu=has_menu,
@@ -147,12 +148,13 @@ async def _host(
             for outcome in await asyncio.gather(judging, ticking, return_exceptions=True):
                 if isinstance(outcome, Exception):
                     raise outcome
+        await referee.prove()
 
 
-async def proof_of(recording: Path) -> str:
-    """The verdict of `elys verify`, asked of another process that leaves the game its processor."""
+async def proof_of(recording: Path, *, niceness: int = 0) -> str:
+    """The verdict of `elys verify`, asked of another process, which leaves the processor to the game beside it if it is nice."""
     process = await asyncio.create_subprocess_exec(
-        *("nice", "-n", "15", sys.executable, "-m", "elys", "verify", str(recording), "--trust"),
+        *("nice", "-n", str(niceness), sys.executable, "-m", "elys", "verify", str(recording), "--trust"),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,

@@ -157,7 +157,6 @@ def _laid_out(
         ),
         kit.race(medals),
         kit.controls(),
-        kit.menu(),
         kit.road(course, assets),
         *(kit.gate(place, number, width=7.0) for number, place in enumerate(gates, 1)),
         *things,
@@ -165,6 +164,7 @@ def _laid_out(
     for number in range(1, players + 1):
         side = (number - (players + 1) / 2.0) * 1.6
         entities += [*kit.player(start, number, assets, side=side), kit.hud(number)]
+    entities.append(kit.menu())  # the last is drawn over all others
     return Layout(
         SceneDocument(name=name, settings=SceneSettings(), entities=entities), tuple(course.stations), ferries
     )

@@ -10,7 +10,13 @@ from elys.game.board import KEPT, Board, Entry
 
 def entry(time: float, *, player: str = "ann", file: str = "") -> Entry:
     return Entry(
-        file=file or f"{time:.3f}.mcap", player=player, time=time, medal="", date="2026-01-01", began=1.5, splits=(time,)
+        file=file or f"{time:.3f}.mcap",
+        player=player,
+        time=time,
+        medal="",
+        date="2026-01-01",
+        began=1.5,
+        splits=(time,),
     )
 
 
