@@ -115,7 +115,7 @@ def _course() -> EntityNode:
                 "Feeder",
                 "spawner",
                 (2.9, 2.2, 0.0),
-                values={"prefab": f"{PIECES}respawning_ball{PREFAB_SUFFIX}", "interval": 2.0, "limit": 3},
+                values={"prefab": f"{PIECES}respawning_ball{PREFAB_SUFFIX}", "interval": 2.5, "limit": 3},
             ),
             ramp,
             piece("Gate", "gate", (8.2, 0.0, 0.0), rotation=_QUARTER),

@@ -27,6 +27,8 @@ def needed_kernels(scene: OpenedScene, *, threads: int = 1) -> tuple[str, ...]:
         needs.append("physics.track_triggers")
     if any(_may_be_fast(_body_of(scene, place), entity, scene) for place, entity in enumerate(entities)):
         needs.append("physics.stop_at_impacts")
+    if any(True for _ in _all_of(entities, "Script")):
+        needs.append("physics.describe_contacts")  # they hear what touches whom
     is_jointed = any(True for _ in _all_of(entities, "Joint"))
     if is_jointed:
         needs += ["physics.prepare_joints", "physics.finish_joints", "physics.measure_joints"]

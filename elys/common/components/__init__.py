@@ -1,12 +1,7 @@
 """Components: declared once, known everywhere."""
 
-from elys.common.components.animation import (
-    Animation,
-    AnimationBlend,
-    AnimationLayer,
-    AnimationMarkers,
-    RootMotion,
-)
+# Components are listed in the order in which they are declared: those of every scene come first.
+# isort: off
 from elys.common.components.builtin import (
     Camera,
     Collider,
@@ -20,6 +15,15 @@ from elys.common.components.builtin import (
     Script,
     Skin,
     Transform,
+)
+
+# isort: on
+from elys.common.components.animation import (
+    Animation,
+    AnimationBlend,
+    AnimationLayer,
+    AnimationMarkers,
+    RootMotion,
 )
 from elys.common.components.character import CameraRig, Character
 from elys.common.components.curve import Curve

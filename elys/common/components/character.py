@@ -169,7 +169,7 @@ class CameraRig(Component, frozen=True):
     ] = 1.4
     sensitivity: Annotated[
         float,
-        about("How far the pointer turns it.", unit="rad/point", minimum=0.0, maximum=1.0, step=0.001, dtype="f8"),
+        about("How far the pointer turns it.", unit="rad", minimum=0.0, maximum=1.0, step=0.001, dtype="f8"),
     ] = 0.003
     return_rate: Annotated[
         float,

@@ -69,8 +69,8 @@ class InputMap(Component, frozen=True):
         float, about("Of sticks: 0 straight, 1 fine in the middle.", minimum=0.0, maximum=1.0, step=0.01, dtype="f8")
     ] = 0.0
     pointer_speed: Annotated[
-        float, about("At which the pointer is as much as a stick at its end.", unit="points/s", minimum=1.0, dtype="f8")
+        float, about("At which the pointer is as much as a stick at its end.", unit="1/s", minimum=1.0, dtype="f8")
     ] = 1000.0
     wheel_speed: Annotated[
-        float, about("At which the wheel is.", unit="notches/s", minimum=0.1, maximum=1000.0, dtype="f8")
+        float, about("At which the wheel is.", unit="1/s", minimum=0.1, maximum=1000.0, dtype="f8")
     ] = 10.0

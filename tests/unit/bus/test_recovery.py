@@ -30,7 +30,7 @@ def read_by_others(path: Path) -> list[tuple[str, bytes, int]]:
         return found
 
 
-@pytest.mark.parametrize("cut_at", [0.3, 0.5, 0.77, 0.9, 0.999])
+@pytest.mark.parametrize("cut_at", [0.5, 0.6, 0.77, 0.9, 0.999])  # what stands before the states is a third
 def test_a_cut_file_becomes_whole(tmp_path: Path, cut_at: float) -> None:
     whole = write_told(tmp_path / "told.mcap", chunk=4000)
     data = whole.read_bytes()

@@ -24,8 +24,8 @@ def test_a_tick_is_its_systems_in_order_each_timed(simulation):
     simulation.world.spawn([Transform(position=(0.0, 5.0, 0.0)), RigidBody(), Collider()])
     simulation.step()
     own = [name for name in simulation.stage_times if not name.startswith("physics.")]
-    moving = ["follow_changes", "play_animations", "simulate_physics", "propagate_transforms"]
-    assert own == ["run_scripts", *moving, "update_scripts"]
+    moving = ["follow_changes", "play_animations", "move_characters", "simulate_physics", "aim_cameras"]
+    assert own == ["run_scripts", *moving, "propagate_transforms", "update_scripts"]
     parts = sum(time for name, time in simulation.stage_times.items() if name.startswith("physics."))
     assert 0.0 < parts <= simulation.stage_times["simulate_physics"]
     # What is new is looked at once, for whether it was put into something and who holds on to it; nobody does to what falls.

@@ -230,7 +230,8 @@ def test_nothing_in_physics_is_forgotten():
 def test_what_is_listed_as_derived_is_there():
     simulation = load("bridge")
     world = simulation.world
-    parts = (simulation, world, world.hierarchy, world.table(Transform), simulation._bodies, simulation._animations)
+    moved = (simulation._bodies, simulation._animations, simulation._characters, simulation._animations.walks)
+    parts = (simulation, world, world.hierarchy, world.table(Transform), *moved)
     assert {type(part).__name__ for part in parts} == set(DERIVED)
     for part in parts:
         assert DERIVED[type(part).__name__] <= vars(part).keys()

@@ -117,7 +117,9 @@ def values_for(name: str) -> st.SearchStrategy[dict[str, Any]]:
             case "float":
                 strategies[field.name] = number
             case "int":
-                strategies[field.name] = st.integers(-(2**31), 2**31 - 1)
+                least = -(2**31) if field.minimum is None else field.minimum
+                most = 2**31 - 1 if field.maximum is None else field.maximum
+                strategies[field.name] = st.integers(int(least), int(most))
             case "bool":
                 strategies[field.name] = st.booleans()
             case "choice":
