@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -25,7 +26,7 @@ def test_a_driven_race_is_recorded_proven_and_raced_against(elys, tmp_path, envi
     (first, second) = json.loads(game.output[game.output.index("[") :])
     assert (first["player"], first["proof"], second["proof"]) == ("ann", "equal", "equal"), game.output
     assert abs(first["time"] - second["time"]) < 1.0  # a driver without nerves, who only begins on another tick
-    with Recording(first["recording"]) as recording:
+    with Recording(Path(first["recording"])) as recording:
         told = [event.kind for batch in events_of(recording) for event in batch.events]
         assert told.count("race_finished") == 1 and told.count("race_go") == 1
         assert recording.time[-1] - recording.time[0] == pytest.approx(first["time"] + 1.5 + 1.0, abs=0.2)
