@@ -81,11 +81,11 @@ def pack_columns(
 def component_columns(
     declaration: ComponentDeclaration, entities: NDArray[Any], columns: Mapping[str, NDArray[Any]]
 ) -> ComponentColumns:
-    """One component's columns as they travel: `entities` [N], a column [N] or [N, width] per field."""
+    """One component's columns as they travel: `entities` [N], a column [N] or [N, width] per field that is told."""
     return ComponentColumns(
         component=declaration.name,
         entities=np.ascontiguousarray(entities, "<u4").tobytes(),
-        fields=tuple(_field_column(field, columns[field.name]) for field in declaration.fields),
+        fields=tuple(_field_column(field, columns[field.name]) for field in declaration.told),
     )
 
 
@@ -123,7 +123,7 @@ def unpack_columns(
     columns = {
         field.name: _column(declaration, field, fields[field.name], len(entities), strings)
         if field.name in fields
-        # A recording of before the component had this field: all have its default.
+        # Memory, which does not travel, or a recording of before the component had this field: all have its default.
         else pack_values(declaration, field, [field.default] * len(entities), strings)
         for field in declaration.fields
     }

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from elys.bus.messages.session import Event
 from elys.common.assets.store import AssetStore
-from elys.common.components import Joint, RigidBody, Transform
+from elys.common.components import CameraRig, Character, Collider, Joint, RigidBody, Transform
 from elys.common.ids import Entity
 from elys.common.scene import OpenedScene, SceneSettings
 from elys.sim_node.animation.root_walks import Driven
@@ -34,6 +34,7 @@ from elys.sim_node.capture import captured, restored
 from elys.sim_node.character.cameras import Cameras
 from elys.sim_node.character.movement import Characters
 from elys.sim_node.character.players import Players
+from elys.sim_node.character.telling import told
 from elys.sim_node.ecs.changes import WorldChanges
 from elys.sim_node.ecs.schedule import System, run
 from elys.sim_node.ecs.text_sweep import EVERY, sweep_texts
@@ -184,10 +185,10 @@ class Simulation:
 
     def move_characters(self, world: World) -> None:
         """Where characters get to in this tick, if there are any: physics takes them there."""
-        if self._players.has_any:
-            self._players.steer()
-        if self._characters.is_needed:
-            self._characters.move(1.0 / self.settings.tick_rate)
+        if self._players.has_any or self._characters.is_needed:
+            with told(world, self._changes, Character, CameraRig, *((Collider,) if self._characters.is_needed else ())):
+                self._players.steer()
+                self._characters.move(1.0 / self.settings.tick_rate)
 
     def simulate_physics(self, world: World) -> None:
         """Moves the bodies by one tick, and their poses and velocities into the components."""
@@ -202,7 +203,8 @@ class Simulation:
     def aim_cameras(self, world: World) -> None:
         """Cameras that follow go to where they belong, if there are any."""
         if self._cameras.is_needed:
-            self._cameras.aim(1.0 / self.settings.tick_rate)
+            with told(world, self._changes, CameraRig):
+                self._cameras.aim(1.0 / self.settings.tick_rate)
 
     def propagate_transforms(self, world: World) -> None:
         """World transforms from local ones, parents before children, where anything moved."""

@@ -96,7 +96,7 @@ def declared() -> list[dict[str, Any]]:
                     "choices": field.choices,
                     "default": field.default,
                 }
-                for field in declaration.fields
+                for field in declaration.told
             ],
         }
         for declaration in declarations().values()

@@ -61,7 +61,7 @@ def tell(node: SimulationNode, session: Session, running: asyncio.Future[None]) 
         entity = int(node.simulation.moving_bodies().entity[0])
         values = {"base_color": [0.5, 0.5, (node.steps_done % 100) / 100.0]}
         command = SetComponent(entity=entity, component="Material", values=values)
-        node._put(CommandRequest(origin="bench", command=command))
+        node.put(CommandRequest(origin="bench", command=command))
     began = time.thread_time()
     if line.strip() == "snapshot":
         codec.encode(node.snapshot(), topics.SNAPSHOT.reply_encoding)

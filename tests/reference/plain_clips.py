@@ -5,6 +5,7 @@ glTF 2.0, appendix C (interpolation), section 3.11 (animations); accessors by `p
 
 from __future__ import annotations
 
+import base64
 import bisect
 import json
 import math
@@ -27,12 +28,18 @@ class PlainModel(NamedTuple):
         return read_accessor(self.document, self.buffers, index)
 
 
+def _bytes_at(model: Path, uri: str) -> bytes:
+    if uri.startswith("data:"):
+        return base64.b64decode(uri.partition(",")[2])
+    return (model.parent / uri).read_bytes()
+
+
 def read_model(path: Path) -> PlainModel:
     """A .glb, or a .gltf with its buffers in files beside it."""
     data = path.read_bytes()
     if data[:4] != b"glTF":
         document = json.loads(data)
-        return PlainModel(document, [(path.parent / buffer["uri"]).read_bytes() for buffer in document["buffers"]])
+        return PlainModel(document, [_bytes_at(path, buffer["uri"]) for buffer in document["buffers"]])
     length = struct.unpack_from("<I", data, 12)[0]
     start = 20 + length
     size = struct.unpack_from("<I", data, start)[0]

@@ -19,7 +19,7 @@ from elys.common.math import quaternion
 from elys.samples.figure import FILE
 from tests.reference.plain_clips import read_model, sampled
 
-MODELS = ("Fox/Fox.glb", "AnimatedCube/AnimatedCube.gltf", "SimpleSkin/SimpleSkin.gltf")
+MODELS = ("Fox/Fox.glb", "AnimatedCube/03_animated_cube.gltf", "SimpleSkin/SimpleSkin.gltf")
 WIDTHS = {"translation": 3, "rotation": 4, "scale": 3, "weights": 2}
 
 

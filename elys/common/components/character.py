@@ -98,33 +98,54 @@ class Character(Component, frozen=True):
     yaw: Annotated[
         float, about("Where it faces: 0 is along -z, a quarter turn along -x.", unit="rad", step=0.01, dtype="f8")
     ] = 0.0
-    velocity: Annotated[Vec3, about("Its own, beside what carries it. Physics writes it.", unit="m/s", dtype="f8")] = (
+    velocity: Annotated[
+        Vec3, about("Its own, beside what carries it. Physics writes it.", unit="m/s", dtype="f8", is_memory=True)
+    ] = (
         0.0,
         0.0,
         0.0,
     )
-    carried: Annotated[Vec3, about("Velocity of what carries it. Physics writes it.", unit="m/s", dtype="f8")] = (
+    carried: Annotated[
+        Vec3, about("Velocity of what carries it. Physics writes it.", unit="m/s", dtype="f8", is_memory=True)
+    ] = (
         0.0,
         0.0,
         0.0,
     )
-    grounded: Annotated[bool, about("Whether it stands. Physics writes it.")] = False
+    grounded: Annotated[bool, about("Whether it stands. Physics writes it.", is_memory=True)] = False
     ground_normal: Annotated[
-        Vec3, about("Of the ground, or of a slope too steep to stand on; else 0. Physics writes it.", dtype="f8")
+        Vec3,
+        about(
+            "Of the ground, or of a slope too steep to stand on; else 0. Physics writes it.", dtype="f8", is_memory=True
+        ),
     ] = (0.0, 0.0, 0.0)
-    ground: Annotated[int, about("What it stands on; none in the air. Physics writes it.", kind=Kind.ENTITY)] = 0
-    blocked: Annotated[bool, about("Whether something was in its way. Physics writes it.")] = False
+    ground: Annotated[
+        int, about("What it stands on; none in the air. Physics writes it.", kind=Kind.ENTITY, is_memory=True)
+    ] = 0
+    blocked: Annotated[bool, about("Whether something was in its way. Physics writes it.", is_memory=True)] = False
     stature: Annotated[
-        float, about("Its height now; 0 before the first tick. Physics writes it.", unit="m", minimum=0.0, dtype="f8")
+        float,
+        about(
+            "Its height now; 0 before the first tick. Physics writes it.",
+            unit="m",
+            minimum=0.0,
+            dtype="f8",
+            is_memory=True,
+        ),
     ] = 0.0
-    air_time: Annotated[float, about("Since it last stood. Physics writes it.", unit="s", minimum=0.0, dtype="f8")] = (
-        0.0
-    )
+    air_time: Annotated[
+        float, about("Since it last stood. Physics writes it.", unit="s", minimum=0.0, dtype="f8", is_memory=True)
+    ] = 0.0
     jump_time: Annotated[
-        float, about("Since it was last told to jump. Physics writes it.", unit="s", minimum=0.0, dtype="f8")
+        float,
+        about("Since it was last told to jump. Physics writes it.", unit="s", minimum=0.0, dtype="f8", is_memory=True),
     ] = 1e9
-    jump_held: Annotated[bool, about("Whether it was told to jump in the last tick. Physics writes it.")] = False
-    has_jumped: Annotated[bool, about("Whether it left the ground by itself. Physics writes it.")] = False
+    jump_held: Annotated[
+        bool, about("Whether it was told to jump in the last tick. Physics writes it.", is_memory=True)
+    ] = False
+    has_jumped: Annotated[bool, about("Whether it left the ground by itself. Physics writes it.", is_memory=True)] = (
+        False
+    )
 
 
 @component
@@ -190,6 +211,12 @@ class CameraRig(Component, frozen=True):
     turns_with_ground: Annotated[bool, about("Whether it turns with the platform that its target stands on.")] = True
     reach: Annotated[
         float,
-        about("How far it is behind the eyes now; below 0 before the first tick.", unit="m", minimum=-1.0, dtype="f8"),
+        about(
+            "How far it is behind the eyes now; below 0 before the first tick.",
+            unit="m",
+            minimum=-1.0,
+            dtype="f8",
+            is_memory=True,
+        ),
     ] = -1.0
-    eye: Annotated[Vec3, about("Where the eyes are now.", unit="m", dtype="f8")] = (0.0, 0.0, 0.0)
+    eye: Annotated[Vec3, about("Where the eyes are now.", unit="m", dtype="f8", is_memory=True)] = (0.0, 0.0, 0.0)

@@ -67,6 +67,7 @@ class About:
     kind: Kind | None
     dtype: str | None
     check: Check | None
+    is_memory: bool
 
 
 def about(
@@ -79,13 +80,25 @@ def about(
     kind: Kind | None = None,
     dtype: str | None = None,
     check: Check | None = None,
+    is_memory: bool = False,
 ) -> About:
     """Describes a field: a sentence for the tooltip, SI unit, inclusive range and the step of a drag.
 
     `kind` is only needed where the type does not tell (COLOR, ASSET, ENTITY); `dtype` overrides the storage (`"f4"`); `check`
-    refuses values that are of the right kind and wrong all the same.
+    refuses values that are of the right kind and wrong all the same. `is_memory` is for what ticks write for themselves and for
+    scripts: it stays in the simulation, where exact states keep it, and is neither told to readers nor shown to people.
     """
-    return About(text=text, unit=unit, minimum=minimum, maximum=maximum, step=step, kind=kind, dtype=dtype, check=check)
+    return About(
+        text=text,
+        unit=unit,
+        minimum=minimum,
+        maximum=maximum,
+        step=step,
+        kind=kind,
+        dtype=dtype,
+        check=check,
+        is_memory=is_memory,
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,6 +117,7 @@ class FieldDeclaration:
     dtype: str  # numpy dtype of one element
     width: int  # numbers that are stored of a value: 1, 3, 4, or those of all keys of a curve
     check: Check | None = None
+    is_memory: bool = False
 
     @property
     def elements(self) -> int:
@@ -119,6 +133,11 @@ class ComponentDeclaration:
     struct: type[Component]
     text: str
     fields: tuple[FieldDeclaration, ...]
+
+    @property
+    def told(self) -> tuple[FieldDeclaration, ...]:
+        """The fields that readers of the scene know and people see: all but its memory."""
+        return tuple(field for field in self.fields if not field.is_memory)
 
     def field(self, name: str) -> FieldDeclaration:
         """Raises ComponentError, naming the fields there are, if `name` is none of them."""
@@ -218,6 +237,7 @@ def declare_field(owner: str, name: str, hint: Any, default: Any) -> FieldDeclar
         dtype=note.dtype or dtype,
         width=width,
         check=note.check,
+        is_memory=note.is_memory,
     )
 
 

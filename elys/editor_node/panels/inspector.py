@@ -191,7 +191,7 @@ class InspectorPanel:
             declaration = declaration_of(name)
             fields = [
                 field
-                for field in declaration.fields
+                for field in declaration.told
                 if shows_field(self._search, declaration, field)
                 or (
                     name == "Script"

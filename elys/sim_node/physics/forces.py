@@ -21,8 +21,8 @@ def wrenches(bodies: BodyTable, rows: Array, force: Array, torque: Array, point:
 
 
 def push_once(bodies: BodyTable, rows: Array, wrench: Array) -> None:
-    """Adds to what acts on bodies during the next step: (M, 6) [N] and [N m]."""
-    bodies.forces["once"][rows] += np.where(_is_dynamic(bodies, rows)[:, None], wrench, 0.0)
+    """Adds to what acts on bodies, of which one may come several times, during the next step: (M, 6) [N] and [N m]."""
+    np.add.at(bodies.forces["once"], rows, np.where(_is_dynamic(bodies, rows)[:, None], wrench, 0.0))
     bodies.mark_pushed(rows)
 
 

@@ -398,16 +398,16 @@ class PhysicsWorld(WorldJoints):
         """Pushes bodies during the next step, and no longer: what shall go on is applied again before each step.
 
         Parameters: entities (N,), force (N, 3) or one for all [N], point (N, 3) or one for all in world space [m]; without
-        it the centres of mass. What is applied several times adds up. Bodies that are not dynamic feel nothing.
+        it the centres of mass. What is applied several times, in one call too, adds up. Bodies that are not dynamic feel nothing.
         """
-        column, push = self._vectors("force", entities, force)
+        column, push = self._vectors("force", entities, force, unique=False)
         where = None if point is None else checks.number_column("point", point, column, width=3)
         rows = self._woken(column)
         forces.push_once(self._bodies, rows, forces.wrenches(self._bodies, rows, push, np.zeros_like(push), where))
 
     def apply_torque(self, entities: ArrayLike, torque: ArrayLike) -> None:
         """Turns bodies (N,) during the next step by torques (N, 3) or one for all [N m]; adds up as forces do."""
-        column, turn = self._vectors("torque", entities, torque)
+        column, turn = self._vectors("torque", entities, torque, unique=False)
         forces.push_once(self._bodies, self._woken(column), np.hstack([np.zeros_like(turn), turn]))
 
     def set_forces(
@@ -636,8 +636,10 @@ class PhysicsWorld(WorldJoints):
 
     # ---------------------------------------------------------------- within
 
-    def _vectors(self, name: str, entities: ArrayLike, vectors: ArrayLike) -> tuple[Array, Array]:
-        column = checks.entity_column(entities)
+    def _vectors(
+        self, name: str, entities: ArrayLike, vectors: ArrayLike, *, unique: bool = True
+    ) -> tuple[Array, Array]:
+        column = checks.entity_column(entities, unique=unique)
         return column, checks.number_column(name, vectors, column, width=3)
 
     def _woken(self, entities: Array) -> Array:

@@ -7,6 +7,7 @@ now, of entities that are still there.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 from elys.bus.messages.scene import (
     ComponentRemoved,
@@ -18,7 +19,7 @@ from elys.bus.messages.scene import (
     SceneChange,
     Spawned,
 )
-from elys.common.components import values_of
+from elys.common.components import Component, declaration_of, values_of
 from elys.common.ids import Entity
 from elys.sim_node.ecs.changes import EntityDespawned, EntityReparented, EntitySpawned, WorldChanges
 from elys.sim_node.ecs.world import World
@@ -60,7 +61,7 @@ def _spawned(world: World, entity: Entity, parent: Entity) -> Spawned:
         name=hierarchy.name_of(entity),
         parent=parent,
         enabled=hierarchy.is_enabled(entity),
-        components={type(component).__name__: values_of(component) for component in world.components_of(entity)},
+        components={type(component).__name__: _told(component) for component in world.components_of(entity)},
         prefab=hierarchy.prefab_of(entity),
     )
 
@@ -71,9 +72,18 @@ def _component_changes(world: World, logs: Sequence[WorldChanges], spawned: set[
         if entity in spawned or not world.is_alive(entity):
             continue
         if world.has(entity, component):
-            yield ComponentSet(entity=entity, component=component, values=values_of(world.get(entity, component)))
+            yield ComponentSet(entity=entity, component=component, values=_told(world.get(entity, component)))
         else:
             yield ComponentRemoved(entity=entity, component=component)
+
+
+def _told(component: Component) -> dict[str, Any]:
+    """The values of a component but for what it remembers for itself."""
+    values = values_of(component)
+    for field in declaration_of(component).fields:
+        if field.is_memory:
+            del values[field.name]
+    return values
 
 
 def _distinct(world: World, entities: Iterator[Sequence[Entity]], spawned: set[Entity]) -> list[Entity]:

@@ -26,7 +26,7 @@ MOVED: Final[dict[str, tuple[str, ...]]] = {  # by component the fields that ste
         *("velocity", "carried", "grounded", "ground_normal", "ground", "blocked", "stature", "air_time", "jump_time"),
         *("jump_held", "has_jumped", "yaw", "wish", "wish_run", "wish_jump", "wish_crouch", "mode"),
     ),
-    "CameraRig": ("yaw", "pitch", "reach", "eye"),
+    "CameraRig": ("view", "yaw", "pitch", "reach", "eye"),
 }
 
 FieldValues = dict[str, Any]  # stored values by field

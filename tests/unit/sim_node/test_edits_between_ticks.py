@@ -85,7 +85,7 @@ def test_what_was_edited_between_steps_comes_out_the_same_when_done_again() -> N
         author = node.history.attach("somebody", "test", alive=("test",))
 
         def between(*commands: Edit | Undo) -> list[CommandReply]:
-            asked = [node._put(CommandRequest(origin="test", author=author, command=command)) for command in commands]
+            asked = [node.put(CommandRequest(origin="test", author=author, command=command)) for command in commands]
             node._edit_between()
             assert all(reply.result().accepted for reply in asked)
             return [reply.result() for reply in asked]
@@ -107,7 +107,7 @@ def test_what_was_edited_between_steps_comes_out_the_same_when_done_again() -> N
         between(moved(made.entities[0], 4.0), Undo())  # what is edited and undone in one interval was never there
         steps(10)
         for tick, state_hash, records in (states[4], states[15], states[-1], states[25]):
-            asked = node._put(CommandRequest(origin="test", command=Rewind(tick=tick)))
+            asked = node.put(CommandRequest(origin="test", command=Rewind(tick=tick)))
             node.tick()
             assert asked.result().accepted
             assert node.simulation.state_hash() == state_hash

@@ -29,6 +29,25 @@ def test_a_force_acts_in_the_next_step_only():
     np.testing.assert_array_equal(world.bodies.linear_velocity, before)
 
 
+def test_forces_on_one_body_add_up_within_one_call_too():
+    together, one_by_one = PhysicsWorld(WEIGHTLESS), PhysicsWorld(WEIGHTLESS)
+    forces, points = [[6.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 5.0]], [[0, 1, 0], [8, 0, 0], [0, 0.5, 0]]
+    for world in (together, one_by_one):
+        world.add_bodies([1, 2], mass=[2.0, 4.0], position=[[0, 0, 0], [9, 0, 0]])
+        world.add_colliders([1, 2], radius=0.5)
+    together.apply_force([1, 2, 1], forces, points)
+    together.apply_torque([2, 2], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    for entity, force, point in zip((1, 2, 1), forces, points, strict=True):
+        one_by_one.apply_force([entity], force, [point])
+    one_by_one.apply_torque([2], [1.0, 1.0, 0.0])
+    for world in (together, one_by_one):
+        world.step(DT)
+    np.testing.assert_allclose(together.bodies.linear_velocity[0], [3.0 * DT, 0.0, 2.5 * DT], rtol=1e-6)
+    np.testing.assert_array_equal(together.bodies.linear_velocity, one_by_one.bodies.linear_velocity)
+    np.testing.assert_allclose(together.bodies.angular_velocity, one_by_one.bodies.angular_velocity, rtol=1e-6)
+    assert (np.abs(together.bodies.angular_velocity[:, 0]) > 1e-3).all()
+
+
 def test_a_lasting_force_acts_until_it_is_ended():
     world = PhysicsWorld()
     world.add_bodies([1], mass=3.0)
