@@ -55,6 +55,7 @@ _OPENING_TRIPS: Final = 3  # round trips that TCP and zenoh need
 _OPENING_TIME: Final = 2.0  # [s] that zenoh may take to open a connection where a door has opened, and 6 round trips
 _ANSWERING_THREADS: Final = 4
 _ASKING_WHY: Final = 1.5  # [s] of knocking in vain until it is asked why; three round trips of a slow link fit
+_SURE_OF: Final = 1.0  # [s] of asking to be let in at an open door, after which a refusal is one
 _PRIORITIES: Final = {Delivery.LATEST: zenoh.Priority.DATA, Delivery.SEQUENCED: zenoh.Priority.DATA_HIGH}
 _CLOSED: Final = "this transport is closed: open another one"
 _log = logging.getLogger(__name__)
@@ -148,9 +149,8 @@ class ZenohTransport:
         deadline, patience = time.monotonic() + timeout, _ASKING_WHY
         while True:
             left = deadline - time.monotonic()
-            reached = _reached(names, min(max(left, 0.001), patience), credentials)
-            if reached is not None:
-                session, door = reached
+            session, door, asked = _reached(names, min(max(left, 0.001), patience), credentials)
+            if session is not None and door is not None:
                 return cls(
                     session,
                     endpoint=door.endpoint,
@@ -164,7 +164,8 @@ class ZenohTransport:
                 credentials = None  # a host that asks nobody does not let in who tells it
                 deadline = max(deadline, time.monotonic() + patience)
             elif reason := next((why for name in names if (why := why_refused(name, credentials)).sentence), None):
-                if reason.is_sure or deadline - time.monotonic() <= patience:
+                is_sure = reason.is_sure and asked >= _SURE_OF  # who has only just opened may let this side in
+                if is_sure or deadline - time.monotonic() <= patience:
                     raise AccessError(reason.sentence)
             elif left <= patience:
                 raise ConnectionLost(
@@ -381,9 +382,10 @@ class ZenohTransport:
 
 def _reached(
     names: Sequence[str], timeout: float, credentials: Credentials | None
-) -> tuple[zenoh.Session, Reached] | None:
+) -> tuple[zenoh.Session | None, Reached | None, float]:
     """A zenoh session with who answers first of these, and where that is; None where nobody lets it in within `timeout` [s].
-    Raises BusError for what is no endpoint.
+
+    Also for how long [s] it was asked at an open door. Raises BusError for what is no endpoint.
     """
     deadline = time.monotonic() + timeout
     door = reach(names, timeout=min(_NEAR, timeout))
@@ -392,16 +394,18 @@ def _reached(
         door = Reached(names[0], _FAR)
     elif door is None:
         door = reach(names, timeout=deadline - time.monotonic())
+    opened_at = time.monotonic()
     while door is not None and (left := deadline - time.monotonic()) > 0.0:
         begun = time.monotonic()
         session = _opened(door, left, credentials)
         if session is not None:
-            return session, Reached(door.endpoint, min(door.round_trip, (time.monotonic() - begun) / _OPENING_TRIPS))
+            trip = min(door.round_trip, (time.monotonic() - begun) / _OPENING_TRIPS)
+            return session, Reached(door.endpoint, trip), time.monotonic() - opened_at
         time.sleep(
             min(KNOCK_INTERVAL, max(deadline - time.monotonic(), 0.0))
         )  # who is refused must not keep others out
         door = reach(names, timeout=deadline - time.monotonic())
-    return None
+    return None, None, time.monotonic() - opened_at
 
 
 def _opened(door: Reached, timeout: float, credentials: Credentials | None) -> zenoh.Session | None:

@@ -281,3 +281,32 @@ async def test_hosts_of_this_machine_are_shown_the_users_own_keys(
             access_of(LOOPBACK)  # who has keys of his own
             said = await refusal(endpoint, None)
             assert "this user's own keys" in said or "another authority" in said or "has no certificate" in said
+
+
+async def test_who_comes_just_before_a_slow_host_has_opened_is_let_in(
+    keyring: Keyring, host: Callable[..., str]
+) -> None:
+    """Half a second of knocking at a door whose host takes longer to answer is no refusal."""
+    endpoint = host(HostAccess.of(keyring))
+    door = free_port()
+
+    async def pass_on(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        with contextlib.suppress(OSError):
+            while data := await reader.read(65536):
+                writer.write(data)
+                await writer.drain()
+        writer.close()
+
+    async def visit(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        await asyncio.sleep(0.7)
+        inner_reader, inner_writer = await asyncio.open_connection("127.0.0.1", int(endpoint.rpartition(":")[2]))
+        await asyncio.gather(pass_on(reader, inner_writer), pass_on(inner_reader, writer))
+
+    joining = asyncio.ensure_future(
+        join_session(f"tcp/127.0.0.1:{door}", kind="tool", timeout=TIMEOUT, credentials=of(keyring, "viewer"))
+    )
+    await asyncio.sleep(1.0)
+    async with await asyncio.start_server(visit, "127.0.0.1", door):
+        session = await joining
+        assert session.permissions.role is Role.VIEWER
+        await session.close()
