@@ -7,8 +7,8 @@ columns (the poses and velocities of every tick) is not logged: that travels as 
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from elys.common.ids import Entity
@@ -49,6 +49,7 @@ class WorldChanges:
     Attributes:
         structure: in the order in which it happened; it may name entities that are gone by now.
         added, set, removed: (entity, component name) in the order of the first change.
+        fields: of what was `set`, the fields that were written, where others were left as they are.
         renamed, switched: entities with another name, with another own enabled switch.
         overflowed: too much changed to be listed, and nothing is: take a snapshot.
     """
@@ -57,6 +58,7 @@ class WorldChanges:
     added: tuple[ComponentOf, ...] = ()
     set: tuple[ComponentOf, ...] = ()
     removed: tuple[ComponentOf, ...] = ()
+    fields: Mapping[ComponentOf, tuple[str, ...]] = field(default_factory=dict)
     renamed: tuple[Entity, ...] = ()
     switched: tuple[Entity, ...] = ()
     overflowed: bool = False
@@ -93,6 +95,7 @@ class ChangeLog:
         self._spawned: set[int] = set()
         # Dicts as ordered sets; the value says whether the component was there when the log began.
         self._components: dict[ComponentOf, bool] = {}
+        self._fields: dict[ComponentOf, tuple[str, ...] | None] = {}  # None: all of them
         self._renamed: dict[Entity, None] = {}
         self._switched: dict[Entity, None] = {}
         self._overflowed = overflowed
@@ -108,10 +111,15 @@ class ChangeLog:
         if self._has_room(1):
             self._structure.append(change)
 
-    def log_component(self, entity: Entity, component: str, *, was_present: bool) -> None:
-        """A component was added, set or removed; `was_present` before."""
+    def log_component(
+        self, entity: Entity, component: str, *, was_present: bool, fields: Iterable[str] | None = None
+    ) -> None:
+        """A component was added, set or removed; `was_present` before. `fields` are those that were written, None for all."""
         if entity not in self._spawned and self._has_room(1):
-            self._components.setdefault((entity, component), was_present)
+            key = (entity, component)
+            self._components.setdefault(key, was_present)
+            before = self._fields.get(key, ())
+            self._fields[key] = None if fields is None or before is None else tuple(dict.fromkeys((*before, *fields)))
 
     def log_renamed(self, entity: Entity) -> None:
         """An entity has another name."""
@@ -129,10 +137,12 @@ class ChangeLog:
         for key, was_present in self._components.items():
             if is_alive(key[0]):
                 components.setdefault((was_present, has(*key)), []).append(key)
+        were_set = components.get((True, True), ())
         changes = WorldChanges(
             structure=tuple(self._structure),
             added=tuple(components.get((False, True), ())),
-            set=tuple(components.get((True, True), ())),
+            set=tuple(were_set),
+            fields={key: fields for key in were_set if (fields := self._fields[key]) is not None},
             removed=tuple(components.get((True, False), ())),
             renamed=tuple(filter(is_alive, self._renamed)),
             switched=tuple(filter(is_alive, self._switched)),

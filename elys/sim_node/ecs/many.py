@@ -109,4 +109,4 @@ def write_many(world: World, entities: Entities, places: Indices, name: str, col
     if name == Transform.__name__:
         world.transforms.mark_dirty(places)
     for entity in entities.tolist():
-        world.log.log_component(entity, name, was_present=True)
+        world.log.log_component(entity, name, was_present=True, fields=columns)

@@ -232,7 +232,7 @@ class World:
             name: pack_value(declaration, declaration.field(name), value, strings) for name, value in values.items()
         }
         table.write(row, packed)
-        self._note_component(entity, table, was_present=True)
+        self._note_component(entity, table, was_present=True, fields=values)
 
     def add(self, entity: Entity, component: Component) -> None:
         """Gives the entity a component it has not."""
@@ -376,7 +376,9 @@ class World:
                     columns[f.name] = pack_value(declaration, f, single, self.strings)
         return columns
 
-    def _note_component(self, entity: Entity, table: ComponentTable, *, was_present: bool) -> None:
+    def _note_component(
+        self, entity: Entity, table: ComponentTable, *, was_present: bool, fields: Iterable[str] | None = None
+    ) -> None:
         if table is self._transform_table:
             self.transforms.mark_dirty(self.hierarchy.require(entity))
-        self.log.log_component(entity, table.declaration.name, was_present=was_present)
+        self.log.log_component(entity, table.declaration.name, was_present=was_present, fields=fields)

@@ -47,7 +47,7 @@ def number_column(
         column = np.array(np.broadcast_to(np.asarray(values, np.float64), shape))
     except (ValueError, TypeError) as error:
         raise PhysicsError(f"{name} must be numbers of shape {shape}, not {np.shape(values)}") from error
-    flat = column.reshape(len(entities), -1)
+    flat = column.reshape(len(entities), max(width, 1))
     refuse(~np.isfinite(flat).all(1), entities, column, f"{name} must be finite")
     if minimum is not None:
         bad = (flat <= minimum).any(1) if above else (flat < minimum).any(1)

@@ -327,25 +327,32 @@ class PhysicsWorld(WorldJoints):
         self._wake(rows)
         self._bodies.place(rows, where, turn)
         self._bodies.mark_fresh(rows[self._bodies.rows["motion"][rows] == DYNAMIC])
-        fixed = rows[self._bodies.rows["motion"][rows] == STATIC]
-        if len(fixed):
-            self._activity.wake_touching(fixed)
-            self._colliders.forget_boxes(self._colliders.rows_on(fixed))
+        motion = self._bodies.rows["motion"][rows]
+        if (motion != DYNAMIC).any():
+            self._activity.wake_touching(rows[motion != DYNAMIC])
+            self._colliders.forget_boxes(self._colliders.rows_on(rows[motion == STATIC]))
         self._changed()
 
     def set_velocities(
         self, entities: ArrayLike, *, linear: ArrayLike | None = None, angular: ArrayLike | None = None
     ) -> None:
-        """Sets velocities (N, 3) of centres of mass [m/s] and about them [rad/s]; what is not given stays."""
+        """Sets velocities (N, 3) of centres of mass [m/s] and about them [rad/s]; what is not given stays.
+
+        What touches bodies that forces do not move wakes where these begin to go another way.
+        """
         column = checks.entity_column(entities)
         rows = self._bodies.rows_of(column)
         self._wake(rows)
         velocity = self._bodies.rows["velocity"][rows]
+        before = velocity.copy()
         if linear is not None:
             velocity[:, :3] = checks.number_column("linear velocity", linear, column, width=3)
         if angular is not None:
             velocity[:, 3:] = checks.number_column("angular velocity", angular, column, width=3)
         self._bodies.rows["velocity"][rows] = velocity
+        driven = rows[(self._bodies.rows["motion"][rows] != DYNAMIC) & (velocity != before).any(axis=1)]
+        if len(driven):
+            self._activity.wake_touching(driven)
         self._bodies.update_inverses(rows)
         self._changed()
 

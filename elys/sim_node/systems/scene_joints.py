@@ -63,6 +63,11 @@ class SceneJoints:
         problems, self._problems = self._problems, []
         return problems
 
+    @property
+    def ends(self) -> set[int]:
+        """The bodies that joints hold."""
+        return {body for held in self._held.values() for body in (held.own_body, held.other_body)}
+
     def release(self, bodies: set[int]) -> None:
         """Bodies are about to be taken out of physics, and with them their joints: they are joined again when they come back."""
         gone = [joint for joint, held in self._held.items() if held.own_body in bodies or held.other_body in bodies]

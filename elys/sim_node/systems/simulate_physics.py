@@ -1,15 +1,16 @@
 """simulate_physics: columns -> kernels -> columns. Here bodies follow components, and poses come back.
 
 An entity with a RigidBody is a body, made of its own Collider and those below it that have no body of their own; a Collider
-under no body is an immovable one. Components are the truth that people edit, so a body whose components changed by hand is
-made anew from them; what physics moves is written back into the columns each tick. Joints follow likewise (`scene_joints.py`).
+under no body is an immovable one. Components are the truth that people edit: a body whose components changed by hand is made
+anew from them, unless it was only put elsewhere or given another velocity. What physics moves is written back into the columns
+each tick. Joints follow likewise (`scene_joints.py`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from elys.common.components.columns import Column
 from elys.common.ids import NO_ENTITY, Entity, index_of
 from elys.common.math import quaternion
 from elys.common.math.matrix import transform_points
-from elys.sim_node.ecs.changes import EntityReparented, EntitySpawned, WorldChanges
+from elys.sim_node.ecs.changes import ComponentOf, EntityReparented, EntitySpawned, WorldChanges
 from elys.sim_node.ecs.entities import Entities
 from elys.sim_node.ecs.world import World
 from elys.sim_node.physics.states import Problem
@@ -32,6 +33,7 @@ STATIC: Final = 2  # place of "static" among the choices of RigidBody.motion
 REACH: Final = 1e9  # [m] what lies farther from the origin, or is larger, is left out of physics
 OUT_OF_REACH: Final = f"it must lie within {REACH:g} m of the origin and be no larger; move or scale it back"
 LOCKS: Final = tuple(f"lock_{what}_{axis}" for what in ("move", "turn") for axis in "xyz")  # as `add_bodies` has them
+_POSE, _VELOCITIES = frozenset({"position", "rotation"}), frozenset({"linear_velocity", "angular_velocity"})
 _PHYSICAL: Final = ("RigidBody", "Collider", "Transform", "MeshRenderer")
 
 
@@ -44,6 +46,14 @@ class MovingBodies:
     rotation: NDArray[np.float32]
     linear_velocity: NDArray[np.float32]
     angular_velocity: NDArray[np.float32]
+
+
+class LightChanges(NamedTuple):
+    """Changes that leave bodies what they are: which bodies are put elsewhere, which get other velocities, by which entries."""
+
+    placed: list[int]
+    pushed: list[int]
+    keys: set[ComponentOf]
 
 
 class RigidBodies:
@@ -74,14 +84,20 @@ class RigidBodies:
 
         Returns the entities that live and physics does not move any more: frames tell no longer where they are.
         """
-        affected = None if changes.overflowed else self._affected(changes)
+        affected = None
+        if not changes.overflowed:
+            light = self._light_changes(changes)
+            affected = self._affected(changes, light.keys)
+            self._put(light, affected)
         stale = self._present if affected is None else self._present & affected
         if stale:
             self.joints.release(stale)
             self._physics.remove_bodies(np.array(sorted(stale), np.uint32))
             self._present -= stale
         self._find_owners()
-        wanted = {*self._bodies.entities.tolist(), *self._owner_of.values()} - self._present
+        wanted: set[int] = set()
+        if affected is None or affected:
+            wanted = {*self._bodies.entities.tolist(), *self._owner_of.values()} - self._present
         if affected is not None:
             wanted &= affected
         if wanted:
@@ -136,10 +152,58 @@ class RigidBodies:
             self._moving_rows = np.flatnonzero(_rows_or(table.column("motion"), rows, STATIC) != STATIC)
         return self._moving_rows
 
+    # --- what leaves bodies what they are ---------------------------------------------------------------------------
+
+    def _light_changes(self, changes: WorldChanges) -> LightChanges:
+        """What only puts bodies elsewhere, or gives them other velocities."""
+        placed: dict[int, None] = {}
+        pushed: list[int] = []
+        keys: set[ComponentOf] = set()
+        held: set[int] | None = None
+        for key, fields in changes.fields.items():
+            entity, component = key
+            if entity not in self._present:
+                continue
+            if component == "RigidBody" and _VELOCITIES.issuperset(fields):
+                pushed.append(entity)
+                keys.add(key)
+            elif component == "Transform" and _POSE.issuperset(fields) and self._stands_upright(entity):
+                bodies = self._subtree(entity) & self._present
+                held = self.joints.ends if held is None else held
+                if held.isdisjoint(bodies):  # joints begin anew where their bodies are put elsewhere
+                    placed.update(dict.fromkeys(sorted(bodies, key=index_of)))
+                    keys.add(key)
+        return LightChanges(list(placed), pushed, keys)
+
+    def _stands_upright(self, entity: Entity) -> bool:
+        """Whether nothing above an entity is stretched more one way than another: turned, it keeps its shape."""
+        above = self._world.hierarchy.parent_of(entity)
+        while above != NO_ENTITY:
+            place = self._world.try_get(above, Transform)
+            if place is not None and not place.scale[0] == place.scale[1] == place.scale[2]:
+                return False
+            above = self._world.hierarchy.parent_of(above)
+        return True
+
+    def _put(self, light: LightChanges, affected: set[int]) -> None:
+        """Where bodies that are not made anew are, and how fast; those that got out of reach are made anew, and left out."""
+        placed = np.array([entity for entity in light.placed if entity not in affected], np.uint32)
+        if len(placed):
+            poses = self._world.transforms.world_poses(placed)
+            usable = _is_within_reach(poses.position) & np.isfinite(poses.rotation).all(axis=1)
+            affected.update(placed[~usable].tolist())
+            self._physics.set_poses(placed[usable], position=poses.position[usable], rotation=poses.rotation[usable])
+        pushed = np.array([entity for entity in light.pushed if entity not in affected], np.uint32)
+        if len(pushed):
+            table = self._world.table(RigidBody)
+            rows = table.rows(pushed)
+            linear, angular = (table.column(name)[rows] for name in ("linear_velocity", "angular_velocity"))
+            self._physics.set_velocities(pushed, linear=linear, angular=angular)
+
     # --- which bodies there shall be -------------------------------------------------------------------------------
 
-    def _affected(self, changes: WorldChanges) -> set[int]:
-        """The bodies, as they were and as they will be, that a change touches."""
+    def _affected(self, changes: WorldChanges, light: set[ComponentOf]) -> set[int]:
+        """The bodies, as they were and as they will be, that a change touches which is not among the `light` ones."""
         touched: set[int] = set()
         for change in changes.structure:
             if isinstance(change, EntitySpawned):
@@ -148,13 +212,14 @@ class RigidBodies:
                 touched |= self._subtree(change.entity)
         for entity in changes.switched:
             touched |= self._subtree(entity)
-        for entity, component in (*changes.added, *changes.set, *changes.removed):
+        for entity, component in (*changes.added, *(key for key in changes.set if key not in light), *changes.removed):
             if component == "Transform":
                 touched |= self._subtree(entity)  # what stands below moves along
             elif component in _PHYSICAL:
                 touched |= self._subtree(entity) if component == "RigidBody" else {entity}
-        touched |= {entity for entity in self._present if not self._world.is_alive(entity)}
-        touched |= {entity for entity in self._owner_of if not self._world.is_alive(entity)}
+        if changes.despawned:
+            touched |= {entity for entity in self._present if not self._world.is_alive(entity)}
+            touched |= {entity for entity in self._owner_of if not self._world.is_alive(entity)}
         owners = {self._owner_of[entity] for entity in touched if entity in self._owner_of}
         return touched | owners | self._new_owners(touched)
 
