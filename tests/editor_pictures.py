@@ -12,12 +12,12 @@ from PIL import Image
 from elys.bus import topics
 from elys.bus.discovery import join_session
 from elys.bus.messages.commands import CommandRequest, StepTicks
-from elys.editor_node.events import CursorEntered, MouseMoved
+from elys.editor_node.events import MouseMoved
 from elys.editor_node.keys import Key
 from elys.editor_node.language import use_language
 from elys.editor_node.node import Editor
 from elys.verbs.openers import ChildProcesses
-from tests.unit.editor_node.person import CTRL, Person
+from tests.unit.editor_node.person import CTRL, Person, person_at
 
 SIZE = (1440, 810)
 TICK = 110  # much lies, much still falls
@@ -36,15 +36,11 @@ class _Clock:
 async def editor_person(openers: ChildProcesses, *, size: tuple[int, int] = SIZE) -> AsyncIterator[Person]:
     """Somebody at an editor of its own, which begins with its start page."""
     with Editor(openers=openers, null_platform=True, size=size) as editor:
-        running = asyncio.create_task(editor.run())
-        person = Person(editor, _Clock())
-        await person.do(CursorEntered(True))
         try:
-            yield person
+            async with person_at(editor, _Clock()) as person:
+                yield person
         finally:
             use_language("en")
-            editor.application.close()
-            await running
 
 
 async def draw_editor_pictures(directory: Path, endpoint: str) -> None:

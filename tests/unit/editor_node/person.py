@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
+from collections.abc import AsyncIterator
 from typing import TYPE_CHECKING
 
 import pytest
@@ -109,6 +111,19 @@ class Person:
         await self.drag(name, end[0] - start[0], end[1] - start[1])
 
 
+@contextlib.asynccontextmanager
+async def person_at(editor: Editor, stage) -> AsyncIterator[Person]:
+    """Somebody whose pointer is over an editor that runs meanwhile; the editor is closed at the end."""
+    running = asyncio.create_task(editor.run())
+    person = Person(editor, stage)
+    await person.do(CursorEntered(True))
+    try:
+        yield person
+    finally:
+        editor.application.close()
+        await running
+
+
 @pytest.fixture
 def at_the_editor(on_stage):
     """Runs `await scenario(person)` at an editor that shows the yard."""
@@ -120,17 +135,11 @@ def at_the_editor(on_stage):
             session = await Session.join(stage.broker.connect(), kind="editor")
             try:
                 with Editor(session, null_platform=True, size=(1600, 900)) as editor:
-                    running = asyncio.create_task(editor.run())
-                    person = Person(editor, stage)
-                    await person.do(CursorEntered(True))
-                    await person.until(lambda: editor.model.scene.is_known)
-                    stage.host.publish_status()
-                    await person.frames(3)
-                    try:
+                    async with person_at(editor, stage) as person:
+                        await person.until(lambda: editor.model.scene.is_known)
+                        stage.host.publish_status()
+                        await person.frames(3)
                         await scenario(person)
-                    finally:
-                        editor.application.close()
-                        await running
             finally:
                 await session.close()
 

@@ -17,13 +17,12 @@ from elys.common.errors import ConnectionLost, LaunchError
 from elys.common.scene import EntityRecord
 from elys.editor_node import attachments as attachments_module
 from elys.editor_node.attachments import Attachments
-from elys.editor_node.events import CursorEntered
 from elys.editor_node.keys import Key
 from elys.editor_node.link_meter import LinkMeter
 from elys.editor_node.model import EditorModel
 from elys.editor_node.preferences import Preferences
 from elys.editor_node.seat import Seat
-from tests.unit.editor_node.person import CTRL, Person
+from tests.unit.editor_node.person import CTRL, person_at
 from tests.unit.editor_node.scene_host import SceneHost
 from tests.unit.editor_node.stage import yard_records
 
@@ -297,15 +296,11 @@ def at_a_lonely_editor(scenario) -> None:
         with Editor(
             openers=town, join=lambda endpoint: town.join(editor.seat, endpoint), null_platform=True, size=(1600, 900)
         ) as editor:
-            running = asyncio.create_task(editor.run())
-            person = Person(editor, town)
-            await person.do(CursorEntered(True))
-            await person.frames(3)
             try:
-                await scenario(person, town)
+                async with person_at(editor, town) as person:
+                    await person.frames(3)
+                    await scenario(person, town)
             finally:
-                editor.application.close()
-                await running
                 await town.close()
 
     asyncio.run(main())

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import asyncio
-
 import numpy as np
 import pytest
 from imgui_bundle import imgui
 from PIL import Image
 
 from elys.editor_node import theme
-from elys.editor_node.events import CursorEntered
 from elys.editor_node.key_bindings import Chord
 from elys.editor_node.keys import Key
 from elys.editor_node.language import translations, use_language
 from elys.editor_node.panels.preferences_window import FONT_SCALES, change_font_scale
 from elys.editor_node.preferences import Preferences, SessionState, keep_session, load_preferences
 from elys.editor_node.theme import THEMES, contrast
-from tests.unit.editor_node.person import CTRL, Person
+from tests.unit.editor_node.person import CTRL, Person, person_at
 
 READ = ("text", "text_dim", "accent", "good", "warning", "error")
 GROUNDS = ("panel", "panel_low", "popup", "field", "field_hovered", "field_active", "button", "button_hovered")
@@ -275,14 +272,10 @@ def test_what_was_chosen_outlives_the_editor(on_stage, tmp_path):
     async def editing(stage, scenario) -> None:
         session = await Session.join(stage.broker.connect(), kind="editor")
         with Editor(session, null_platform=True, directory=tmp_path) as editor:
-            running = asyncio.create_task(editor.run())
-            person = Person(editor, stage)
-            await person.do(CursorEntered(True))
-            await person.until(lambda: editor.model.scene.is_known)
-            await person.frames(4)
-            await scenario(person)
-            editor.application.close()
-            await running
+            async with person_at(editor, stage) as person:
+                await person.until(lambda: editor.model.scene.is_known)
+                await person.frames(4)
+                await scenario(person)
         await session.close()
 
     async def change(person) -> None:

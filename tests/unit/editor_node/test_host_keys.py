@@ -16,13 +16,12 @@ from elys.bus.access.roles import GIVEN, Role
 from elys.bus.session import Session
 from elys.bus.transports.zenoh import ZenohTransport
 from elys.common.errors import AccessError
-from elys.editor_node.events import CursorEntered
 from elys.editor_node.host_keys import HostKeys, credentials_of, is_secret
 from elys.editor_node.keys import Key
 from elys.editor_node.sentences import is_known, tr_sentence
 from elys.verbs.openers import ChildProcesses
 from tests.unit.bus.access.guarded import free_port
-from tests.unit.editor_node.person import CTRL, Person
+from tests.unit.editor_node.person import CTRL, Person, person_at
 from tests.unit.editor_node.scene_host import SceneHost
 from tests.unit.editor_node.stage import yard_records
 from tests.unit.editor_node.test_editor_attach import Town
@@ -144,15 +143,11 @@ def test_a_host_that_asks_for_a_secret_is_reached_from_the_start_page(
         town = Town()
         with Editor(openers=town, null_platform=True, size=(1600, 900)) as editor:
             use_language(language)
-            running = asyncio.create_task(editor.run())
-            person = Person(editor, town)
-            await person.do(CursorEntered(True))
-            await person.frames(3)
             try:
-                await scenario(person, town)
+                async with person_at(editor, town) as person:
+                    await person.frames(3)
+                    await scenario(person, town)
             finally:
-                editor.application.close()
-                await running
                 use_language("en")
                 await host.close()
 

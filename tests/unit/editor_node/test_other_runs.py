@@ -17,11 +17,10 @@ from elys.bus.recording import Recording
 from elys.bus.session import Session
 from elys.bus.transports.loopback import LoopbackBroker
 from elys.common.errors import RecordingError
-from elys.editor_node.events import CursorEntered
 from elys.editor_node.ghost_list import SILENCE, GhostList
 from elys.editor_node.panels.fork_dialog import free_name
 from tests.unit.bus.told_recordings import write_told
-from tests.unit.editor_node.person import Person
+from tests.unit.editor_node.person import Person, person_at
 from tests.unit.editor_node.test_editor_attach import A, B, Town
 
 
@@ -80,18 +79,14 @@ def at_a_replay(folder: Path, scenario: Any) -> None:
         with Editor(
             openers=town, join=lambda endpoint: town.join(editor.seat, endpoint), null_platform=True, size=(1600, 900)
         ) as editor:
-            running = asyncio.create_task(editor.run())
-            person = Person(editor, town)
-            await person.do(CursorEntered(True))
-            await town.replay(A)
-            editor.attachments.connect(A)
-            await person.until(lambda: editor.model.status is not None and editor.model.scene.is_known)
-            await person.frames(8)  # panels take their places
             try:
-                await scenario(person, town)
+                async with person_at(editor, town) as person:
+                    await town.replay(A)
+                    editor.attachments.connect(A)
+                    await person.until(lambda: editor.model.status is not None and editor.model.scene.is_known)
+                    await person.frames(8)  # panels take their places
+                    await scenario(person, town)
             finally:
-                editor.application.close()
-                await running
                 await town.close()
 
     asyncio.run(main())

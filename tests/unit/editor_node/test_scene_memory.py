@@ -9,10 +9,9 @@ import pytest
 from elys.bus.messages import commands as c
 from elys.bus.session import Session
 from elys.common.scene import EntityRecord
-from elys.editor_node.events import CursorEntered
 from elys.editor_node.keys import Key
 from elys.editor_node.preferences import SceneLook, load_preferences
-from tests.unit.editor_node.person import CTRL, SHIFT, Person
+from tests.unit.editor_node.person import CTRL, SHIFT, person_at
 from tests.unit.editor_node.stage import open_stage, yard_records
 
 pytestmark = pytest.mark.gl
@@ -31,16 +30,10 @@ def at_the_desk(directory, scenario, *, path=YARD, records=None) -> None:
             with Editor(session, null_platform=True, directory=directory) as editor:
                 editor.preferences.has_seen_tour = True
                 editor.workspace.tour.step = None
-                running = asyncio.create_task(editor.run())
-                person = Person(editor, stage)
-                await person.do(CursorEntered(True))
-                await person.until(lambda: editor.model.scene.is_known and editor.model.history.is_attached)
-                await person.frames(4)
-                try:
+                async with person_at(editor, stage) as person:
+                    await person.until(lambda: editor.model.scene.is_known and editor.model.history.is_attached)
+                    await person.frames(4)
                     await scenario(person)
-                finally:
-                    editor.application.close()
-                    await running
             await session.close()
 
     asyncio.run(main())
