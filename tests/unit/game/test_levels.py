@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import shutil
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from elys.common import trust
 from elys.common.assets.store import AssetStore
+from elys.common.components import Script
 from elys.common.errors import ElysError
 from elys.game.bot import Bot
+from elys.samples.game import kit
 from elys.samples.game.levels import LEVELS, open_level
+from elys.sim_node.scripts.reloading import ScriptFiles
 from elys.sim_node.simulation import Simulation
+from elys.sim_node.systems.apply_commands import apply_command
 from elys.verbs.game import level_named
 
 LIMIT = 75  # [s] of simulation
@@ -20,7 +28,15 @@ LIMIT = 75  # [s] of simulation
 class Run:
     """A level driven to its end in this process: what was told, and where the balls were after each tick."""
 
-    def __init__(self, name: str, *, players: int = 1, ticks: int = LIMIT * 60) -> None:
+    def __init__(
+        self,
+        name: str,
+        *,
+        players: int = 1,
+        ticks: int = LIMIT * 60,
+        meanwhile: Callable[[Run], None] = lambda run: None,
+    ) -> None:
+        """`meanwhile` is called before each tick."""
         assets = AssetStore()
         opened, layout = open_level(LEVELS[name], assets, players=players)
         self.simulation = Simulation.load(opened, assets)
@@ -29,6 +45,7 @@ class Run:
         self.events: list[Any] = []
         self.paths: list[list[Any]] = []
         while self.simulation.tick < ticks and len(self.told("race_finished")) < players:
+            meanwhile(self)
             for bot in bots:
                 for request in bot():
                     self.simulation.inputs.take(request.command)
@@ -78,6 +95,46 @@ def test_two_race_at_once_and_the_same_way_each_time():
     assert first.simulation.state_hash() == second.simulation.state_hash()
     players = {event.values["player"] for event in first.told("race_gate")}
     assert players == {1, 2}
+
+
+@pytest.mark.timeout(400)
+def test_a_script_that_is_saved_anew_goes_on_in_the_middle_of_a_race(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    folder = tmp_path / "scripts"
+    shutil.copytree(kit.SCRIPTS, folder)
+    monkeypatch.setenv("ELYS_CONFIG_DIR", str(tmp_path / "config"))
+    monkeypatch.setattr(kit, "SCRIPTS", folder)
+    trust.remember(folder)
+    file, saved = folder / "ball.py", []
+    broken = "class Ball(Behaviour:\n"
+
+    def save(run: Run, text: str) -> None:
+        world, files = run.simulation.world, ScriptFiles(run.simulation)
+        file.write_text(text)
+        ball = run.simulation.scripts.named("Ball 1")[0]
+        command = files.reloaded(world.get(ball, Script).source, [ball])
+        if command is not None:
+            apply_command(run.simulation, command)
+        saved.append((run.simulation.tick, command is not None))
+
+    def meanwhile(run: Run) -> None:
+        gates = len(run.told("race_gate"))
+        if gates == 2 and not saved:
+            save(run, broken)  # half a file: the version before goes on
+        elif gates == 3 and len(saved) == 1:
+            rolls = 'self.world.emit("rolled_anew"); self.roll(push * 0.97)'
+            save(run, as_it_was.replace("self.roll(push)", rolls))
+
+    as_it_was = file.read_text()
+    run = Run("meadow", meanwhile=meanwhile)
+    assert [is_new for _, is_new in saved] == [False, True]
+    assert not run.told("script")
+    (finished,) = run.told("race_finished")
+    numbers = [event.values["number"] for event in run.told("race_gate")]
+    assert numbers == list(range(1, len(numbers) + 1))  # the ball went on with what it remembered
+    anew = [tick for tick, event in run.events if event.kind == "rolled_anew"]
+    assert saved[1][0] < anew[0] <= saved[1][0] + 3 and len(anew) > 60
+    assert 19.0 < finished.values["time"] < 30.0  # a little slower for what was saved
+    check_times(run)
 
 
 def test_an_unknown_level_names_those_there_are():
