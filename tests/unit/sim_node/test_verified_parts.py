@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from pathlib import Path
 from typing import Any
 
@@ -11,17 +12,20 @@ import numpy as np
 import pytest
 
 from elys.bus import codec, topics
+from elys.bus.following import follow_scene
 from elys.bus.input_sender import InputSender
 from elys.bus.messages.commands import CommandRecord, Input
+from elys.bus.mirror import SceneMirror
 from elys.bus.recording import Recording
 from elys.bus.recording_parts import merge
 from elys.bus.recording_plan import RecordingPlan, files_of
 from elys.bus.topics import Encoding
 from elys.bus.transports.mcap_reading import RecordedMessage
+from elys.common.ids import Entity
 from elys.sim_node.fork_point import fork_point
 from elys.sim_node.simulation import Simulation
 from elys.sim_node.verification import verify
-from tests.recorded_sessions import Stage, altered
+from tests.recorded_sessions import Person, Stage, altered
 from tests.unit.sim_node.test_verification import another_scene, edits_of_two, forks, record
 
 # --- players -----------------------------------------------------------------------------------------------------------
@@ -49,6 +53,15 @@ def steered(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Simulation, "__init__", with_steering)
 
 
+async def sent_and_heard(person: Person, heard: list[CommandRecord], *senders: InputSender) -> None:
+    """Steps until what players did is in the simulation: while time stands nobody plays."""
+    before = sum(isinstance(told.command, Input) for told in heard)
+    count = sum(sender.send() for sender in senders)
+    async with asyncio.timeout(20.0):
+        while sum(isinstance(told.command, Input) for told in heard) < before + count:
+            await person.step(1)
+
+
 async def a_game_of_two(stage: Stage) -> None:
     """Two players in nodes of their own, one of whom dies with a key held."""
     anna, bert = await stage.person("Anna"), await stage.person("Bert")
@@ -57,12 +70,7 @@ async def a_game_of_two(stage: Stage) -> None:
     anna.session.subscribe(topics.COMMANDS, lambda told, _: heard.append(told))
 
     async def applied(*senders: InputSender) -> None:
-        """Steps until what players did is in the simulation: while time stands nobody plays."""
-        before = sum(isinstance(told.command, Input) for told in heard)
-        count = sum(sender.send() for sender in senders)
-        async with asyncio.timeout(20.0):
-            while sum(isinstance(told.command, Input) for told in heard) < before + count:
-                await anna.step(1)
+        await sent_and_heard(anna, heard, *senders)
 
     await anna.step(20)
     two.bind({"jump": "k, space", "move": "pad_left"})
@@ -100,6 +108,43 @@ def test_what_players_did_comes_out_the_same(tmp_path: Path) -> None:
     for path in record(tmp_path, a_game_of_two):
         inputs = inputs_in(path)
         assert {told.command.player for told in inputs} == {1, 2} and len(inputs) >= 49  # type: ignore[union-attr]
+        verdict = verify(path)
+        assert (verdict.cause, verdict.difference, verdict.notes) == ("equal", None, []), verdict
+        assert verdict.ticks > 150
+
+
+async def a_walk(stage: Stage) -> None:
+    """Somebody walks, runs, jumps and crouches about the playground, and looks around."""
+    anna = await stage.person("Anna")
+    walker = InputSender(anna.session, player=1)
+    heard: list[CommandRecord] = []
+    anna.session.subscribe(topics.COMMANDS, lambda told, _: heard.append(told))
+    mirror, newcomer = SceneMirror(), SceneMirror()
+    await follow_scene(anna.session, mirror)
+    began = stage.simulation.world.transforms.world_pose(Entity(stage.named("Walker")))[0]
+    for keys in (("w",), ("w", "left_shift"), ("w", "space"), ("a", "left_control"), ("s", "space"), ("f",), ("w",)):
+        walker.move("pointer_x", 40.0)
+        walker.move("pointer_y", -5.0)
+        for key in keys:
+            walker.press(key)
+        await sent_and_heard(anna, heard, walker)
+        await anna.step(25)
+        for key in keys:
+            walker.let_go(key)
+        await sent_and_heard(anna, heard, walker)
+    ended = stage.simulation.world.transforms.world_pose(Entity(stage.named("Walker")))[0]
+    assert math.dist(began, ended) > 1.0
+    async with asyncio.timeout(20.0):
+        while mirror.sequence != stage.node.snapshot().sequence:
+            await asyncio.sleep(0.001)
+    newcomer.apply_snapshot(stage.node.snapshot())
+    for entity, told in newcomer.entities.items():  # who was there all the time knows what who comes now is told
+        for name in ("Character", "CameraRig", "Collider"):
+            assert mirror.entities[entity].components.get(name) == told.components.get(name)
+
+
+def test_where_a_character_went_comes_out_the_same(tmp_path: Path) -> None:
+    for path in record(tmp_path, a_walk, scene="playground"):
         verdict = verify(path)
         assert (verdict.cause, verdict.difference, verdict.notes) == ("equal", None, []), verdict
         assert verdict.ticks > 150
