@@ -23,6 +23,7 @@ from elys.bus.messages.ghosts import GHOST_COLORS
 from elys.bus.recording import Recording
 from elys.common.errors import ElysError
 from elys.game.board import Board, Entry
+from elys.game.settings import CHOICES, Settings, lines
 from elys.samples.game.levels import LEVELS, Level
 
 if TYPE_CHECKING:
@@ -90,6 +91,7 @@ class Referee:
         self._record, self._open_level, self._proof_of = record, open_level, prove
         self._race_limit = race_limit
         self._has_ghosts = has_ghosts
+        self.settings = Settings.load(folder)
         self._has_menu = has_menu
         self.board = Board(level.name, folder)
         self.attempt: Attempt | None = None
@@ -115,6 +117,8 @@ class Referee:
                     await self._begin()
                 elif wish == "level" and values.get("name") in LEVELS:
                     await self._choose(LEVELS[values["name"]])
+                elif wish == "setting":
+                    self._set(str(values.get("name", "")), str(values.get("value", "")))
         finally:
             close()
             await asyncio.shield(self._leave())
@@ -132,6 +136,16 @@ class Referee:
         self.board = Board(level.name, self._folder)
         await self._begin()
 
+    def _set(self, name: str, value: str) -> None:
+        """Something was chosen in the menu: the next race begins with it."""
+        if name == "players" and value in CHOICES[name]:
+            self._players = int(value)
+            return
+        changed = self.settings.changed(name, value)
+        if changed != self.settings:
+            self.settings = changed
+            changed.save(self._folder)
+
     async def _begin(self, *, opens_menu: bool = False) -> None:
         """Another race: the level as it was made, a recording that begins with it, and ghosts."""
         await self._drop()
@@ -147,15 +161,19 @@ class Referee:
 
     def _told(self, *, opens_menu: bool) -> dict[str, dict[str, Any]]:
         """What the level's scripts are told: the menu all best times, the displays the times at gates that are to be beaten."""
-        lines = []
+        rows = []
         for name, level in LEVELS.items():
             best = self.board.best() if name == self.level.name else Board(name, self._folder).best()
             told_best = f"{best.time:.2f} s" if best is not None else ""
-            lines.append(f"{name}|{level.title}|{told_best}|{best.medal if best is not None else ''}")
+            rows.append(f"{name}|{level.title}|{told_best}|{best.medal if best is not None else ''}")
         best = self.board.best(self._person) or self.board.best()
         splits = ",".join(map(str, best.splits)) if best is not None else ""
-        menu = {"levels": "\n".join(lines), "level": self.level.name, "is_open": opens_menu}
-        return {"Menu": menu} | {f"Display {number}": {"best": splits} for number in range(1, self._players + 1)}
+        menu = {"levels": "\n".join(rows), "level": self.level.name, "is_open": opens_menu}
+        menu["settings"] = lines(self.settings, self._players)
+        told: dict[str, dict[str, Any]] = {"Menu": menu}
+        for number in range(1, self._players + 1):
+            told |= {f"Display {number}": {"best": splits}, f"Ball {number}": self.settings.of_ball()}
+        return told
 
     async def _drop(self) -> None:
         """A race that was not finished leaves nothing behind."""
@@ -221,9 +239,13 @@ class Referee:
         if self.attempt is attempt:
             self._wishes.put_nowait(("finished", {}))
 
+    @property
+    def _wants_ghosts(self) -> bool:
+        return self._has_ghosts and self.settings.ghosts == "on"
+
     def _send_ghosts(self, began: float) -> None:
         """Lets those who were fast run along, from the start that all have in common."""
-        for number, entry in enumerate(self.board.ghosts(self._person)) if self._has_ghosts else ():
+        for number, entry in enumerate(self.board.ghosts(self._person)) if self._wants_ghosts else ():
             try:
                 recording = Recording(self.board.path_of(entry))
             except ElysError as error:

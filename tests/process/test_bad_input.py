@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
+from elys.bus.recording import Recording
+from elys.common.errors import ElysError
 from tests.process.clients import client
 from tests.process.conftest import Command, wait_until
 
@@ -174,7 +176,7 @@ def test_a_disk_that_fills_up_ends_the_recording_alone(elys, free_port, tmp_path
     run = elys("run", "stack", "--headless", "--listen", endpoint, "--record", "it.mcap")
     run.wait_for("first tick")
     (recorder,) = children_of(run.process.pid)
-    wait_until_growing(tmp_path / "it.mcap")
+    wait_until_readable(tmp_path / "it.mcap")
     resource.prlimit(recorder, resource.RLIMIT_FSIZE, ((tmp_path / "it.mcap").stat().st_size + 100,) * 2)
     run.wait_for("the recording it.mcap cannot be written any further: File too large")
     assert len(ticks_seen(endpoint, 30)) >= 30
@@ -186,11 +188,17 @@ def test_a_disk_that_fills_up_ends_the_recording_alone(elys, free_port, tmp_path
     assert "cut off" in info.output
 
 
-def wait_until_growing(path: Path) -> None:
-    """Waits until there is a recording, and more of it than at first."""
-    wait_until(lambda: path.exists() and path.stat().st_size > 0)
-    at_first = path.stat().st_size
-    wait_until(lambda: path.stat().st_size > at_first + 2000)
+def wait_until_readable(path: Path) -> None:
+    """Waits until there is so much of a recording that it can be read if nothing more is written."""
+
+    def is_readable() -> bool:
+        try:
+            with Recording(path) as recording:
+                return len(recording) > 0
+        except ElysError:
+            return False
+
+    wait_until(is_readable)
 
 
 def children_of(pid: int) -> list[int]:
@@ -274,7 +282,7 @@ def test_a_signal_ends_every_verb_that_waits(
     }
     for command, pattern in waiting.items():
         command.wait_for(pattern)
-    wait_until_growing(tmp_path / "it.mcap")
+    wait_until_readable(tmp_path / "it.mcap")
     for command in (*waiting, play):
         command.process.send_signal(number)
         assert command.wait() in (0, 130, -number), command.output

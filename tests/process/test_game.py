@@ -60,7 +60,13 @@ def test_the_menu_begins_a_race_in_which_the_best_run_is_a_ghost(elys, tmp_path,
             one.session.subscribe(topics.GHOST, lambda ghost, _: ghosts.append(ghost))
             presses = {1: Presses(one, 1), 2: Presses(two, 2)}
             await one.until(lambda: "Row 3" in names_of(one))
-            for key in ("w", "space"):  # up to the first level, and go
+            chosen = tmp_path / "times" / "settings.json"
+            for key in ("s", "s", "s", "d"):  # down to the ghosts, and without them
+                await presses[1].tap(key)
+            await one.until(lambda: chosen.exists() and json.loads(chosen.read_text())["ghosts"] == "off")
+            await presses[1].tap("a")
+            await one.until(lambda: json.loads(chosen.read_text())["ghosts"] == "on")
+            for key in ("w", "w", "w", "w", "space"):  # up to the first level, and go
                 await presses[1].tap(key)
             await one.until(lambda: one.mirror.scene == "Meadow" and any(e.kind == "race_go" for e in told))
             await one.until(lambda: bool(ghosts))

@@ -159,19 +159,22 @@ def hud(number: int) -> EntityNode:
 
 
 def menu() -> EntityNode:
-    """Which level to race on; its lines are filled in by who knows the times."""
+    """Which level to race on, and how; its lines are filled in by who knows the times."""
     title = {"text": "Time trial", "size": 0.09, "color": [1.0, 0.8, 0.25]}
-    keys = {"text": "up, down: choose   space: race   P: menu   backspace: again   E: last gate", "size": 0.026}
+    keys = {
+        "text": "arrows: choose, change   space: race   P: menu   backspace: again   E: last gate",
+        "size": 0.026,
+    }
     return EntityNode(
         name="Menu",
         components={
-            "Overlay": {"anchor": "center", "width": 1.0, "height": 0.72, "visible": False},
+            "Overlay": {"anchor": "center", "width": 1.0, "height": 0.86, "visible": False},
             "OverlayPanel": {"color": [0.015, 0.02, 0.03], "opacity": 0.82, "radius": 0.03},
             "Script": script("menu.py#Menu"),
         },
         children=[
             EntityNode(name="Title", components={"Overlay": {"anchor": "top", "y": 0.05}, "OverlayText": title}),
-            EntityNode(name="Rows", components={"Overlay": {"anchor": "top", "y": 0.2, "width": 0.9, "height": 0.4}}),
+            EntityNode(name="Rows", components={"Overlay": {"anchor": "top", "y": 0.18, "width": 0.9, "height": 0.6}}),
             EntityNode(name="Keys", components={"Overlay": {"anchor": "bottom", "y": -0.035}, "OverlayText": keys}),
         ],
     )

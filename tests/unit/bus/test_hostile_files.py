@@ -16,7 +16,7 @@ from elys.common.errors import RecordingError
 from tests.unit.bus.hostile_files import hostile
 from tests.unit.bus.told_recordings import IMAGE, PICTURE_MESH, TICKS, messages, write_told
 
-FILES, SOAKED = 150, 2000
+FILES, SOAKED = 100, 2000
 BATCH = 50
 ROOT = Path(__file__).parents[3]
 

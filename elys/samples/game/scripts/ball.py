@@ -9,7 +9,6 @@ from .race import Race
 
 COYOTE = 0.10  # [s] after it has left the ground in which it may still jump
 SLIP = 3.0  # [m/s] by which its skin may be faster than the road
-LOOK = 2.8  # [rad/s] of a stick at its end
 BUFFER = 0.12  # [s] before it reaches the ground in which a jump is not lost
 
 
@@ -22,6 +21,8 @@ class Ball(Behaviour):
     air_grip: Annotated[float, about("Greatest acceleration in the air.", unit="m/s^2", minimum=0.0)] = 5.0
     response: Annotated[float, about("How fast its speed becomes the one wanted.", unit="1/s", minimum=0.1)] = 1.8
     jump_height: Annotated[float, about("How high it jumps.", unit="m", minimum=0.0)] = 1.6
+    look_speed: Annotated[float, about("How fast a stick turns the camera.", unit="rad/s", minimum=0.0)] = 2.8
+    is_followed: Annotated[bool, about("Whether the camera turns behind it by itself.")] = True
 
     def start(self):
         body = self.entity.get(components.RigidBody)
@@ -122,13 +123,13 @@ class Ball(Behaviour):
 
     def look(self, player, dt):
         """Turns the camera: by hand, or behind the way that the ball goes."""
-        by_hand = player.vector("look").x * LOOK * dt
+        by_hand = player.vector("look").x * self.look_speed * dt
         if by_hand:
             self.heading -= by_hand
             self.hand_time = self.world.time
         now = self.entity.velocity
         speed = math.hypot(now.x, now.z)
-        if speed > 2.0 and self.world.time - self.hand_time > 1.0:
+        if self.is_followed and speed > 2.0 and self.world.time - self.hand_time > 1.0:
             off = math.remainder(math.atan2(-now.x, -now.z) - self.heading, math.tau)
             if abs(off) < 2.4:  # who rolls backwards looks where he looks
                 self.heading += off * min(1.0, 1.6 * dt * min(speed / 8.0, 1.0))
