@@ -41,7 +41,7 @@ bench: $(READY)  ## measure: rigid bodies beside their peers, tick times, latenc
 	@$(PY) -m tests.benchmarks
 
 soak: $(READY)  ## long campaigns: kills, fuzz and emulated processors
-	@$(PY) -m pytest tests/process tests/property tests/network --soak
+	@$(PY) -m pytest tests/process tests/property tests/network tests/unit/bus/test_hostile_files.py --soak
 
 golden: $(READY)  ## draw the golden pictures anew (look at them before committing)
 	@$(PY) -m pytest tests/golden --draw-golden

@@ -162,15 +162,7 @@ class Editor:
             keeps_bindings=self._directory is not None,
         )
         add_actions(actions, self.ui, self.workspace, self.navigation, self.camera_views, self.game)
-        self.application.push_layer(ShortcutLayer(actions, self.ui.keys))
-        self.application.push_layer(TypeAheadLayer(self.model.walk, self.workspace.hierarchy, self.ui.keys))
-        self.application.push_layer(self.navigation)
-        self.application.push_layer(
-            FileDropLayer(lambda paths: self.workspace.assets.dialogs.take_files(self.ui, paths))
-        )
-        self.application.push_layer(self.widgets)
-        self.application.push_layer(self.game)
-        self.application.push_layer(capture)
+        self._stack_layers(actions, capture)
         self.seat.on_link(self._link_changed)
         self._seen_session = ""  # whose camera it is
         self._title = ""
@@ -178,6 +170,17 @@ class Editor:
             self.workspace.tour.start()
         if self.attachments.is_attached:
             self._show_session()
+
+    def _stack_layers(self, actions: Actions, capture: ChordCapture) -> None:
+        """Who hears events, from the last to the first."""
+        push = self.application.push_layer
+        push(ShortcutLayer(actions, self.ui.keys))
+        push(TypeAheadLayer(self.model.walk, self.workspace.hierarchy, self.ui.keys))
+        push(self.navigation)
+        push(FileDropLayer(lambda paths: self.workspace.assets.dialogs.take_files(self.ui, paths)))
+        push(self.widgets)
+        push(self.game)
+        push(capture)
 
     @property
     def panel(self) -> ViewportPanel:

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from elys.bus.messages.session import Event
 from elys.common.assets.store import AssetStore
-from elys.common.components import CameraRig, Character, Collider, Joint, RigidBody, Transform
+from elys.common.components import Joint, RigidBody, Transform
 from elys.common.ids import Entity
 from elys.common.scene import OpenedScene, SceneSettings
 from elys.sim_node.animation.root_walks import Driven
@@ -185,8 +185,8 @@ class Simulation:
 
     def move_characters(self, world: World) -> None:
         """Where characters get to in this tick, if there are any: physics takes them there."""
-        if self._players.has_any or self._characters.is_needed:
-            with told(world, self._changes, Character, CameraRig, *((Collider,) if self._characters.is_needed else ())):
+        if self._players.has_any:
+            with told(world, self._changes):
                 self._players.steer()
                 self._characters.move(1.0 / self.settings.tick_rate)
 
@@ -203,7 +203,7 @@ class Simulation:
     def aim_cameras(self, world: World) -> None:
         """Cameras that follow go to where they belong, if there are any."""
         if self._cameras.is_needed:
-            with told(world, self._changes, CameraRig):
+            with told(world, self._changes):
                 self._cameras.aim(1.0 / self.settings.tick_rate)
 
     def propagate_transforms(self, world: World) -> None:

@@ -168,7 +168,7 @@ def menu() -> EntityNode:
     return EntityNode(
         name="Menu",
         components={
-            "Overlay": {"anchor": "center", "width": 1.0, "height": 0.86, "visible": False},
+            "Overlay": {"anchor": "center", "width": 1.0, "height": 0.78, "visible": False},
             "OverlayPanel": {"color": [0.015, 0.02, 0.03], "opacity": 0.82, "radius": 0.03},
             "Script": script("menu.py#Menu"),
         },
