@@ -13,7 +13,8 @@ from collections.abc import Iterator, Sequence
 def environment(**variables: str) -> Iterator[dict[str, str]]:
     """An environment in which no other session of this machine is found."""
     with tempfile.TemporaryDirectory() as runtime:
-        hidden = {"DISPLAY", "WAYLAND_DISPLAY"}
+        # Python of who uses ELYS keeps what it has compiled.
+        hidden = {"DISPLAY", "WAYLAND_DISPLAY", "PYTHONDONTWRITEBYTECODE"}
         kept = {name: value for name, value in os.environ.items() if name not in hidden}
         yield {**kept, "ELYS_RUNTIME_DIR": runtime, "PYTHONUNBUFFERED": "1", **variables}
 
