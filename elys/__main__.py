@@ -8,6 +8,7 @@ import typer
 
 from elys.cli.app import app
 from elys.common.errors import ElysError
+from elys.common.garbage import keep_searches_short
 
 # Verbs stand in --help in the order in which they are imported.
 # isort: off
@@ -36,6 +37,7 @@ _EXTRA_OF = {
 
 def main() -> None:
     """The `elys` command: errors of ELYS become one line and exit status 1, wrong options one line and 2."""
+    keep_searches_short()
     try:
         sys.exit(app(_with_default_port(sys.argv[1:]), prog_name="elys", standalone_mode=False) or 0)
     except ElysError as error:

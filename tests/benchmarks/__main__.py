@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from elys.common.garbage import keep_searches_short
 from tests.benchmarks import (
     access,
     characters,
@@ -61,6 +62,7 @@ PAGES = {
 
 
 def main() -> None:
+    keep_searches_short()  # as the programs do whose parts run here
     if sys.argv[1:2] == ["rigid"]:
         rigid_bodies.main(sys.argv[2:])
         return

@@ -20,6 +20,7 @@ import sys
 import time
 from typing import Any
 
+from elys.common.garbage import keep_searches_short
 from elys.editor_node.events import Event
 from elys.editor_node.node import Editor
 
@@ -105,6 +106,7 @@ async def main() -> None:
 
 
 if __name__ == "__main__":
+    keep_searches_short()
     os.environ["ELYS_NULL_PLATFORM"] = "1"
     if core := os.environ.get("ELYS_BENCH_CORE"):
         os.sched_setaffinity(0, {int(core)})
