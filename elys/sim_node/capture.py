@@ -37,6 +37,7 @@ DERIVED: Final[Mapping[str, frozenset[str]]] = {
     "RigidBodies": frozenset({"_seen", "_moving_rows"}),  # versions of lists, and rows of what moves: found anew
     # All that characters are is in their components.
     "Characters": frozenset({"_seen", "_problems", "_told"}),
+    "Cameras": frozenset({"_known"}),  # which of them were told of: readers are told all anew
     # Clips are read from assets, and who plays them is bound by the tree and the components as they are.
     "Animations": frozenset(
         {"library", "_binding", "_crew", "_poser", "_markers", "_moved", "_written", "_seen", "_driven", "_events"}

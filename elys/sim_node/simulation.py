@@ -159,7 +159,8 @@ class Simulation:
             self._changes.append(changes)
             if self._animations.is_needed:  # clips pose what they move at once, before time goes on
                 self.edited.capture()
-            self._tell_where_they_are([*self._animations.follow(changes), *self._bodies.follow(changes)])
+            stopped = [*self._animations.follow(changes), *self._bodies.follow(changes), *self._cameras.stopped()]
+            self._tell_where_they_are(stopped)
             self._note_changes()
             self._report_problems()
         world.transforms.propagate()

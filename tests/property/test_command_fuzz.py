@@ -259,16 +259,16 @@ def assert_mirrored(bench: Bench) -> None:
     mirror = bench.mirror
     assert (mirror.roots, mirror.settings, mirror.scene) == (fresh.roots, fresh.settings, fresh.scene)
     assert mirror.entities.keys() == fresh.entities.keys()
-    moving = set(frame.entity.tolist())
-    assert moving <= mirror.entities.keys()
+    moving, aimed = set(frame.entity.tolist()), set(frame.local_entity.tolist())
+    assert moving | aimed <= mirror.entities.keys()
     for entity, truth in fresh.entities.items():
-        assert described(mirror.entities[entity], entity in moving) == described(truth, entity in moving)
+        by_frames = {"Transform", "RigidBody"} if entity in moving else {"Transform"} if entity in aimed else set()
+        assert described(mirror.entities[entity], by_frames) == described(truth, by_frames)
         assert mirror.world_pose(entity) == fresh.world_pose(entity)
 
 
-def described(entity: MirrorEntity, is_moving: bool) -> tuple[Any, ...]:
-    told_by_frames = {"Transform", "RigidBody"} if is_moving else set()
-    components = {name: value for name, value in entity.components.items() if name not in told_by_frames}
+def described(entity: MirrorEntity, by_frames: set[str]) -> tuple[Any, ...]:
+    components = {name: value for name, value in entity.components.items() if name not in by_frames}
     return (
         entity.name,
         entity.parent,

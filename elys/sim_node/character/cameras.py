@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elys.common.components import CameraRig, Character, Transform
+from elys.common.ids import Entity
 from elys.sim_node.character.kernels import turn_views
 from elys.sim_node.ecs.entities import Entities
 from elys.sim_node.ecs.world import World
@@ -34,6 +35,7 @@ class Cameras:
         self._physics = physics
         self._capsules = KinematicCapsules(physics)
         self._query = world.query(CameraRig, Transform, enabled_only=True)
+        self._known: Entities = np.zeros(0, np.uint32)
 
     @property
     def is_needed(self) -> bool:
@@ -58,6 +60,14 @@ class Cameras:
         eyes = self._eyes(rows, targets, dt)
         places = self._behind(rows, targets, eyes, axes, dt)
         self._world.transforms.set_world_poses(entities, places, rotation.astype(np.float32))
+
+    def stopped(self) -> list[Entity]:
+        """Who lives and is aimed no more since this was last asked: frames tell no longer where they are."""
+        if not len(self._known) and not self.is_needed:
+            return []
+        before, self._known = self._known, self._query.entities.copy()
+        gone = np.setdiff1d(before, self._known).tolist()
+        return [Entity(entity) for entity in gone if self._world.is_alive(entity)]
 
     def animated(self) -> Animated | None:
         """Where the cameras are, as frames tell of what clips move; None where there are none."""
@@ -96,9 +106,10 @@ class Cameras:
         table, characters = self._world.table(CameraRig), self._world.table(Character)
         wanted: Places = self._world.transforms.world_poses(targets).position.copy()
         walkers = characters.rows(targets)
-        stature, height = (characters.column(name)[np.maximum(walkers, 0)] for name in ("stature", "height"))
-        lower = np.where((walkers >= 0) & (stature > 0.0), height - stature, 0.0)
-        wanted[:, 1] += table.column("height")[rows] - lower
+        wanted[:, 1] += table.column("height")[rows]
+        walks = walkers >= 0
+        stature, height = (characters.column(name)[walkers[walks]] for name in ("stature", "height"))
+        wanted[walks, 1] -= np.where(stature > 0.0, height - stature, 0.0)
         rate = table.column("follow_rate")[rows] * dt
         share = np.where(rate > 0.0, rate / (1.0 + rate), 1.0)
         eyes = table.column("eye")[rows]

@@ -16,18 +16,15 @@ from numpy.typing import ArrayLike
 from elys.common.errors import PhysicsError
 from elys.sim_node.physics import checks
 from elys.sim_node.physics.hull import FlatPointsError, convex_hull
-from elys.sim_node.physics.kernels.parts import MOST
 from elys.sim_node.physics.kernels.tables import (
-    CLUSTER,
-    CONVEX,
     FACE,
     GEOMETRY,
     HEIGHT_FIELD,
     HULL,
     MESH,
-    SIMPLEX,
     TREE_LEAF,
     Geometry,
+    no_geometry,
 )
 from elys.sim_node.physics.kernels.tree import LEAF, build_tree
 
@@ -53,15 +50,7 @@ class GeometryStore:
 
     def __init__(self) -> None:
         self.solids: list[Solid] = []
-        self.arrays = Geometry(
-            np.zeros(0, GEOMETRY),
-            np.zeros(0, FACE),
-            np.zeros((0, 3)),
-            np.zeros((0, 6)),
-            np.zeros(2, CONVEX),
-            np.zeros(1, SIMPLEX),
-            np.zeros(MOST, CLUSTER),
-        )
+        self.arrays = no_geometry()
         self._known: dict[bytes, int] = {}
 
     def add_hull(self, points: ArrayLike) -> int:

@@ -17,15 +17,7 @@ from elys.sim_node.physics.kernels.query_tree import QUERY_NODE
 
 def _kernels() -> tuple[tuple[str, Any, tuple[tuple[Any, ...], ...]], ...]:
     bodies, colliders = np.zeros(1, tables.BODY), np.zeros(1, tables.COLLIDER)
-    geometry = tables.Geometry(
-        np.zeros(1, tables.GEOMETRY),
-        np.zeros(1, tables.FACE),
-        np.zeros((1, 3)),
-        np.zeros((2, 6)),
-        np.zeros(2, tables.CONVEX),
-        np.zeros(1, tables.SIMPLEX),
-        np.zeros(1, tables.CLUSTER),
-    )
+    geometry = tables.no_geometry()
     numbers = np.zeros(1)
     rows, flags, characters = np.zeros(1, np.int32), np.zeros(1, np.uint8), np.zeros(1, CHARACTER)
     around = Surroundings(

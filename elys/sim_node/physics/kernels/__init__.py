@@ -107,15 +107,7 @@ def _kernels() -> tuple[Kernel, ...]:
         )
     )
     solver, drives = np.zeros(1, tables.SOLVER_BODY), np.zeros(1, tables.SOLVER_DRIVE)
-    geometry = tables.Geometry(
-        np.zeros(1, tables.GEOMETRY),
-        np.zeros(1, tables.FACE),
-        np.zeros((1, 3)),
-        np.zeros((2, 6)),
-        np.zeros(2, tables.CONVEX),
-        np.zeros(1, tables.SIMPLEX),
-        np.zeros(1, tables.CLUSTER),
-    )
+    geometry = tables.no_geometry()
     starts, proxies = np.zeros(1, tables.START), np.zeros(1, tables.PROXY)
     forces, reports = np.zeros(1, tables.FORCE), np.zeros(1, tables.STEP_REPORT)
     islands = np.zeros(1, tables.ISLAND)

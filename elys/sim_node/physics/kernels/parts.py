@@ -10,9 +10,8 @@ impulses are inherited, as long as that pair lives.
 from __future__ import annotations
 
 from elys.sim_node.compilation import inner
-from elys.sim_node.physics.kernels.tables import POINTS
+from elys.sim_node.physics.kernels.tables import MOST_CLUSTERS, POINTS
 
-MOST = 16  # directions in which one collider can be held by one mesh
 SAME_NORMAL = 1e-5  # 1 - cosine
 SAME_CONTACT = 0.1  # 1 - cosine up to which a manifold of before is the same contact
 SAME_POINT = 1e-6  # squared distance, as a share of the squared margin, below which two points are one
@@ -122,7 +121,7 @@ def gather(clusters, cluster_count, found, count, pair, margin):
         cosine = cosine_between(clusters[c].normal, found.normal)
         if cosine > best:
             best, at = cosine, c
-    if 1.0 - best > SAME_NORMAL and cluster_count < MOST:
+    if 1.0 - best > SAME_NORMAL and cluster_count < MOST_CLUSTERS:
         at = cluster_count
         cluster_count += 1
         clusters[at].count = 0

@@ -590,6 +590,7 @@ GROUP = np.dtype(
 
 
 # Contact points of a collider with several parts of a mesh that have one normal; twice the room of a manifold.
+MOST_CLUSTERS = 16  # directions in which one collider can be held by one mesh
 CLUSTER = np.dtype(
     [
         ("normal", "f8", 3),
@@ -613,7 +614,20 @@ class Geometry(NamedTuple):
     nodes: Table  # (M, 6) trees over triangles, each with its root at first_node + 1
     convex: Table  # (2,) CONVEX
     simplex: Table  # (1,) SIMPLEX
-    clusters: Table  # (16,) CLUSTER
+    clusters: Table  # (MOST_CLUSTERS,) CLUSTER
+
+
+def no_geometry() -> Geometry:
+    """That of a world which has none yet."""
+    return Geometry(
+        np.zeros(0, GEOMETRY),
+        np.zeros(0, FACE),
+        np.zeros((0, 3)),
+        np.zeros((0, 6)),
+        np.zeros(2, CONVEX),
+        np.zeros(1, SIMPLEX),
+        np.zeros(MOST_CLUSTERS, CLUSTER),
+    )
 
 
 class SolverWork(NamedTuple):

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from elys.common.errors import PhysicsError
 from elys.sim_node.physics import HULL, PhysicsWorld
-from elys.sim_node.physics.hull import MOST_CORNERS, convex_hull
+from elys.sim_node.physics.hull import MOST_CORNERS, FlatPointsError, convex_hull
 
 AWAY = np.array([5.0, -3.0, 1.0])
 FAR_AWAY = np.array([1e4, 0.0, 0.0])
@@ -159,3 +159,16 @@ def test_the_box_of_a_turned_hull_is_the_smallest_around_its_corners():
     there = turn.apply(points + HALF_RIGHT) + AWAY
     (box,) = world._colliders.rows["box"]
     np.testing.assert_allclose(box, [*there.min(0), *there.max(0)], atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(200))
+def test_points_that_are_nearly_flat_have_a_hull_or_are_said_to_have_none(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    cube = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+    points = (rng.normal(size=(rng.integers(4, 30), 3)) if seed % 2 else cube) * 10.0 ** rng.uniform(-10, 1, 3)
+    try:
+        hull = convex_hull(Rotation.random(random_state=seed).apply(points))
+    except FlatPointsError as error:
+        assert "plane" in str(error) or "line" in str(error) or "different points" in str(error)
+    else:
+        assert np.isfinite(hull.volume) and len(hull.faces) >= 4
