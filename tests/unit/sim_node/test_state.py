@@ -230,8 +230,8 @@ def test_nothing_in_physics_is_forgotten():
 def test_what_is_listed_as_derived_is_there():
     simulation = load("bridge")
     world = simulation.world
-    moved = (simulation._bodies, simulation._animations, simulation._characters, simulation._animations.walks)
-    parts = (simulation, world, world.hierarchy, world.table(Transform), *moved)
+    moved = (simulation._bodies, simulation._animations, simulation._characters, simulation._cameras)
+    parts = (simulation, world, world.hierarchy, world.table(Transform), *moved, simulation._animations.walks)
     assert {type(part).__name__ for part in parts} == set(DERIVED)
     for part in parts:
         assert DERIVED[type(part).__name__] <= vars(part).keys()
