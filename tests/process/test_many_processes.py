@@ -173,7 +173,7 @@ def test_sessions_are_found_on_a_network_by_those_who_ask_if_they_were_told_to_a
         assert stranger.wait() == 1 and "lets in only who shows a secret" in stranger.output
         viewer, owner = (key_of(elys, role) for role in ("viewer", "owner"))
         joined = elys(*echo, before=there, ELYS_SECRET=viewer)
-        assert joined.wait() == 0
+        assert joined.wait() == 0, joined.output
         plain = elys("sessions", before=there, ELYS_RUNTIME_DIR="/nonexistent")
         assert plain.wait() == 0 and "No session is running on this machine" in plain.output
 
