@@ -14,7 +14,9 @@ Array = np.ndarray[Any, Any]
 
 MOST_CORNERS = 256
 _FLAT = 1e-9  # by the extent of the points: what is closer to a plane lies in it
-_FLAT_SAID = "has all its points in a plane, as nearly as can be told"
+# Likewise: what is thinner is flat. Rounding would decide there which points are corners: hulls
+# came out open, or many times as large.
+_THIN = 1e-5
 
 
 class Hull(NamedTuple):
@@ -36,12 +38,12 @@ def convex_hull(points: Array) -> Hull:
     """The hull of points (N, 3), all finite.
 
     Raises:
-        FlatPointsError: the points lie in a plane, on a line or in one place.
+        FlatPointsError: the points lie in a plane, on a line or in one place, to a hundred-thousandth of their extent.
     """
     points = np.unique(np.asarray(points, np.float64), axis=0)
     extent = float(np.ptp(points, axis=0).max(initial=0.0)) if len(points) else 0.0
     tolerance = _FLAT * extent
-    triangles = _first_tetrahedron(points, tolerance)
+    triangles = _first_tetrahedron(points, _THIN * extent)
     normals, offsets = _planes(points, triangles)
     outside = points @ normals.T - offsets
     corner_count = 4
@@ -50,10 +52,7 @@ def convex_hull(points: Array) -> Hull:
         visible = outside[farthest] > tolerance
         if not visible.any():
             break
-        horizon = _horizon(triangles[visible])
-        if not horizon:
-            raise FlatPointsError(_FLAT_SAID)
-        new = np.array([[p, q, farthest] for p, q in horizon])
+        new = np.array([[p, q, farthest] for p, q in _horizon(triangles[visible])])
         new_normals, new_offsets = _planes(points, new)
         triangles = np.concatenate([triangles[~visible], new])
         normals = np.concatenate([normals[~visible], new_normals])
@@ -62,8 +61,6 @@ def convex_hull(points: Array) -> Hull:
     used, place = np.unique(triangles, return_inverse=True)
     corners, triangles = points[used], place.reshape(-1, 3)
     faces, face_normals = _flat_faces(corners, triangles, normals, 10.0 * tolerance)
-    if len(faces) < 4:
-        raise FlatPointsError(_FLAT_SAID)
     volume, center, tensor = solid_properties(corners[triangles])
     return Hull(corners, faces, face_normals, volume, center, tensor)
 
@@ -87,7 +84,7 @@ def solid_properties(triangles: Array) -> tuple[float, Array, Array]:
     return total / 6.0, origin + middle, np.trace(spread) * np.eye(3) - spread
 
 
-def _first_tetrahedron(points: Array, tolerance: float) -> Array:
+def _first_tetrahedron(points: Array, thinnest: float) -> Array:
     if len(points) < 4:
         raise FlatPointsError(f"has {len(points)} different points; a hull takes at least 4")
     first = int(points[:, 0].argmin())
@@ -96,13 +93,13 @@ def _first_tetrahedron(points: Array, tolerance: float) -> Array:
     along = away[second] / np.linalg.norm(away[second])
     aside = np.linalg.norm(np.cross(away, along), axis=1)
     third = int(aside.argmax())
-    if aside[third] <= tolerance:
+    if aside[third] <= thinnest:
         raise FlatPointsError("has all its points on a line")
     normal = np.cross(along, away[third])
     height = away @ (normal / np.linalg.norm(normal))
     fourth = int(abs(height).argmax())
-    if abs(height[fourth]) <= tolerance:
-        raise FlatPointsError(_FLAT_SAID)
+    if abs(height[fourth]) <= thinnest:
+        raise FlatPointsError("has all its points in a plane")
     if height[fourth] > 0.0:
         second, third = third, second
     return np.array(
@@ -126,7 +123,7 @@ def _horizon(visible: Array) -> list[tuple[int, int]]:
 
 
 def _flat_faces(corners: Array, triangles: Array, normals: Array, tolerance: float) -> tuple[list[Array], Array]:
-    """Joins triangles that lie in one plane into faces; FlatPointsError where all of them do."""
+    """Joins triangles that lie in one plane into faces."""
     other = {(int(t[k]), int(t[(k + 1) % 3])): f for f, t in enumerate(triangles) for k in range(3)}
     area = np.linalg.norm(_area_vectors(corners, triangles), axis=1)
     face_of = np.full(len(triangles), -1)
@@ -142,34 +139,22 @@ def _flat_faces(corners: Array, triangles: Array, normals: Array, tolerance: flo
             members.append(triangle)
             for k in range(3):
                 edge = (int(triangles[triangle, (k + 1) % 3]), int(triangles[triangle, k]))
-                beside = other.get(edge, -1)
-                if beside < 0:
-                    raise FlatPointsError(_FLAT_SAID)
+                beside = other[edge]
                 flat = (
                     abs((corners[triangles[beside]] - corners[triangles[seed, 0]]) @ normals[seed]).max() <= tolerance
                 )
                 if face_of[beside] < 0 and flat:
                     face_of[beside] = len(faces)
                     waiting.append(beside)
-        loop = _loop_around(triangles[members])
+        following = dict(_horizon(triangles[members]))
+        start = min(following)
+        loop = [start]
+        while following[loop[-1]] != start:
+            loop.append(following[loop[-1]])
         faces.append(np.array(loop))
         total = _area_vectors(corners, triangles[members]).sum(0)
         face_normals.append(total / np.linalg.norm(total))
     return faces, np.array(face_normals)
-
-
-def _loop_around(members: Array) -> list[int]:
-    """The corners around triangles that lie in one plane, in order.
-
-    FlatPointsError where they have no one edge: the hull is hardly thicker than two faces must be apart to be told apart.
-    """
-    following = dict(_horizon(members))
-    loop = [min(following, default=-1)]
-    while len(loop) <= len(following) and loop[-1] in following:
-        loop.append(following[loop[-1]])
-        if loop[-1] == loop[0]:
-            return loop[:-1]
-    raise FlatPointsError(_FLAT_SAID)
 
 
 def _area_vectors(corners: Array, triangles: Array) -> Array:
