@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from elys.bus.messages.session import Event
 from elys.common.assets.store import AssetStore
-from elys.common.components import Joint, RigidBody, Transform
+from elys.common.components import CameraRig, Joint, RigidBody, Transform
 from elys.common.ids import Entity
 from elys.common.scene import OpenedScene, SceneSettings
 from elys.sim_node.animation.root_walks import Driven
@@ -204,7 +204,7 @@ class Simulation:
     def aim_cameras(self, world: World) -> None:
         """Cameras that follow go to where they belong, if there are any."""
         if self._cameras.is_needed:
-            with told(world, self._changes):
+            with told(world, self._changes, (CameraRig,)):
                 self._cameras.aim(1.0 / self.settings.tick_rate)
 
     def propagate_transforms(self, world: World) -> None:

@@ -5,7 +5,7 @@ Systems write straight into columns, which logs no change; few of these fields c
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Final
 
@@ -28,9 +28,11 @@ _WRITTEN: Final[dict[type[Component], tuple[str, ...]]] = {
 
 
 @contextmanager
-def told(world: World, changes: list[WorldChanges]) -> Iterator[None]:
+def told(
+    world: World, changes: list[WorldChanges], kinds: Iterable[type[Component]] = tuple(_WRITTEN)
+) -> Iterator[None]:
     """Within it characters, their capsules and rigs are written: appends to `changes` whose told fields are others at its end."""
-    before = {kind: _values(world, kind) for kind in _WRITTEN}
+    before = {kind: _values(world, kind) for kind in kinds}
     yield
     found: list[tuple[Entity, str]] = []
     for kind, (entities, were) in before.items():

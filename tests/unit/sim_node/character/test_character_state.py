@@ -190,3 +190,21 @@ def test_a_camera_turns_with_the_platform():
     before = stage.world.get(camera, CameraRig).yaw
     stage.step(60)
     assert stage.world.get(camera, CameraRig).yaw - before == pytest.approx(0.5, abs=1e-6)
+
+
+def test_a_camera_follows_what_is_no_character_and_says_where_it_has_stopped():
+    simulation = Simulation()
+    world = simulation.world
+    ball = world.spawn([Transform(), RigidBody(motion="kinematic", linear_velocity=(1.0, 0.0, 0.0)), Collider()])
+    rig = world.spawn([Transform(), Camera(), CameraRig(target=ball, shoulder=0.0)], name="Rig")
+    for _ in range(60):
+        simulation.step()
+    (place,), (entity,) = simulation.animated().local_position.tolist(), simulation.animated().local_entity.tolist()
+    assert entity == rig and place[0] == pytest.approx(1.0, abs=1e-5) and place[2] > 3.0
+    simulation.take_changes()
+    world.remove(rig, CameraRig)
+    simulation.step()
+    told = {key for changes in simulation.take_changes() for key in changes.set}
+    assert (rig, "Transform") in told
+    np.testing.assert_allclose(world.get(rig, Transform).position, place, atol=1e-6)
+    assert not len(simulation.animated().local_entity)
