@@ -28,6 +28,7 @@ from elys.editor_node.theme import BACKGROUND, apply_theme, load_fonts
 from elys.editor_node.window import Window
 
 _GLSL_VERSION: Final = "#version 330"
+_LONGEST_HOLD: Final = 0.1  # [s] less than ImGui waits until a key that is held repeats
 _ANY_POPUP: Final = imgui.PopupFlags_.any_popup_id.value | imgui.PopupFlags_.any_popup_level.value
 
 
@@ -51,7 +52,7 @@ class ImGuiLayer:
         self._context = context
         self._draw = draw
         self._reserves = reserves
-        self._held: set[int] = set()  # modifier keys that are down
+        self._held: set[int] = set()  # keys that are down
         self._closes_menus = False
         self._docking = ""  # to be loaded
         self._preferences = preferences
@@ -112,6 +113,9 @@ class ImGuiLayer:
             self._docking = ""
         imgui.backends.opengl3_new_frame()
         imgui.backends.glfw_new_frame()
+        if self._held:  # while one frame takes long, nobody can let go of a key: that alone must not repeat it
+            io = imgui.get_io()
+            io.delta_time = min(io.delta_time, _LONGEST_HOLD)
         imgui.new_frame()
         imguizmo.im_guizmo.begin_frame()
         if self._closes_menus:  # ImGui itself does so only where keys move the focus
@@ -152,10 +156,10 @@ class ImGuiLayer:
 
     def _feed_key(self, key: int, *, pressed: bool) -> None:
         io = imgui.get_io()
+        (self._held.add if pressed else self._held.discard)(key)
         if key in _MODIFIER_OF:
-            (self._held.add if pressed else self._held.discard)(key)
             for modifier in (imgui.Key.mod_ctrl, imgui.Key.mod_shift, imgui.Key.mod_alt, imgui.Key.mod_super):
-                io.add_key_event(modifier, any(_MODIFIER_OF[held] == modifier for held in self._held))
+                io.add_key_event(modifier, any(_MODIFIER_OF.get(held) == modifier for held in self._held))
         named = _IMGUI_KEYS.get(key)
         if named is not None:
             io.add_key_event(named, pressed)

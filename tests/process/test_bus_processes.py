@@ -140,6 +140,8 @@ def test_a_killed_host_is_noticed_within_a_second_and_all_resume_with_the_next(p
                 await asyncio.sleep(0.01)
             assert_right(frames[-1])
             assert len(mirror.entities) == 1000
+            while other.lines[-1].split()[0] != str(epoch):  # whoever else is there has come back as well
+                await asyncio.sleep(0.01)
             host = programs.started[-1] if epoch > 1 else programs.started[0]
             killed = time.monotonic()
             host.send(signal.SIGKILL)
@@ -153,7 +155,6 @@ def test_a_killed_host_is_noticed_within_a_second_and_all_resume_with_the_next(p
         await asyncio.wait_for(joined.close(), 5.0)
 
     asyncio.run(asyncio.wait_for(watch(), 4 * PATIENCE))
-    assert {line.split()[0] for line in other.lines} == {"1", "2", "3"}
     assert shared_memory_files() <= before
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import time
+
 import pytest
 
 from elys.bus.mirror import SceneMirror
 from elys.common.scene import EntityRecord
 from elys.editor_node.actions import Action, Actions
+from elys.editor_node.events import KeyPressed, KeyReleased
 from elys.editor_node.key_bindings import KeyBindings
 from elys.editor_node.keys import Key
 from elys.editor_node.language import use_language
@@ -141,6 +144,13 @@ def test_everything_is_done_with_the_keyboard_alone(at_the_editor, screenshot_di
         await person.press(Key.DOWN_ARROW)
         await person.press(Key.UP_ARROW)
         assert editor.workspace.palette._place == 1
+
+        person.application.offer(KeyPressed(Key.DOWN_ARROW))
+        await person.frames(1)
+        time.sleep(0.5)  # a frame that takes long is no hand that holds a key
+        await person.frames(1)
+        await person.do(KeyReleased(Key.DOWN_ARROW))
+        assert editor.workspace.palette._place == 2
         await person.press(Key.ESCAPE)
 
     at_the_editor(scenario)
