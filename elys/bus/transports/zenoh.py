@@ -55,7 +55,7 @@ _OPENING_TRIPS: Final = 3  # round trips that TCP and zenoh need
 _OPENING_TIME: Final = 2.0  # [s] that zenoh may take to open a connection where a door has opened, and 6 round trips
 _ANSWERING_THREADS: Final = 4
 _ASKING_WHY: Final = 1.5  # [s] of knocking in vain until it is asked why; three round trips of a slow link fit
-_SURE_OF: Final = 1.0  # [s] of asking to be let in at an open door, after which a refusal is one
+_SURE_OF: Final = 2.0  # [s] of showing a secret at open doors, more than once, after which a refusal is one
 _PRIORITIES: Final = {Delivery.LATEST: zenoh.Priority.DATA, Delivery.SEQUENCED: zenoh.Priority.DATA_HIGH}
 _CLOSED: Final = "this transport is closed: open another one"
 _log = logging.getLogger(__name__)
@@ -146,7 +146,7 @@ class ZenohTransport:
         from elys.bus.access.refusals import is_open, why_refused  # who hosts, records or draws files needs none of it
 
         names = [endpoints] if isinstance(endpoints, str) else list(endpoints)
-        deadline, patience = time.monotonic() + timeout, _ASKING_WHY
+        deadline, patience, shown = time.monotonic() + timeout, _ASKING_WHY, 0.0
         while True:
             left = deadline - time.monotonic()
             session, door, asked = _reached(names, min(max(left, 0.001), patience), credentials)
@@ -164,9 +164,12 @@ class ZenohTransport:
                 credentials = None  # a host that asks nobody does not let in who tells it
                 deadline = max(deadline, time.monotonic() + patience)
             elif reason := next((why for name in names if (why := why_refused(name, credentials)).sentence), None):
-                is_sure = reason.is_sure and asked >= _SURE_OF  # who has only just opened may let this side in
+                shown += asked  # who has only just opened, or has much to do, may let this side in yet
+                is_sure = reason.is_sure and (credentials is None or shown >= _SURE_OF)
                 if is_sure or deadline - time.monotonic() <= patience:
                     raise AccessError(reason.sentence)
+                patience = _ASKING_WHY
+                continue
             elif left <= patience:
                 raise ConnectionLost(
                     f"nobody answers at {' or '.join(names)} within {timeout:g} s: is the session running? "
