@@ -7,9 +7,9 @@ from typing import Annotated
 import typer
 
 from elys.cli.app import app, node_app
-from elys.cli.options import Address, Insecure, Json, Listen, Tls, listening
+from elys.cli.options import Address, Insecure, Json, Listen, Tls, Trust, listening
 
-LevelName = Annotated[str, typer.Argument(help="meadow, quarry or skyline (elys game --times lists them)")]
+LevelName = Annotated[str, typer.Argument(help="meadow, quarry, skyline, or the scene file of one that you made")]
 Players = Annotated[int, typer.Option(min=1, max=4, help="balls at the start, one for each player")]
 Name = Annotated[str, typer.Option(help="who races; default: your user name")]
 Bot = Annotated[bool, typer.Option("--bot", help="let it be driven; no window")]
@@ -34,6 +34,7 @@ def game(
     tls: Tls = False,
     insecure: Insecure = False,
     address: Address = [],  # noqa: B006
+    trust: Trust = False,
     json: Json = False,
 ) -> None:
     """Roll a ball through gates against the clock, and against your best run and others'."""

@@ -240,7 +240,7 @@ class EditorModel:
         """
         name = self.status.scene if self.status is not None else ""
         if running:
-            saved = self.documents.save_running(path, name=name)
+            saved = await self.documents.save_running(path, name=name)
         else:
             saved = await self.documents.save(path, name=name)
         self.praise(tr("Saved {path}", path=saved))

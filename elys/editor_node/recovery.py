@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import logging
 import os
+import shutil
 import time
 from pathlib import Path
 
@@ -17,6 +18,7 @@ import platformdirs
 
 from elys.bus.discovery import start_of_process
 from elys.common.assets.store import replace_file
+from elys.common.made_contents import parts_folder
 from elys.common.scene import SCENE_SUFFIX
 
 _log = logging.getLogger(__name__)
@@ -75,6 +77,7 @@ class Recovery:
                 path.unlink(missing_ok=True)
             except OSError as error:
                 _log.warning("%s cannot be removed: %s", path, error.strerror)
+        shutil.rmtree(parts_folder(Path(scene)), ignore_errors=True)
 
     def left_behind(self, *, path: Path | None, name: str, epoch: int) -> Kept | None:
         """The newest scene of this file, or of this name where it has none, whose editor is gone and whose run is another."""

@@ -14,13 +14,13 @@ import msgspec
 
 from elys.bus import topics
 from elys.bus.access.limits import MAX_MESSAGE_SIZE
-from elys.bus.asset_service import offer_assets
+from elys.bus.asset_service import AssetClient, lacking_assets, offer_assets, open_asset_cache
 from elys.bus.messages.commands import Command, CommandReply, LoadScene, NoteSaved
 from elys.bus.messages.scene import SnapshotRequest
 from elys.bus.session import Session
 from elys.common.assets.store import AssetStore
 from elys.common.errors import BusError, ElysError, SceneError
-from elys.common.scene import OpenedScene, open_scene
+from elys.common.scene import EntityRecord, OpenedScene, open_scene
 from elys.editor_node.recovery import Kept, Recovery
 from elys.editor_node.scene_diff import DiffLine, scene_diff
 from elys.editor_node.scene_file import SceneFile, scene_records
@@ -68,15 +68,17 @@ class SceneDocuments:
     async def save(self, path: str | Path, *, name: str = "") -> Path:
         """Writes the scene as it was edited: time has moved nothing in it."""
         scene = await self._as_edited()
-        saved = self.file.save(path, name=name, scene=scene)
+        records = await self._whole(scene)
+        saved = self.file.save(path, name=name, scene=scene, records=records)
         self._forget_kept()
         if not self.is_replay:
             await self._tell_saved(str(saved), scene.mirror.content)
         return saved
 
-    def save_running(self, path: str | Path, *, name: str = "") -> Path:
+    async def save_running(self, path: str | Path, *, name: str = "") -> Path:
         """Writes a copy of the scene as it is now, moving bodies where they are now."""
-        return self.file.save(path, name=name, is_copy=True)
+        records = await self._whole(self._scene)
+        return self.file.save(path, name=name, records=records, is_copy=True)
 
     @property
     def is_replay(self) -> bool:
@@ -174,9 +176,10 @@ class SceneDocuments:
         self._dirty_since = now
         try:
             scene = await self._as_edited()
+            records = await self._whole(scene)
             place = self.recovery.place(self._session.epoch)
             name = scene.mirror.scene
-            self.file.save(place, name=name, scene=scene, is_copy=True)
+            self.file.save(place, name=name, scene=scene, records=records, is_copy=True)
             self.recovery.note(place, path=self.file.path, name=name, epoch=self._session.epoch)
         except (ElysError, OSError) as error:
             _log.warning("the edits could not be kept aside: %s", error)
@@ -199,6 +202,20 @@ class SceneDocuments:
         if self._kept_content and self.recovery is not None:
             self.recovery.drop(self._session.epoch)
         self._kept_content = 0
+
+    async def _whole(self, scene: EditorScene) -> list[EntityRecord]:
+        """A scene's records, when what they are made of is in this machine's cache: it may be in no file.
+
+        What cannot be had may not be needed.
+        """
+        records, cache = scene_records(scene), open_asset_cache()
+        client = AssetClient(self._session, cache)
+        for reference in lacking_assets(cache, records):
+            try:
+                await client.fetch(reference)
+            except ElysError as error:
+                _log.warning("%s cannot be had for the scene's file: %s", reference, error)
+        return records
 
     async def _as_edited(self) -> EditorScene:
         request = SnapshotRequest(as_edited=True)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import socket
+from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
@@ -16,6 +17,7 @@ from elys.bus.asset_service import open_asset_cache
 from elys.bus.messages.history import HistoryReply
 from elys.common.assets.store import AssetStore
 from elys.common.errors import ElysError, SceneError
+from elys.common.made_contents import keep_made_contents
 from elys.common.scene import PREFAB_SUFFIX, SCENE_SUFFIX, EntityRecord, collapse, expand, open_scene, write_scene
 from elys.common.scene_naming import take_references
 from elys.editor_node.edits import records_of
@@ -52,11 +54,20 @@ class SceneFile:
         self.path = path if is_scene and path is not None and path.is_file() else None
 
     def save(
-        self, path: str | Path, *, name: str = "", scene: EditorScene | None = None, is_copy: bool = False
+        self,
+        path: str | Path,
+        *,
+        name: str = "",
+        scene: EditorScene | None = None,
+        records: Sequence[EntityRecord] | None = None,
+        is_copy: bool = False,
     ) -> Path:
         """Writes a scene, that of the mirror if no other is given; returns the file, whose suffix may have been added.
 
-        `name` is what it calls itself, if not as its file; a copy leaves the scene as dirty as it is, and its file what it was.
+        What it is drawn from, or does, that no file holds is written beside it (`made_contents.py`).
+
+        `name` is what it calls itself, if not as its file; `records` are those of the scene, where they are known already. A copy
+        leaves the scene as dirty as it is, and its file what it was.
 
         Raises:
             SceneError: the file cannot be written, or could not be opened again; the sentence says why. Nothing was written.
@@ -69,8 +80,10 @@ class SceneFile:
             raise SceneError("there is no scene to save yet")
         assets = open_asset_cache()
         self._learn_sources(path, assets)
+        records = records if records is not None else scene_records(scene)
+        keep_made_contents(records, path, assets)
         document = collapse(
-            scene_records(scene),
+            records,
             name=name or path.name.removesuffix(SCENE_SUFFIX),
             settings=scene.settings,
             directory=path.parent,

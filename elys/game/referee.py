@@ -23,6 +23,7 @@ from elys.bus.messages.ghosts import GHOST_COLORS
 from elys.bus.recording import Recording
 from elys.common.errors import ElysError
 from elys.game.board import Board, Entry
+from elys.game.scene_level import SceneLevel
 from elys.game.settings import CHOICES, Settings, lines
 from elys.samples.game.levels import LEVELS, Level
 
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from elys.sim_node.node import SimulationNode
 
 AFTERGLOW: Final = 1.0  # [s] of simulation that a recording goes on after the finish
+AnyLevel = Level | SceneLevel
 _log = logging.getLogger(__name__)
 
 
@@ -61,6 +63,7 @@ class Referee:
     """Runs races in a simulation's session.
 
     Args:
+        levels: those to choose from, by their names.
         record: begins to record into a file what happens from now on.
         open_level: a level as a scene, its meshes in the simulation's store, with these values of its scripts.
         has_menu: begins with the menu, and comes back to it after each race.
@@ -72,20 +75,21 @@ class Referee:
         node: SimulationNode,
         session: Session,
         *,
-        level: Level,
+        level: AnyLevel,
+        levels: Mapping[str, AnyLevel] = LEVELS,
         players: int = 1,
         person: str = "",
         folder: Path | None = None,
         record: Callable[[Path], Recorder],
-        open_level: Callable[[Level, int, Mapping[str, Mapping[str, Any]]], OpenedScene],
+        open_level: Callable[[AnyLevel, int, Mapping[str, Mapping[str, Any]]], OpenedScene],
         prove: Callable[[Path], Awaitable[str]],
         race_limit: int = 0,
         has_ghosts: bool = True,
         has_menu: bool = False,
     ) -> None:
         self._node, self._session = node, session
-        self.level = level
-        self._players = players
+        self.level, self._levels = level, levels
+        self._wanted_players = players
         self._person = person or getpass.getuser()
         self._folder = folder
         self._record, self._open_level, self._proof_of = record, open_level, prove
@@ -93,7 +97,7 @@ class Referee:
         self._has_ghosts = has_ghosts
         self.settings = Settings.load(folder)
         self._has_menu = has_menu
-        self.board = Board(level.name, folder)
+        self.board = Board(level.board, folder)
         self.attempt: Attempt | None = None
         self.races = 0
         self._wishes: asyncio.Queue[tuple[str, dict[str, Any]]] = asyncio.Queue()
@@ -115,8 +119,9 @@ class Referee:
                     await self._begin(opens_menu=self._has_menu)
                 elif wish == "restart":
                     await self._begin()
-                elif wish == "level" and values.get("name") in LEVELS:
-                    await self._choose(LEVELS[values["name"]])
+                elif wish == "level" and values.get("name") in self._levels:
+                    self.level = self._levels[values["name"]]
+                    await self._begin()
                 elif wish == "setting":
                     self._set(str(values.get("name", "")), str(values.get("value", "")))
         finally:
@@ -131,15 +136,10 @@ class Referee:
         await self._drop()
         await self._end_ghosts()
 
-    async def _choose(self, level: Level) -> None:
-        self.level = level
-        self.board = Board(level.name, self._folder)
-        await self._begin()
-
     def _set(self, name: str, value: str) -> None:
         """Something was chosen in the menu: the next race begins with it."""
         if name == "players" and value in CHOICES[name]:
-            self._players = int(value)
+            self._wanted_players = int(value)
             return
         changed = self.settings.changed(name, value)
         if changed != self.settings:
@@ -150,8 +150,11 @@ class Referee:
         """Another race: the level as it was made, a recording that begins with it, and ghosts."""
         await self._drop()
         await self._end_ghosts()
+        self.level = self.level.renewed(self._node.simulation.assets)
+        self.board = Board(self.level.board, self._folder)
         opened = self._open_level(self.level, self._players, self._told(opens_menu=opens_menu))
-        command = LoadScene(name=opened.name, records=tuple(opened.records), settings=opened.settings)
+        path = str(opened.path) if opened.path.is_file() else ""
+        command = LoadScene(name=opened.name, records=tuple(opened.records), settings=opened.settings, path=path)
         reply = await self._node.put(CommandRequest(origin=self._session.node.id, command=command))
         if not reply.accepted:
             raise ElysError(f"the level {self.level.name} cannot be begun: {reply.reason}")
@@ -159,11 +162,15 @@ class Referee:
         self.board.folder.mkdir(parents=True, exist_ok=True)
         self.attempt = Attempt(recorder=self._record(self.board.folder / f"{stamp}.mcap"))
 
+    @property
+    def _players(self) -> int:
+        return min(self._wanted_players, self.level.seats)
+
     def _told(self, *, opens_menu: bool) -> dict[str, dict[str, Any]]:
         """What the level's scripts are told: the menu all best times, the displays the times at gates that are to be beaten."""
         rows = []
-        for name, level in LEVELS.items():
-            best = self.board.best() if name == self.level.name else Board(name, self._folder).best()
+        for name, level in self._levels.items():
+            best = self.board.best() if name == self.level.name else Board(level.board, self._folder).best()
             told_best = f"{best.time:.2f} s" if best is not None else ""
             rows.append(f"{name}|{level.title}|{told_best}|{best.medal if best is not None else ''}")
         best = self.board.best(self._person) or self.board.best()

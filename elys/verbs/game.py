@@ -12,35 +12,46 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from elys.bus.access.listening import Listening
+from elys.common.assets.store import AssetStore
 from elys.common.errors import ElysError
 from elys.verbs.output import print_json, print_table
 
 if TYPE_CHECKING:
-    from elys.samples.game.levels import Level
+    from elys.game.referee import AnyLevel
 
 FIRST: Final = "meadow"
 
 
-def level_named(name: str) -> Level:
-    """The level; ElysError naming those there are."""
+def level_named(name: str, assets: AssetStore) -> AnyLevel:
+    """A level by its name, or of a scene's file; ElysError naming those there are."""
+    from elys.game.scene_level import SceneLevel
     from elys.samples.game.levels import LEVELS
 
-    if name not in LEVELS:
-        raise ElysError(f"there is no level '{name}': there are {', '.join(LEVELS)}")
-    return LEVELS[name]
+    if name in LEVELS:
+        return LEVELS[name]
+    if name.endswith(".json"):
+        return SceneLevel.read(Path(name), assets)
+    raise ElysError(
+        f"there is no level '{name}': there are {', '.join(LEVELS)}, and scene files (NAME.scene.json) that were made of them"
+    )
 
 
 def play(level: str, *, players: int, person: str, ghosts: bool, listen: Listening) -> None:
     """A window on a race that this machine hosts."""
     from elys.render_node.window import probe_display
     from elys.verbs.run import start
+    from elys.verbs.trusting import ask_about_scripts
 
-    level_named(level)
+    assets = AssetStore()
+    chosen = level_named(level, assets)
+    opened, _ = chosen.open(assets, players=players)
     probe_display()
+    ask_about_scripts(opened.records, assets)
     words = [*listen.words(), "--players", str(players)]
     words += ["--name", person] if person else []
     words += [] if ghosts else ["--no-ghosts"]
-    sys.exit(start("game", {"level": level}, endpoint=listen.endpoint, extra={"race": words}))
+    where = str(Path(level).absolute()) if level.endswith(".json") else level
+    sys.exit(start("game", {"level": where}, endpoint=listen.endpoint, extra={"race": words}))
 
 
 def host(
@@ -58,13 +69,18 @@ def host(
 ) -> None:
     """Races in a session of this process, until `races` were finished or for ever; with `bot` nobody need play."""
     from elys.bus.log import start_logging
+    from elys.game.scene_level import SceneLevel
     from elys.verbs.nodes import run_until_asked
 
-    chosen = level_named(level)
+    assets = AssetStore()
+    chosen = level_named(level, assets)
+    if bot and isinstance(chosen, SceneLevel):
+        raise ElysError(f"nobody knows the way through {level}: --bot drives along the lines of ELYS's own levels")
     start_logging()
     run_until_asked(
         _host(
             chosen,
+            assets,
             players=players,
             person=person or ("bot" if bot else ""),
             ghosts=ghosts,
@@ -80,7 +96,8 @@ def host(
 
 
 async def _host(
-    level: Level,
+    level: AnyLevel,
+    assets: AssetStore,
     *,
     players: int,
     person: str,
@@ -91,28 +108,29 @@ async def _host(
     realtime: bool,
     has_menu: bool,
 ) -> None:
-    from elys.common.assets.store import AssetStore
     from elys.common.scene import OpenedScene
     from elys.game.bot import Bot
     from elys.game.referee import Referee
-    from elys.samples.game.levels import open_level
+    from elys.samples.game.levels import LEVELS
     from elys.sim_node.node import SimulationNode
     from elys.sim_node.simulation import Simulation
     from elys.verbs.host_facts import facts_of
     from elys.verbs.kernels import compile_with_progress
     from elys.verbs.nodes import hosted
     from elys.verbs.recording_child import RecordingChild
+    from elys.verbs.trusting import ask_about_scripts
 
-    assets = AssetStore()
-    opened, layout = open_level(level, assets, players=players)
+    opened, layout = level.open(assets, players=players)
+    ask_about_scripts(opened.records, assets)
     await asyncio.to_thread(compile_with_progress, opened)
     simulation = Simulation.load(opened, assets)
-    bots = [Bot(simulation, layout, player=number + 1) for number in range(players if bot else 0)]
+    bots = [Bot(simulation, layout, player=number + 1) for number in range(players)] if bot and layout else []
 
-    def reopened(chosen: Level, count: int, values: Mapping[str, Mapping[str, Any]]) -> OpenedScene:
-        opened, layout = open_level(chosen, assets, players=count, values=values)
-        for one in bots:
-            one.drive(layout)
+    def reopened(chosen: AnyLevel, count: int, values: Mapping[str, Mapping[str, Any]]) -> OpenedScene:
+        opened, layout = chosen.open(assets, players=count, values=values)
+        if layout is not None:
+            for one in bots:
+                one.drive(layout)
         return opened
 
     async with hosted(listen, name="game", kind="simulation", scene=level.title, epoch=time.time_ns()) as (session, _):
@@ -129,6 +147,7 @@ async def _host(
             node,
             session,
             level=level,
+            levels={level.name: level, **LEVELS},
             players=players,
             person=person,
             record=record,
@@ -165,11 +184,11 @@ async def proof_of(recording: Path, *, niceness: int = 0) -> str:
     return said.decode(errors="replace").strip().splitlines()[0][:200] if said.strip() else "not proven"
 
 
-def times_of(level: Level) -> list[dict[str, object]]:
+def times_of(level: AnyLevel) -> list[dict[str, object]]:
     """The board of a level, for programs."""
     from elys.game.board import Board
 
-    board = Board(level.name)
+    board = Board(level.board)
     return [
         {
             "place": place,
@@ -188,7 +207,7 @@ def times(level: str, *, json: bool) -> None:
     """Prints the best times of one level, or of all."""
     from elys.samples.game.levels import LEVELS
 
-    chosen = [level_named(level)] if level else list(LEVELS.values())
+    chosen = [level_named(level, AssetStore())] if level else list(LEVELS.values())
     if json:
         print_json({one.name: times_of(one) for one in chosen})
         return

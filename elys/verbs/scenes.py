@@ -8,7 +8,7 @@ from pathlib import Path
 from elys.common.assets.store import AssetStore
 from elys.common.errors import SceneError
 from elys.common.scene import OpenedScene, expand, open_scene
-from elys.samples.game.levels import LEVELS, open_level
+from elys.samples.game.levels import LEVELS
 from elys.samples.hard_cases import HARD_CASES
 from elys.samples.registry import FOLDER, SAMPLES, is_sample, sample
 
@@ -22,7 +22,7 @@ def open_scene_or_sample(name: str, assets: AssetStore | None = None) -> OpenedS
     store = assets if assets is not None else AssetStore()
     if not Path(name).exists():
         if name in LEVELS:
-            return open_level(LEVELS[name], store)[0]
+            return LEVELS[name].open(store)[0]
         if is_sample(name):
             document = sample(name).build()
             return OpenedScene(

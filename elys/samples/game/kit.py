@@ -6,7 +6,6 @@ import math
 import random
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -21,7 +20,6 @@ from elys.common.scene_files import PIECES
 from elys.samples.entities import body, group, material, rounded
 from elys.samples.game.course import Course, Place
 
-SCRIPTS: Final = Path(__file__).parent / "scripts"
 BALL_DIAMETER: Final = 1.0  # [m]
 BALL_MASS: Final = 8.0  # [kg]
 PLAYER_COLORS: Final = ((0.90, 0.28, 0.05), (0.06, 0.30, 0.75), (0.10, 0.50, 0.15), (0.55, 0.12, 0.45))
@@ -32,21 +30,21 @@ _GORES: Final = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Medals:
-    """Times [s] that earn them."""
+    """Times [s] that earn them; at first those of `race.py`."""
 
-    gold: float
-    silver: float
-    bronze: float
+    gold: float = 30.0
+    silver: float = 40.0
+    bronze: float = 60.0
 
 
 def script(name: str, **values: Any) -> dict[str, Any]:
     """A Script component: one of the game's behaviours, as "ball.py#Ball"."""
-    return {"source": str(SCRIPTS / name), "values": values} if values else {"source": str(SCRIPTS / name)}
+    return piece(f"game/{name}", **values)
 
 
 def piece(name: str, **values: Any) -> dict[str, Any]:
     """A Script component of one of the pieces that ELYS brings, as "rotator.py#Rotator"."""
-    return {"source": f"{PIECES}{name}", "values": values}
+    return {"source": f"{PIECES}{name}", "values": values} if values else {"source": f"{PIECES}{name}"}
 
 
 def road(course: Course, assets: AssetStore, *, friction: float = 1.2) -> EntityNode:

@@ -8,11 +8,13 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from elys.common.assets.store import AssetStore
-from elys.common.scene import EntityNode, OpenedScene, SceneDocument, SceneSettings, expand
+from elys.common.scene import EntityNode, EntityRecord, OpenedScene, SceneDocument, SceneSettings, expand
+from elys.common.scene_files import PIECES_FOLDER
 from elys.samples.entities import sun
 from elys.samples.game import kit
 from elys.samples.game.course import Course, Look, Place
@@ -50,9 +52,55 @@ class Level:
     medals: Medals
     lay_out: Callable[[AssetStore, Medals, int], Layout]
 
-    def build(self, assets: AssetStore, players: int = 1) -> Layout:
-        """The level for so many players, its meshes in the store."""
-        return self.lay_out(assets, self.medals, players)
+    @property
+    def board(self) -> str:
+        """What its times are kept under."""
+        return self.name
+
+    @property
+    def seats(self) -> int:
+        """How many may race in it."""
+        return len(kit.PLAYER_COLORS)
+
+    def renewed(self, assets: AssetStore) -> Level:
+        """As it is now: it never changes."""
+        return self
+
+    def open(
+        self,
+        assets: AssetStore,
+        *,
+        players: int = 1,
+        values: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
+    ) -> tuple[OpenedScene, Layout]:
+        """The level as a scene that can be loaded, its meshes and scripts in the store; and how it was laid out.
+
+        `values` are laid over those of the scripts of entities at the top, by their names.
+        """
+        layout = self.lay_out(assets, self.medals, players)
+        opened = OpenedScene(
+            name=layout.document.name,
+            path=Path(f"{self.name}.scene.json").absolute(),
+            settings=layout.document.settings,
+            records=with_values(expand(layout.document, directory=PIECES_FOLDER, assets=assets), values),
+        )
+        return opened, layout
+
+
+def with_values(records: list[EntityRecord], values: Mapping[str, Mapping[str, Any]]) -> list[EntityRecord]:
+    """Records of which those at the top have other values of their scripts, by their names."""
+    return [
+        msgspec.structs.replace(
+            record,
+            components={
+                **record.components,
+                "Script": {**script, "values": {**script.get("values", {}), **values[record.name]}},
+            },
+        )
+        if record.parent < 0 and record.name in values and (script := record.components.get("Script"))
+        else record
+        for record in records
+    ]
 
 
 def meadow(assets: AssetStore, medals: Medals, players: int) -> Layout:
@@ -178,28 +226,3 @@ LEVELS: Final[Mapping[str, Level]] = {
         Level(name="skyline", title="Skyline", medals=Medals(gold=32.0, silver=42.0, bronze=70.0), lay_out=skyline),
     )
 }
-
-
-def open_level(
-    level: Level,
-    assets: AssetStore,
-    *,
-    players: int = 1,
-    values: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
-) -> tuple[OpenedScene, Layout]:
-    """A level as a scene that can be loaded, its meshes and scripts in the store; and how it was laid out.
-
-    `values` are laid over those of the scripts of entities at the top, by their names.
-    """
-    layout = level.build(assets, players)
-    for entity in layout.document.entities:
-        if entity.name in values:
-            script = entity.components["Script"] or {}
-            entity.components["Script"] = {**script, "values": {**script.get("values", {}), **values[entity.name]}}
-    opened = OpenedScene(
-        name=layout.document.name,
-        path=Path(f"{level.name}.scene.json").absolute(),
-        settings=layout.document.settings,
-        records=expand(layout.document, directory=kit.SCRIPTS, assets=assets),
-    )
-    return opened, layout

@@ -18,7 +18,7 @@ from elys.bus.following import follow_scene, follow_state
 from elys.bus.mirror import SceneMirror
 from elys.common.assets.store import AssetStore
 from elys.game.driver import Driver
-from elys.samples.game.levels import LEVELS, open_level
+from elys.samples.game.levels import LEVELS
 
 
 def say(*words: object) -> None:
@@ -26,7 +26,7 @@ def say(*words: object) -> None:
 
 
 async def main(endpoint: str, level: str, player: int) -> None:
-    _, layout = open_level(LEVELS[level], AssetStore(), players=2)
+    _, layout = LEVELS[level].open(AssetStore(), players=2)
     driver = Driver(layout.line, ferries=layout.ferries, player=player)
     session = await join_session(endpoint, kind="viewer", timeout=20.0)
     mirror, at_the_goal = SceneMirror(), asyncio.Event()

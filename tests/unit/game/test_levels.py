@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from elys.common import trust
+from elys.common import scene_files, trust
 from elys.common.assets.store import AssetStore
 from elys.common.components import Script
 from elys.common.errors import ElysError
 from elys.game.bot import Bot
-from elys.samples.game import kit
-from elys.samples.game.levels import LEVELS, open_level
+from elys.samples.game.levels import LEVELS
 from elys.sim_node.scripts.reloading import ScriptFiles
 from elys.sim_node.simulation import Simulation
 from elys.sim_node.systems.apply_commands import apply_command
@@ -38,7 +37,7 @@ class Run:
     ) -> None:
         """`meanwhile` is called before each tick."""
         assets = AssetStore()
-        opened, layout = open_level(LEVELS[name], assets, players=players)
+        opened, layout = LEVELS[name].open(assets, players=players)
         self.simulation = Simulation.load(opened, assets)
         bots = [Bot(self.simulation, layout, player=number + 1) for number in range(players)]
         balls = [self.simulation.scripts.named(f"Ball {number + 1}")[0] for number in range(players)]
@@ -99,12 +98,12 @@ def test_two_race_at_once_and_the_same_way_each_time():
 
 @pytest.mark.timeout(400)
 def test_a_script_that_is_saved_anew_goes_on_in_the_middle_of_a_race(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    folder = tmp_path / "scripts"
-    shutil.copytree(kit.SCRIPTS, folder)
+    folder = tmp_path / "pieces"
+    shutil.copytree(scene_files.PIECES_FOLDER, folder)
     monkeypatch.setenv("ELYS_CONFIG_DIR", str(tmp_path / "config"))
-    monkeypatch.setattr(kit, "SCRIPTS", folder)
+    monkeypatch.setattr(scene_files, "PIECES_FOLDER", folder)
     trust.remember(folder)
-    file, saved = folder / "ball.py", []
+    file, saved = folder / "game" / "ball.py", []
     broken = "class Ball(Behaviour:\n"
 
     def save(run: Run, text: str) -> None:
