@@ -19,7 +19,7 @@ from elys.common.scene import SCENE_SUFFIX, EntityRecord, OpenedScene, open_scen
 from elys.samples.game.kit import Medals
 from elys.samples.game.levels import with_values
 
-NEEDED: Final = {"Race": "the clock", "Gate": "a gate", "Ball": "a ball"}
+NEEDED: Final = {"Race": "clock", "Gate": "gate", "Ball": "ball"}  # behaviours of elys:game
 _TOLD: Final = frozenset(
     {"levels", "level", "settings", "is_open", "best", "look_speed", "is_followed"}
 )  # before a race
@@ -47,7 +47,7 @@ class SceneLevel:
         opened = open_scene(path, assets)
         races = [_values(record) for record in opened.records if _behaviour(record, assets) == "Race"]
         count = Counter(_behaviour(record, assets) for record in opened.records)
-        missing = [f"{noun} (elys:game, {name})" for name, noun in NEEDED.items() if not count[name]]
+        missing = [f"{noun} (`elys:game`, {name})" for name, noun in NEEDED.items() if not count[name]]
         if missing or len(races) > 1:
             wrong = f"it has no {' and no '.join(missing)}" if missing else f"it has {len(races)} clocks"
             raise ElysError(

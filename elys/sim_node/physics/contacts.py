@@ -140,6 +140,10 @@ class ContactStore:
         self.touching_count = self.watched_count = self.trigger_count = 0
         self.is_outdated = True
 
+    def calm(self) -> None:
+        """What is no number went with its pairs; nobody's manifold, which no pair clears, is emptied of it."""
+        self.manifolds[0] = np.zeros((), MANIFOLD)
+
     def list_active(self, bodies: Array, colliders: Array) -> None:
         """Lists anew the pairs that a step has to look at."""
         self.active_count = list_pairs(bodies, colliders, self.pairs, True, self.active, self.room)

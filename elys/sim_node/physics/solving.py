@@ -96,6 +96,11 @@ class SolverRoom:
             self._make_contact_room(max(contact_count, 2 * len(self.keys)))
         return not is_enough
 
+    def calm(self) -> None:
+        """Empties what steps worked on: what is no number would come back where lanes are empty, for nothing times it is none."""
+        for table in (self.solver, self.drive, self.batches, self.rows, self.row_points):
+            table[:] = np.zeros((), table.dtype)
+
     def _make_body_room(self, count: int) -> None:
         self._work = None
         self.parent = np.zeros(count, np.int32)

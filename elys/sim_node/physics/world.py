@@ -520,6 +520,8 @@ class PhysicsWorld(WorldJoints):
         self._problems += diagnostics.not_finite(self._bodies, rows, self.named)
         self._joints.calm()
         self._forget_pairs(rows)
+        self._contacts.calm()
+        self._room.calm()
         table["motion"][rows] = STATIC
         table["velocity"][rows] = 0.0
         self._bodies.update_inverses(rows)

@@ -1,12 +1,14 @@
 """What scripts remember, as values that a state of the simulation can hold, and back.
 
-Numbers, texts, tuples, lists, dicts, sets, arrays, entities, components, other behaviours, random generators, what can be
-awaited, and records (named tuples, dataclasses, enumerations) that a script file declares. What two places share they share
-again afterwards. Anything else, an open file or a socket, has no other time to go back to and is refused by name.
+Numbers, texts, tuples, lists, dicts, sets, arrays, entities, components, other behaviours, random generators, Python's own
+exceptions (without where they were raised), what can be awaited, and records (named tuples, dataclasses, enumerations) that a
+script file declares. What two places share they share again afterwards. Anything else, an open file or a socket, has no other
+time to go back to and is refused by name.
 """
 
 from __future__ import annotations
 
+import builtins
 import dataclasses
 import enum
 import random
@@ -32,6 +34,9 @@ _CONTAINERS: Final[Mapping[str, Callable[..., Any]]] = {"list": list, "set": set
 _ROWS: Final[Mapping[str, type[Any]]] = {
     kind.__name__: kind for kind in (Vector, Rotation, Direction, ActionState)
 }  # tuples of plain values
+_ERRORS: Final[Mapping[str, type[Exception]]] = {
+    name: kind for name, kind in vars(builtins).items() if isinstance(kind, type) and issubclass(kind, Exception)
+}
 _SIMPLE_WAITS: Final[Mapping[str, type[Any]]] = {kind.__name__: kind for kind in (Seconds, Ticks, EventNamed)}
 
 
@@ -115,6 +120,8 @@ class Keeper:
         if kind is random.Random:
             version, state, gauss = value.getstate()
             return (f"{_MARK}random", number, version, np.array(state, np.uint32).tobytes(), gauss)
+        if _ERRORS.get(kind.__name__) is kind:
+            return (f"{_MARK}error", number, kind.__name__, *self._items(value.args))
         if (name := self._world.name_of_record(kind)) is not None:
             return self._record(value, kind, name, number)
         raise ScriptError(
@@ -209,6 +216,8 @@ class Finder:
                 version, state, gauss = parts
                 made = random.Random()
                 made.setstate((version, tuple(np.frombuffer(state, np.uint32).tolist()), gauss))
+            case "error" if parts[0] in _ERRORS:
+                made = _ERRORS[parts[0]](*map(self.found, parts[1:]))
             case "choice":
                 made = self._kind(parts[0])[parts[1]]
             case "record":

@@ -21,6 +21,7 @@ from elys.editor_node.model import EditorModel
 from elys.editor_node.recovery import Recovery
 from elys.editor_node.scene_diff import scene_diff
 from elys.editor_node.scene_documents import AUTOSAVE_INTERVAL
+from elys.samples.game.levels import LEVELS
 from elys.sim_node.simulation import Simulation
 from elys.sim_node.systems.apply_edits import apply_edits
 from tests.property.test_undo_at_a_simulation import desk_at
@@ -153,6 +154,25 @@ def test_a_scene_with_a_model_is_opened_where_its_meshes_are_not_known(tmp_path,
                 for entity in desk.simulation.world.table("MeshRenderer").entities.tolist()
             ]
             assert meshes and all(desk.simulation.assets.get(mesh) for mesh in meshes)
+
+    asyncio.run(scenario())
+
+
+def test_a_level_that_code_made_is_edited_while_it_runs_and_saved_with_its_meshes_and_scripts(tmp_path):
+    assets = AssetStore()
+    opened, _ = LEVELS["meadow"].open(assets)
+
+    async def scenario():
+        async with desk_at(Simulation.load(opened, assets)) as desk:
+            gate = named(desk.model, "Gate 2")
+            await desk.model.edit.set_fields([gate], "Transform", {"position": (1.0, 2.0, 3.0)})
+            await desk.model.documents.save(tmp_path / "mine.scene.json")
+            saved = open_scene(tmp_path / "mine.scene.json", AssetStore())
+            assert len(saved.records) == len(opened.records)
+            place = next(record for record in saved.records if record.name == "Gate 2").components["Transform"]
+            assert place["position"] == [1.0, 2.0, 3.0]
+            assert len(list((tmp_path / "mine.parts").glob("*.glb"))) == 1
+            assert not desk.model.file.is_dirty
 
     asyncio.run(scenario())
 

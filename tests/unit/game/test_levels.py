@@ -138,4 +138,4 @@ def test_a_script_that_is_saved_anew_goes_on_in_the_middle_of_a_race(tmp_path: P
 
 def test_an_unknown_level_names_those_there_are():
     with pytest.raises(ElysError, match="there is no level 'mars': there are meadow, quarry, skyline"):
-        level_named("mars")
+        level_named("mars", AssetStore())
