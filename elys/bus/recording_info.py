@@ -49,16 +49,22 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
         if self.missing_ticks:
             (before, after), more = self.gaps[0], len(self.gaps) - 1
             told.append(
-                f"{self.missing_ticks} ticks are missing, first between {before} and {after}"
-                + (f" and in {more} more places" if more else "")
+                f"{_are(self.missing_ticks, 'tick', 'ticks')} missing, first between {before} and {after}"
+                + (f" and in {more} more place{'s' if more > 1 else ''}" if more else "")
             )
         if self.missing_deltas:
-            told.append(f"{self.missing_deltas} changes of the scene are missing")
+            told.append(f"{_are(self.missing_deltas, 'change of the scene', 'changes of the scene')} missing")
         if self.out_of_order:
-            told.append(f"{self.out_of_order} messages are out of order")
+            told.append(f"{_are(self.out_of_order, 'message', 'messages')} out of order")
         if self.other_frames:
-            told.append(f"{self.other_frames} frames are of another run or of a past that was shown again")
+            told.append(
+                f"{_are(self.other_frames, 'frame', 'frames')} of another run or of a past that was shown again"
+            )
         return "; ".join(told)
+
+
+def _are(count: int, one: str, many: str) -> str:
+    return f"1 {one} is" if count == 1 else f"{count} {many} are"
 
 
 class RecordingInfo(msgspec.Struct, frozen=True, kw_only=True):

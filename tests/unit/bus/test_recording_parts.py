@@ -175,7 +175,7 @@ def test_health_says_what_is_missing(tmp_path: Path) -> None:
     assert health.complete
     assert health.missing_ticks == 3 and health.gaps == ((9, 12), (49, 51))
     assert health.out_of_order >= 1
-    assert "3 ticks are missing, first between 9 and 12 and in 1 more places" in health.sentence
+    assert "3 ticks are missing, first between 9 and 12 and in 1 more place" in health.sentence
 
 
 def test_health_of_a_cut_off_file(tmp_path: Path) -> None:
