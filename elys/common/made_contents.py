@@ -23,11 +23,10 @@ from elys.common.assets.store import PREFIX, AssetStore, reference_of, reference
 from elys.common.errors import AssetError, SceneError
 from elys.common.scene_document import EntityRecord
 from elys.common.scene_expansion import read_prefab, read_script_file
-from elys.common.scene_files import PIECES_FOLDER, PREFAB_SUFFIX
+from elys.common.scene_files import PARTS_SUFFIX, PIECES_FOLDER, PREFAB_SUFFIX
 from elys.common.scene_reading import SCENE_SUFFIX
 
 T = TypeVar("T")
-PARTS_SUFFIX: Final = ".parts"
 _MOST_FOLDERS: Final = 1000
 
 
@@ -47,9 +46,8 @@ def keep_made_contents(records: Sequence[EntityRecord], scene: Path, assets: Ass
         _learn_pieces(assets)
         lacking = _without_source(records, assets)
     folder = parts_folder(scene)
-    meshes = {
-        reference: mesh for reference in lacking if (mesh := _decoded(decode_mesh, reference, assets)) is not None
-    }
+    decoded = ((reference, _decoded(decode_mesh, reference, assets)) for reference in lacking)
+    meshes = {reference: mesh for reference, mesh in decoded if mesh is not None and mesh.triangle_count}
     try:
         if meshes:
             _keep_meshes(meshes, records, folder, assets)
@@ -70,7 +68,7 @@ def _decoded(decode: Callable[[bytes], T], reference: str, assets: AssetStore) -
     """Content as what it is decoded for; None where it is something else."""
     try:
         return decode(assets.get(reference))
-    except AssetError:
+    except (AssetError, RecursionError):
         return None
 
 
@@ -102,7 +100,14 @@ def _names_of(references: Iterable[str], records: Sequence[EntityRecord]) -> Map
 
 
 def _keep_script(bundle: ScriptBundle, folder: Path, assets: AssetStore) -> None:
-    """Writes a script's files where none of them is in other words; what brings prefabs or strange names is left."""
+    """Writes a script's files where none of them is in other words; what brings prefabs or strange names is left.
+
+    One that a file here had, and that was changed there since, stays that file's.
+    """
+    known = {source for source in map(assets.source, assets.references()) if _is_of(source, bundle)}
+    if len(known) == 1:
+        assets.put(msgspec.json.encode(bundle), kind="script", source=known.pop())
+        return
     if bundle.prefabs or not all(map(_is_plain, bundle.files)):
         return
     places = (folder, *(folder / str(number) for number in range(2, _MOST_FOLDERS)))
@@ -115,6 +120,12 @@ def _keep_script(bundle: ScriptBundle, folder: Path, assets: AssetStore) -> None
             path.parent.mkdir(parents=True, exist_ok=True)
             replace_file(path, text.encode())
     read_script_file(place / bundle.main, bundle.behaviour, assets)
+
+
+def _is_of(source: str, bundle: ScriptBundle) -> bool:
+    name, _, behaviour = source.partition("#")
+    path = Path(name)
+    return (path.name, behaviour) == (bundle.main, bundle.behaviour) and not path.is_relative_to(PIECES_FOLDER)
 
 
 def _takes(place: Path, files: Mapping[str, str]) -> bool:

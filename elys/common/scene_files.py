@@ -8,6 +8,7 @@ from typing import Final, TypeGuard
 
 PIECES: Final = "elys:"  # begins the name of a file that ELYS brings, see docs/pieces.md
 PIECES_FOLDER: Final = Path(__file__).parents[1] / "pieces"
+PARTS_SUFFIX: Final = ".parts"  # of the folder beside a scene with what no other file holds
 PREFAB_SUFFIX: Final = ".prefab.json"
 
 

@@ -15,6 +15,7 @@ import platformdirs
 
 from elys.common.assets.store import replace_file
 from elys.common.errors import ScriptError
+from elys.common.scene_files import PARTS_SUFFIX
 
 EVERYTHING: Final = "ELYS_TRUST_SCRIPTS"  # in the environment, "1"
 _here: set[Path] = {Path(__file__).parents[1]}  # trusted by this process alone; what ELYS itself brings is
@@ -37,7 +38,14 @@ def is_trusted(place: str) -> bool:
     if not place:
         return False
     path = Path(place).resolve()
-    return any(path.is_relative_to(folder) for folder in (*_here, *trusted_folders()))
+    return any(_covers(folder, path) for folder in (*_here, *trusted_folders()))
+
+
+def _covers(folder: Path, path: Path) -> bool:
+    """Whether trust in a folder holds for a file in it: saving a scene puts scripts of others into its parts, unasked."""
+    return path.is_relative_to(folder) and not any(
+        part.endswith(PARTS_SUFFIX) for part in path.relative_to(folder).parts[:-1]
+    )
 
 
 def trusted_folders() -> list[Path]:

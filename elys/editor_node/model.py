@@ -236,7 +236,7 @@ class EditorModel:
         """Writes the scene to a file under the name it has, and says so; as it was edited, or a copy of the `running` state.
 
         Raises:
-            ElysError: that cannot be; nothing was written.
+            ElysError: that cannot be; the file is as it was.
         """
         name = self.status.scene if self.status is not None else ""
         if running:

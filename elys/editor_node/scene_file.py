@@ -70,7 +70,7 @@ class SceneFile:
         leaves the scene as dirty as it is, and its file what it was.
 
         Raises:
-            SceneError: the file cannot be written, or could not be opened again; the sentence says why. Nothing was written.
+            SceneError: the file cannot be written, or could not be opened again; the sentence says why. The file is as it was.
         """
         scene = scene if scene is not None else self._scene
         path = Path(path).expanduser().absolute()

@@ -70,12 +70,14 @@ class Board:
 
     def add(self, entry: Entry) -> int:
         """Puts an entry in its place, from 1; 0 where it is too slow to be kept, and its recording is gone then."""
+        self.entries = self._read()  # a verdict may have come meanwhile, or somebody else's time
         self.entries = sorted([*self.entries, entry], key=lambda one: (one.time, one.date))
         self._cut()
         return self.entries.index(entry) + 1 if entry in self.entries else 0
 
     def prove(self, file: str, proof: str) -> None:
         """Notes the verdict on an entry; one that came out otherwise is no entry any more."""
+        self.entries = self._read()
         self.entries = [
             msgspec.structs.replace(entry, proof=proof) if entry.file == file else entry
             for entry in self.entries

@@ -100,6 +100,7 @@ class Referee:
         self.board = Board(level.board, folder)
         self.attempt: Attempt | None = None
         self.races = 0
+        self._is_begun = False
         self._wishes: asyncio.Queue[tuple[str, dict[str, Any]]] = asyncio.Queue()
         self._ghosts: list[asyncio.Task[None]] = []
         self._beside: set[asyncio.Task[None]] = set()  # what goes on while others race
@@ -147,13 +148,22 @@ class Referee:
             changed.save(self._folder)
 
     async def _begin(self, *, opens_menu: bool = False) -> None:
-        """Another race: the level as it was made, a recording that begins with it, and ghosts."""
+        """Another race: the level as it was made, a recording that begins with it, and ghosts.
+
+        Not while somebody has edits that no file has: they would be gone.
+        """
+        history = self._node.history
+        if self._is_begun and history.content != history.saved:
+            _log.warning("%s has edits that are not saved: save it in the editor, then begin again", self.level.title)
+            return
+        self._is_begun = True
         await self._drop()
         await self._end_ghosts()
         self.level = self.level.renewed(self._node.simulation.assets)
+        self._levels = {**self._levels, self.level.name: self.level}
         self.board = Board(self.level.board, self._folder)
         opened = self._open_level(self.level, self._players, self._told(opens_menu=opens_menu))
-        path = str(opened.path) if opened.path.is_file() else ""
+        path = str(opened.path) if isinstance(self.level, SceneLevel) else ""
         command = LoadScene(name=opened.name, records=tuple(opened.records), settings=opened.settings, path=path)
         reply = await self._node.put(CommandRequest(origin=self._session.node.id, command=command))
         if not reply.accepted:

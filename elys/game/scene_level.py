@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import msgspec
 
-from elys.common.assets.scripts import decode_script
+from elys.common.assets.scripts import decode_script, only_class
 from elys.common.assets.store import PREFIX, AssetStore, is_reference, reference_of
 from elys.common.errors import ElysError
 from elys.common.scene import SCENE_SUFFIX, EntityRecord, OpenedScene, open_scene
@@ -20,9 +20,8 @@ from elys.samples.game.kit import Medals
 from elys.samples.game.levels import with_values
 
 NEEDED: Final = {"Race": "clock", "Gate": "gate", "Ball": "ball"}  # behaviours of elys:game
-_TOLD: Final = frozenset(
-    {"levels", "level", "settings", "is_open", "best", "look_speed", "is_followed"}
-)  # before a race
+_TOLD: Final = frozenset({"Menu", "Hud", "Ball"})  # who is told something before a race, and what:
+_TOLD_VALUES: Final = frozenset({"levels", "level", "settings", "is_open", "best", "look_speed", "is_followed"})
 _log = logging.getLogger(__name__)
 
 
@@ -45,8 +44,9 @@ class SceneLevel:
     def read(cls, path: Path, assets: AssetStore) -> SceneLevel:
         """Raises ElysError where the file cannot be opened, or nobody could race in it."""
         opened = open_scene(path, assets)
-        races = [_values(record) for record in opened.records if _behaviour(record, assets) == "Race"]
-        count = Counter(_behaviour(record, assets) for record in opened.records)
+        behaviours = [_behaviour(record, assets) for record in opened.records]
+        count = Counter(behaviours)
+        races = [_values(record) for record, name in zip(opened.records, behaviours, strict=True) if name == "Race"]
         missing = [f"{noun} (`elys:game`, {name})" for name, noun in NEEDED.items() if not count[name]]
         if missing or len(races) > 1:
             wrong = f"it has no {' and no '.join(missing)}" if missing else f"it has {len(races)} clocks"
@@ -56,9 +56,9 @@ class SceneLevel:
             )
         stem = opened.path.name.removesuffix(SCENE_SUFFIX).removesuffix(".json")
         return cls(
-            name=stem.replace("|", "/"),
+            name=opened.path.name.replace("|", "/"),
             title=" ".join(opened.name.replace("|", "/").split()) or stem,
-            board=f"{stem}-{_digest(opened)}",
+            board=f"{stem}-{_digest(opened, behaviours)}",
             medals=Medals(**{medal: races[0][medal] for medal in ("gold", "silver", "bronze") if medal in races[0]}),
             path=opened.path,
             seats=count["Ball"],
@@ -87,27 +87,29 @@ class SceneLevel:
 
 
 def _behaviour(record: EntityRecord, assets: AssetStore) -> str:
-    """The class of an entity's script, "" where it has none."""
+    """The class of the script that an entity runs, "" where it runs none."""
     source = str((record.components.get("Script") or {}).get("source", ""))
-    if not is_reference(source):
+    if not record.enabled or not is_reference(source):
         return ""
     bundle = decode_script(assets.get(source))
-    return bundle.behaviour
+    return bundle.behaviour or only_class(bundle.files[bundle.main])
 
 
 def _values(record: EntityRecord) -> dict[str, Any]:
     return dict((record.components.get("Script") or {}).get("values", {}))
 
 
-def _digest(opened: OpenedScene) -> str:
-    """What names a level's content: everything in it but what each race is told."""
-    data = msgspec.json.encode((list(map(_untold, opened.records)), opened.settings), order="sorted")
+def _digest(opened: OpenedScene, behaviours: list[str]) -> str:
+    """What names a level's content: everything in it but what each race is told, and where its prefabs lie."""
+    records = [
+        msgspec.structs.replace(_untold(record) if name in _TOLD else record, prefab="")
+        for record, name in zip(opened.records, behaviours, strict=True)
+    ]
+    data = msgspec.json.encode((records, opened.settings), order="sorted")
     return reference_of(data).removeprefix(PREFIX)[:8]
 
 
 def _untold(record: EntityRecord) -> EntityRecord:
-    script = record.components.get("Script")
-    if not script:
-        return record
-    values = {key: value for key, value in _values(record).items() if key not in _TOLD}
+    script = record.components["Script"]
+    values = {key: value for key, value in _values(record).items() if key not in _TOLD_VALUES}
     return msgspec.structs.replace(record, components={**record.components, "Script": {**script, "values": values}})

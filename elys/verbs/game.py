@@ -118,7 +118,7 @@ async def _host(
     from elys.verbs.kernels import compile_with_progress
     from elys.verbs.nodes import hosted
     from elys.verbs.recording_child import RecordingChild
-    from elys.verbs.trusting import ask_about_scripts
+    from elys.verbs.trusting import ask_about_scripts, asks_about_scripts
 
     opened, layout = level.open(assets, players=players)
     ask_about_scripts(opened.records, assets)
@@ -152,7 +152,9 @@ async def _host(
             person=person,
             record=record,
             open_level=reopened,
-            prove=partial(proof_of, niceness=5 if realtime else 0),
+            prove=partial(
+                proof_of, trusts=not asks_about_scripts(opened.records, assets), niceness=5 if realtime else 0
+            ),
             race_limit=races,
             has_ghosts=ghosts,
             has_menu=has_menu,
@@ -170,10 +172,14 @@ async def _host(
         await referee.prove()
 
 
-async def proof_of(recording: Path, *, niceness: int = 0) -> str:
-    """The verdict of `elys verify`, asked of another process, which leaves the processor to the game beside it if it is nice."""
+async def proof_of(recording: Path, *, trusts: bool = True, niceness: int = 0) -> str:
+    """The verdict of `elys verify`, asked of another process, which leaves the processor to the game beside it if it is nice.
+
+    It `trusts` the scripts in the recording where all of them ran in the race; else none runs but ELYS's own.
+    """
     process = await asyncio.create_subprocess_exec(
-        *("nice", "-n", str(niceness), sys.executable, "-m", "elys", "verify", str(recording), "--trust"),
+        *("nice", "-n", str(niceness), sys.executable, "-m", "elys", "verify", str(recording)),
+        *(("--trust",) if trusts else ()),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,

@@ -33,6 +33,11 @@ def trust(folder: Path | None, *, forget: bool, json: bool) -> None:
         typer.echo("\n".join(folders) or "no folder is trusted: `elys trust FOLDER` lets the scripts in it run")
 
 
+def asks_about_scripts(records: Sequence[EntityRecord], assets: AssetStore) -> bool:
+    """Whether there are scripts that nobody has trusted."""
+    return any(place and not is_trusted(place) for place in (_script_of(record, assets) for record in records))
+
+
 def ask_about_scripts(records: Sequence[EntityRecord], assets: AssetStore) -> None:
     """Asks whether the scripts of a scene may run, where a person can answer and has not yet; else says that they do not."""
     places = {place: None for record in records if (place := _script_of(record, assets))}

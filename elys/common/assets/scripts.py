@@ -83,6 +83,15 @@ def decode_script(data: bytes) -> ScriptBundle:
     return bundle
 
 
+def only_class(text: str) -> str:
+    """The class that a script's text declares, where it declares one alone; else ""."""
+    try:
+        classes = [node.name for node in ast.parse(text).body if isinstance(node, ast.ClassDef)]
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        return ""
+    return classes[0] if len(classes) == 1 else ""
+
+
 def _read(path: Path) -> str:
     try:
         data = path.read_bytes()

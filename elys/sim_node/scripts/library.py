@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -14,7 +15,7 @@ from elys.common.assets.store import AssetStore, is_reference
 from elys.common.components.declaration import FieldDeclaration
 from elys.common.errors import AssetError, ScriptError
 from elys.common.scene_document import EntityRecord
-from elys.common.scene_files import PIECES, path_of
+from elys.common.scene_files import PIECES_FOLDER
 from elys.common.trust import is_trusted
 from elys.sim_node.scripts.behaviour import HOOKS, Behaviour, fields_of
 from elys.sim_node.scripts.modules import ScriptModules
@@ -126,9 +127,9 @@ class ScriptLibrary:
         """Whether a script that came with a recording is, text for text, one that ELYS brings."""
         try:
             files = decode_script(self._assets.get(source)).files
-            return all(path_of(PIECES + name, Path()).read_text("utf-8") == text for name, text in files.items())
-        except (AssetError, OSError, ValueError):
+        except AssetError:
             return False
+        return any(_is_in(folder, files) for folder in (PIECES_FOLDER, *PIECES_FOLDER.iterdir()) if folder.is_dir())
 
     def _scripts(self) -> list[LoadedScript]:
         return [script for script in self._loaded.values() if isinstance(script, LoadedScript)]
@@ -172,3 +173,12 @@ def _with_source(records: list[EntityRecord], source: str) -> list[EntityRecord]
         else record
         for record in records
     ]
+
+
+def _is_in(folder: Path, files: dict[str, str]) -> bool:
+    """Whether a folder has all these files, text for text; their names may be a stranger's, and lead elsewhere."""
+    try:
+        paths = {Path(os.path.normpath(folder / name)): text for name, text in files.items()}
+        return all(path.is_relative_to(folder) and path.read_text("utf-8") == text for path, text in paths.items())
+    except (OSError, ValueError):
+        return False

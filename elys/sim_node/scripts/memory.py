@@ -121,12 +121,12 @@ class Keeper:
             version, state, gauss = value.getstate()
             return (f"{_MARK}random", number, version, np.array(state, np.uint32).tobytes(), gauss)
         if _ERRORS.get(kind.__name__) is kind:
-            return (f"{_MARK}error", number, kind.__name__, *self._items(value.args))
+            return (f"{_MARK}error", number, kind.__name__, *self._items(value.__reduce__()[1]))
         if (name := self._world.name_of_record(kind)) is not None:
             return self._record(value, kind, name, number)
         raise ScriptError(
             f"{self._way[0]}{''.join(self._way[1:])} is a {kind.__qualname__}, which cannot be kept: a script may remember "
-            "numbers, texts, tuples, lists, dicts, sets, arrays, entities, other scripts and records declared in its file"
+            "numbers, texts, tuples, lists, dicts, sets, arrays, entities, other scripts, exceptions and records of its own file"
         )
 
     def _record(self, value: Any, kind: type[Any], name: str, number: int) -> Any:

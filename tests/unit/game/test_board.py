@@ -53,6 +53,16 @@ def test_what_is_not_proven_is_no_entry(tmp_path):
     assert [(one.time, one.proof) for one in Board("meadow", tmp_path).entries] == [(21.0, "equal")]
 
 
+def test_what_another_wrote_meanwhile_stays(tmp_path):
+    before, after = Board("meadow", tmp_path), Board("meadow", tmp_path)  # the next race has one of its own
+    before.add(entry(20.0))
+    after.add(entry(21.0))
+    before.prove("20.000.mcap", "equal")
+    after.add(entry(22.0))
+    listed = [(one.time, one.proof) for one in Board("meadow", tmp_path).entries]
+    assert listed == [(20.0, "equal"), (21.0, ""), (22.0, "")]
+
+
 @pytest.mark.parametrize("content", [b"", b"{}", b"[1]", b'[{"file": 3}]', b"\xff"])
 def test_a_damaged_list_is_said_and_left(tmp_path, content):
     (tmp_path / "meadow").mkdir()

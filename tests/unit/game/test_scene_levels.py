@@ -54,7 +54,12 @@ def moved(mine: Path, name: str, **values: Any) -> None:
 def test_it_is_raced_in_like_the_one_it_was_made_of(mine: Path) -> None:
     assets = AssetStore()
     level = SceneLevel.read(mine, assets)
-    assert (level.name, level.title, level.seats, level.medals) == ("mine", "Mine", 2, LEVELS["meadow"].medals)
+    assert (level.name, level.title, level.seats, level.medals) == (
+        "mine.scene.json",
+        "Mine",
+        2,
+        LEVELS["meadow"].medals,
+    )
     opened, _ = level.open(assets, values={"Menu": {"level": "mine"}})
     simulation = Simulation.load(opened, assets)
     bot = Bot(simulation, LEVELS["meadow"].open(AssetStore())[1])  # nobody knows the line of a file: it is meadow's

@@ -8,14 +8,25 @@ import msgspec
 import numpy as np
 import pytest
 
-from elys.common.assets.mesh import decode_mesh, encode_mesh
+from elys.common import trust
+from elys.common.assets.mesh import Mesh, decode_mesh, encode_mesh
 from elys.common.assets.primitives import primitive
 from elys.common.assets.scripts import ScriptBundle
 from elys.common.assets.store import AssetStore
 from elys.common.errors import SceneError
 from elys.common.made_contents import keep_made_contents
-from elys.common.scene import EntityRecord, OpenedScene, SceneSettings, collapse, open_scene, write_scene
+from elys.common.scene import (
+    EntityRecord,
+    OpenedScene,
+    SceneSettings,
+    collapse,
+    open_scene,
+    read_script_file,
+    write_scene,
+)
 from elys.samples.game.levels import LEVELS
+
+EMPTY = Mesh(positions=np.zeros((0, 3)), normals=np.zeros((0, 3)), uvs=np.zeros((0, 2)), indices=np.zeros(0, np.uint32))
 
 
 def saved(records: list[EntityRecord], assets: AssetStore, path: Path) -> OpenedScene:
@@ -98,3 +109,34 @@ def test_where_nothing_can_be_written_it_is_said(tmp_path: Path) -> None:
     records = [EntityRecord(name="Ball", components={"MeshRenderer": {"mesh": mesh}})]
     with pytest.raises(SceneError, match=r"ball\.parts cannot be written: "):
         saved(records, assets, tmp_path / "ball.scene.json")
+
+
+def test_a_script_whose_file_was_changed_since_stays_that_files(tmp_path: Path) -> None:
+    (tmp_path / "scripts").mkdir()
+    (tmp_path / "scripts/door.py").write_text("class Door:\n    half a fi")  # it is just being written
+    assets = AssetStore()
+    read_script_file(tmp_path / "scripts/door.py", "Door", assets)
+    saved(with_script(assets, door="class Door: ...\n"), assets, tmp_path / "house.scene.json")
+    assert '"scripts/door.py#Door"' in (tmp_path / "house.scene.json").read_text()
+    assert not (tmp_path / "house.parts").exists()
+
+
+def test_saving_trusts_nobody(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("ELYS_TRUST_SCRIPTS", raising=False)
+    monkeypatch.setenv("ELYS_CONFIG_DIR", str(tmp_path / "config"))
+    trust.remember(tmp_path)
+    assets = AssetStore()
+    saved(with_script(assets, door="class Door: ...\n"), assets, tmp_path / "house.scene.json")
+    assert trust.is_trusted(str(tmp_path / "own.py"))
+    assert not trust.is_trusted(str(tmp_path / "house.parts/door.py"))
+    trust.remember(tmp_path / "house.parts")
+    assert trust.is_trusted(str(tmp_path / "house.parts/door.py"))
+
+
+@pytest.mark.parametrize("content", [b"[" * 100_000, encode_mesh(EMPTY), b"", b"ELYM", b"\xff" * 100])
+def test_strange_content_is_refused_by_name(tmp_path: Path, content: bytes) -> None:
+    assets = AssetStore()
+    records = [EntityRecord(name="Odd", components={"MeshRenderer": {"mesh": assets.put(content, kind="mesh")}})]
+    with pytest.raises(SceneError, match="'Odd' cannot be saved: no file is known here"):
+        saved(records, assets, tmp_path / "odd.scene.json")
+    assert not (tmp_path / "odd.parts").exists()

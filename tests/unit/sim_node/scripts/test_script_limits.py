@@ -170,6 +170,9 @@ def test_pieces_that_came_with_a_recording_are_ours_only_word_for_word(
 
     monkeypatch.delenv("ELYS_TRUST_SCRIPTS", raising=False)
     ours = AssetStore()
+    race = read_script(PIECES_FOLDER / "game" / "race.py", "Race", ours)  # with what it imports from beside it
+    play.assets.put(ours.get(race), kind="script")
+    assert play.simulation.scripts.library.load(race).behaviour.__name__ == "Race"
     source = read_script(PIECES_FOLDER / "door.py", "Door", ours)
     library = play.simulation.scripts.library
     play.assets.put(ours.get(source), kind="script")  # as a recording brings it: from no file
