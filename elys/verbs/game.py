@@ -147,7 +147,7 @@ async def _host(
             node,
             session,
             level=level,
-            levels={level.name: level, **LEVELS},
+            levels={**LEVELS, level.name: level},
             players=players,
             person=person,
             record=record,
