@@ -26,7 +26,8 @@ from tests.process.clients import Client, client
 pytestmark = pytest.mark.process
 
 CODES = {Encoding.JSON: 1, Encoding.MSGPACK: 2, Encoding.STATE: 3, Encoding.RAW: 4}
-FLOOD_SECONDS = 2.0
+FLOOD_SECONDS = 2.0  # at least, and until there were
+FLOOD_MESSAGES = 1000
 BODIES = (
     b"",
     b"{}",
@@ -122,15 +123,14 @@ class Rogue:
             payload = codec.with_prefix(json.dumps(pick).encode(), Encoding.JSON)
             assert len(list(self._zenoh.get(self._key["pick"], payload=payload, timeout=10.0))) == 1
 
-    def flood(self) -> int:
-        """Short nonsense on everything, as fast as it goes, for a while; how much it was."""
+    def flood(self) -> None:
+        """Short nonsense on everything, as fast as it goes, for a while."""
         count, end = 0, time.monotonic() + FLOOD_SECONDS
-        while time.monotonic() < end:
+        while time.monotonic() < end or count < FLOOD_MESSAGES:
             for key in self._key.values():
                 self._zenoh.put(key, self._noise.randbytes(self._noise.randrange(300)))
                 self._zenoh.get(key, lambda _: None, payload=self._noise.randbytes(50), timeout=1.0)
                 count += 2
-        return count
 
     def close(self) -> None:
         self._zenoh.close()
@@ -185,7 +185,7 @@ async def suffer(endpoint: str) -> None:
             await asyncio.to_thread(rogue.publish_nonsense)
             answers = await asyncio.to_thread(rogue.ask_nonsense)
             await asyncio.to_thread(rogue.ask_for_impossible_views)
-            assert await asyncio.to_thread(rogue.flood) > 1000
+            await asyncio.to_thread(rogue.flood)
             check_answers(answers)
             await check_all_is_well(honest, painter)
             last = honest.frames[-1]

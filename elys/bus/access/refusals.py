@@ -36,6 +36,7 @@ class Refusal(NamedTuple):
 
     sentence: str  # "" where nobody listens, or where nothing speaks against being let in
     is_sure: bool = True
+    is_of_credentials: bool = False  # the host asks for a secret; whether it is this one, only showing it tells
 
 
 def is_open(endpoint: str) -> bool:
@@ -66,7 +67,8 @@ def why_refused(endpoint: str, credentials: Credentials | None) -> Refusal:
 def _why_not_plainly(endpoint: str, answer: bytes, credentials: Credentials | None) -> Refusal:
     if not answer:
         return Refusal(_foreign(endpoint), is_sure=False)
-    return Refusal(_what_was_answered(endpoint, answer, credentials))
+    asks = _kind(answer) == _CLOSE and credentials is not None
+    return Refusal(_what_was_answered(endpoint, answer, credentials), is_of_credentials=asks)
 
 
 def _what_was_answered(endpoint: str, answer: bytes, credentials: Credentials | None) -> str:

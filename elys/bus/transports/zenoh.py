@@ -55,7 +55,9 @@ _OPENING_TRIPS: Final = 3  # round trips that TCP and zenoh need
 _OPENING_TIME: Final = 2.0  # [s] that zenoh may take to open a connection where a door has opened, and 6 round trips
 _ANSWERING_THREADS: Final = 4
 _ASKING_WHY: Final = 1.5  # [s] of knocking in vain until it is asked why; three round trips of a slow link fit
-_SURE_OF: Final = 2.0  # [s] of showing a secret at open doors, more than once, after which a refusal is one
+_SURE_OF: Final = (
+    8  # times that a secret was shown and sent away, after which it is refused: a busy host sends some away wrongly
+)
 _PRIORITIES: Final = {Delivery.LATEST: zenoh.Priority.DATA, Delivery.SEQUENCED: zenoh.Priority.DATA_HIGH}
 _CLOSED: Final = "this transport is closed: open another one"
 _log = logging.getLogger(__name__)
@@ -146,10 +148,10 @@ class ZenohTransport:
         from elys.bus.access.refusals import is_open, why_refused  # who hosts, records or draws files needs none of it
 
         names = [endpoints] if isinstance(endpoints, str) else list(endpoints)
-        deadline, patience, shown = time.monotonic() + timeout, _ASKING_WHY, 0.0
+        deadline, patience, refusals = time.monotonic() + timeout, _ASKING_WHY, 0
         while True:
             left = deadline - time.monotonic()
-            session, door, asked = _reached(names, min(max(left, 0.001), patience), credentials)
+            session, door, sent_away = _reached(names, min(max(left, 0.001), patience), credentials)
             if session is not None and door is not None:
                 return cls(
                     session,
@@ -164,9 +166,14 @@ class ZenohTransport:
                 credentials = None  # a host that asks nobody does not let in who tells it
                 deadline = max(deadline, time.monotonic() + patience)
             elif reason := next((why for name in names if (why := why_refused(name, credentials)).sentence), None):
-                shown += asked  # who has only just opened, or has much to do, may let this side in yet
-                is_sure = reason.is_sure and (credentials is None or shown >= _SURE_OF)
-                if is_sure or deadline - time.monotonic() <= patience:
+                refusals += sent_away  # who has only just opened, or has much to do, may let this side in yet
+                is_sure = reason.is_sure and (credentials is None or refusals >= _SURE_OF)
+                is_over = deadline - time.monotonic() <= patience
+                if is_over and reason.is_of_credentials and not refusals:
+                    raise ConnectionLost(
+                        f"{' or '.join(names)} opens no connection within {timeout:g} s: is it very busy? Try again"
+                    )
+                if is_sure or is_over:
                     raise AccessError(reason.sentence)
                 patience = _ASKING_WHY
                 continue
@@ -385,10 +392,10 @@ class ZenohTransport:
 
 def _reached(
     names: Sequence[str], timeout: float, credentials: Credentials | None
-) -> tuple[zenoh.Session | None, Reached | None, float]:
+) -> tuple[zenoh.Session | None, Reached | None, int]:
     """A zenoh session with who answers first of these, and where that is; None where nobody lets it in within `timeout` [s].
 
-    Also for how long [s] it was asked at an open door. Raises BusError for what is no endpoint.
+    Also how often somebody answered and sent this side away. Raises BusError for what is no endpoint.
     """
     deadline = time.monotonic() + timeout
     door = reach(names, timeout=min(_NEAR, timeout))
@@ -397,31 +404,37 @@ def _reached(
         door = Reached(names[0], _FAR)
     elif door is None:
         door = reach(names, timeout=deadline - time.monotonic())
-    opened_at = time.monotonic()
+    refusals = 0
     while door is not None and (left := deadline - time.monotonic()) > 0.0:
         begun = time.monotonic()
         session = _opened(door, left, credentials)
         if session is not None:
             trip = min(door.round_trip, (time.monotonic() - begun) / _OPENING_TRIPS)
-            return session, Reached(door.endpoint, trip), time.monotonic() - opened_at
+            return session, Reached(door.endpoint, trip), refusals
+        refusals += time.monotonic() - begun < _opening_time(door, left)
         time.sleep(
             min(KNOCK_INTERVAL, max(deadline - time.monotonic(), 0.0))
         )  # who is refused must not keep others out
         door = reach(names, timeout=deadline - time.monotonic())
-    return None, None, time.monotonic() - opened_at
+    return None, None, refusals
+
+
+def _opening_time(door: Reached, timeout: float) -> float:
+    """[s] that opening a connection there may take: `timeout` at most, or 6 round trips where those are longer."""
+    return max(min(timeout, _OPENING_TIME), 6.0 * door.round_trip)
 
 
 def _opened(door: Reached, timeout: float, credentials: Credentials | None) -> zenoh.Session | None:
-    """A client's zenoh session with a host whose door is open; None where it lets nobody in. Raises BusError for no endpoint.
-
-    It takes `timeout` [s] at most, or 6 round trips where those are longer.
+    """A client's zenoh session with a host whose door is open; None where it lets nobody in, at once, or says nothing within
+    `_opening_time` of `timeout` [s]. Raises BusError for no endpoint.
     """
     by_certificate = door.endpoint.startswith("tls/")
     if by_certificate and (credentials is None or not credentials.has_certificate):
         return None
     settings = {
         "transport/link/tx/lease": _CLIENT_LEASE + int(_LEASE_ROUND_TRIPS * door.round_trip * 1000),
-        "connect/timeout_ms": max(1, int(max(min(timeout, _OPENING_TIME), 6.0 * door.round_trip) * 1000)),
+        "connect/timeout_ms": 0,  # one attempt: with a time, a refusal at once is told when that time is over
+        "transport/unicast/open_timeout": max(1, int(_opening_time(door, timeout) * 1000)),
         "connect/exit_on_failure": True,
         "connect/endpoints": [door.endpoint],
         **client_settings(credentials, by_certificate=by_certificate),

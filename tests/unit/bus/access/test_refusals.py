@@ -223,6 +223,27 @@ async def test_a_host_that_does_not_answer_yet_is_waited_for(
         await session.close()
 
 
+async def test_a_host_that_sends_a_far_client_away_once_is_asked_again(
+    keyring: Keyring, host: Callable[..., str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Only who sends away again and again refuses; to a far host the first attempt goes without a knock."""
+    inside = int(host(HostAccess.of(keyring)).rpartition(":")[2])
+    monkeypatch.setattr("elys.bus.transports.zenoh.is_near", lambda endpoint: False)
+    monkeypatch.setattr("elys.bus.transports.zenoh._NEAR", 0.0)
+    ready = threading.Event()
+    with socket.create_server(("127.0.0.1", 0)) as door:
+        port = door.getsockname()[1]
+        threading.Thread(target=hang_up_until, args=(door, ready, inside), daemon=True).start()
+        joining = asyncio.create_task(
+            join_session(f"tcp/127.0.0.1:{port}", kind="tool", timeout=5.0, credentials=of(keyring, "viewer"))
+        )
+        await asyncio.sleep(0.7)
+        ready.set()
+        session = await joining
+        assert session.permissions.role is Role.VIEWER
+        await session.close()
+
+
 def hang_up_until(door: socket.socket, ready: threading.Event, port: int) -> None:
     """Ends each connection without a word; once `ready` is set passes them on to another port."""
     with contextlib.suppress(OSError):
