@@ -17,7 +17,7 @@ from elys.bus.messages.timeline import Marker, Markers, MarkersRequest
 
 MOST: Final = 4000  # markers kept; of more the weakest collisions go first
 MOST_OF_A_TICK: Final = 8  # collisions, the strongest
-_ERRORS: Final = ("physics", "animation")
+_ERRORS: Final = ("physics", "animation", "script")
 _QUIET: Final = ("playing", "paused", SOUND)  # a timeline shows them otherwise, or would show nothing else
 
 

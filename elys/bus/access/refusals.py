@@ -66,7 +66,7 @@ def why_refused(endpoint: str, credentials: Credentials | None) -> Refusal:
 
 def _why_not_plainly(endpoint: str, answer: bytes, credentials: Credentials | None) -> Refusal:
     if not answer:
-        return Refusal(_foreign(endpoint), is_sure=False)
+        return Refusal(_silent(endpoint), is_sure=False)
     asks = _kind(answer) == _CLOSE and credentials is not None
     return Refusal(_what_was_answered(endpoint, answer, credentials), is_of_credentials=asks)
 
@@ -102,7 +102,7 @@ def _why_not_by_tls(endpoint: str, host: str, port: int, credentials: Credential
                 return Refusal(_no_tls(endpoint))
         if isinstance(error, ssl.SSLError) and "ALERT" in (error.reason or ""):
             return Refusal(_why_alerted(endpoint, credentials, error))
-        return Refusal(_foreign(endpoint), is_sure=_is_answer(error))
+        return Refusal(_foreign(endpoint)) if _is_answer(error) else Refusal(_silent(endpoint), is_sure=False)
     if _kind(answer) == _INIT:
         return Refusal("")
     said = f"the session at {endpoint} does not take the certificate of {credentials.user} (from {credentials.source})"
@@ -135,6 +135,13 @@ def _is_answer(error: OSError) -> bool:
 
 def _foreign(endpoint: str) -> str:
     return f"what listens at {endpoint} is no session of ELYS: check host and port"
+
+
+def _silent(endpoint: str) -> str:
+    return (
+        f"what listens at {endpoint} does not answer: it is a session that is stopped or very busy, or is no session of ELYS; "
+        "try again, or check host and port"
+    )
 
 
 def _no_tls(endpoint: str) -> str:

@@ -206,7 +206,7 @@ async def test_a_host_that_does_not_answer_yet_is_waited_for(
 
     def asking_why(*what: Any) -> refusals.Refusal:
         reason = why_refused(*what)
-        assert "is no session of ELYS" in reason.sentence and not reason.is_sure
+        assert "does not answer" in reason.sentence and not reason.is_sure
         asked.set()
         return reason
 

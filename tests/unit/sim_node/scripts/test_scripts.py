@@ -8,7 +8,9 @@ from dataclasses import replace
 import msgspec
 import pytest
 
+from elys.bus.marker_log import markers_of_events
 from elys.bus.messages.commands import Input
+from elys.bus.messages.session import EventBatch
 from elys.common.components import Collider, RigidBody, Script, Transform
 from elys.common.errors import ScriptError
 from elys.sim_node.scripts import runner
@@ -233,6 +235,8 @@ def test_scripts_that_cannot_run_say_where_and_what_to_do(play: Playground, text
     msgspec.json.encode(events)  # as the bus does
     told = [event.values["text"] for event in events if event.kind == "script" and event.entity == thing]
     assert len(told) == 1 and said in told[0]
+    markers = markers_of_events(EventBatch(epoch=1, tick=1, events=tuple(events)), 0.0)
+    assert [marker.entity for marker in markers if marker.kind == "error"] == [thing]  # a timeline's filter of errors
     assert play.on(other).n == 3
 
 
