@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import shutil
 from collections.abc import AsyncIterator
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from elys.editor_node.events import MouseMoved
 from elys.editor_node.keys import Key
 from elys.editor_node.language import use_language
 from elys.editor_node.node import Editor
+from elys.editor_node.panels import diagnostics
 from elys.verbs.openers import ChildProcesses
 from tests.unit.editor_node.person import CTRL, Person, person_at
 
@@ -61,6 +63,7 @@ async def draw_editor_pictures(directory: Path, endpoint: str) -> None:
                 await _windows(person, directory, number)
             person.editor.preferences.theme, person.editor.preferences.language = "dark", "en"
             use_language("en")
+            await _edits_and_files(person, directory)
             person.editor.model.console.clear()
             host = await openers.simulate("stack")
             person.editor.attachments.connect(host)
@@ -147,6 +150,41 @@ async def _windows(person: Person, directory: Path, number: int) -> None:
         await _shoot(person, directory / f"{name.partition('.')[2]}{kind}.webp")
         await person.press(Key.ESCAPE)
         await person.frames(3)
+
+
+async def _edits_and_files(person: Person, directory: Path) -> None:
+    """What shows edits, files and diagnostics: a few edits are made for it, and undone."""
+    editor = person.editor
+    model, run = editor.model, editor.ui.actions.run
+    shutil.rmtree("/tmp/scenes", ignore_errors=True)
+    Path("/tmp/scenes").mkdir()
+    await model.save("/tmp/scenes/yard.scene.json")
+    named = {entity.name: entity.id for entity in model.scene.mirror.entities.values()}
+    await model.edit.rename(named["Box 8"], "Anvil")
+    model.selection.replace([named["Box 8"], named["Box 9"]])
+    run("edit.duplicate")
+    await _settle(person)
+    run("edit.delete")
+    await _settle(person)
+    for action, name in (("edit.history", "history"), ("file.changes", "changes")):
+        run(action)
+        await _settle(person)
+        await _shoot(person, directory / f"{name}.webp")
+    for action, name in (("file.save_as", "save"), ("file.quit", "close")):
+        run(action)
+        await _shoot(person, directory / f"{name}.webp")
+        await person.press(Key.ESCAPE)
+        await person.frames(3)
+    model.selection.clear()
+    editor.workspace.show(diagnostics.TITLE)
+    run("time.play")
+    await _settle(person)
+    run("time.play")
+    await _settle(person)
+    await _shoot(person, directory / "diagnostics.webp")
+    for _ in range(3):
+        run("edit.undo")
+        await _settle(person)
 
 
 async def _settle(person: Person) -> None:
