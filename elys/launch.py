@@ -205,6 +205,9 @@ class _Supervisor:
             self._stop.set()
             raise LaunchError(f"process '{described.name}' cannot be started: {error}") from error
         self._running[described.name] = process
+        if self._stop.is_set():  # all were asked to end while this one was being started
+            with contextlib.suppress(ProcessLookupError):
+                process.terminate()
         try:
             assert process.stdout is not None
             async for raw in _lines(process.stdout):

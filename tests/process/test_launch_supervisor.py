@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import signal
 import subprocess
 import sys
@@ -106,6 +107,26 @@ def test_a_signal_to_the_supervisor_ends_all_in_order(tmp_path, number):
     _, shown = supervisor.communicate(timeout=20)
     assert ended.read_text() == "cleanly"
     assert "Traceback" not in shown
+
+
+def test_who_is_being_started_when_all_shall_end_is_asked_to_end_too(tmp_path, monkeypatch):
+    starting = asyncio.create_subprocess_exec
+
+    async def start_slowly(*command, **settings):
+        process = await starting(*command, **settings)
+        await asyncio.sleep(1.0)
+        return process
+
+    monkeypatch.setattr(asyncio, "create_subprocess_exec", start_slowly)
+    ended = tmp_path / "ended"
+    child = (
+        "import os, signal, sys, time\n"
+        f"signal.signal(signal.SIGTERM, lambda *_: (open({str(ended)!r}, 'w').write('cleanly'), sys.exit(0)))\n"
+        "os.kill(os.getppid(), signal.SIGTERM)\n"
+        "time.sleep(60)"
+    )
+    run_processes(described(tmp_path, process("child", child)))
+    assert ended.read_text() == "cleanly"
 
 
 @pytest.mark.parametrize(
