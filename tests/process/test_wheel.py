@@ -15,7 +15,7 @@ import pytest
 from elys.common.errors import ElysError
 from elys.sim_node import cpu_level
 
-pytestmark = [pytest.mark.process, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.process, pytest.mark.timeout(1800)]
 
 ROOT = Path(__file__).parents[2]
 
