@@ -49,6 +49,7 @@ from elys.render_node.pass_plan import told_passes
 from elys.render_node.quality import Quality, interactive_quality
 from elys.render_node.render_world import RenderWorld
 from elys.render_node.renderer import Renderer
+from elys.render_node.scene_classes import SceneClasses
 from elys.render_node.scene_tables import SceneReader
 from elys.render_node.thumbnails import ThumbnailPainter
 from elys.render_node.view_desk import PutPicture, View, ViewDesk, sane_camera, sane_size
@@ -251,6 +252,7 @@ class _ViewServer:
         self._renderer: Renderer | None = None  # until OpenGL and the scene are there
         self._desk = desk
         self._measure = measure
+        self._classes = SceneClasses(follower.mirror)
         self._thumbnails: ThumbnailPainter | None = None  # until somebody wants one
 
     def requested(self, request: ViewRequest, _: str) -> None:
@@ -378,6 +380,9 @@ class _ViewServer:
                 overlays=self._follower.overlays.shown(world, player=request.player),
             )
             return view.put(picture)
+        if request.shows == "segmentation":
+            entity = renderer.draw_data(world, camera, view.width, view.height, "entity", hidden=request.hidden)
+            return view.put_pixels(self._classes.pixels(self._classes.seen(entity[..., 0])))
         values = renderer.draw_data(world, camera, view.width, view.height, request.shows, hidden=request.hidden)
         unit = depth_unit_of(values) if request.shows == "depth" else 1.0
         return view.put_pixels(data_pixels(values, request.shows, depth_unit=unit))

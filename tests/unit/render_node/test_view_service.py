@@ -35,6 +35,7 @@ from elys.common.components import Light, Material, MeshRenderer, Overlay, Overl
 from elys.common.errors import BusError
 from elys.render_node.node import serve_views
 from elys.render_node.quality import FAST
+from elys.render_node.scene_classes import SceneClasses
 from elys.render_node.view_desk import SILENCE, ViewDesk, sane_camera, sane_size
 
 PATIENCE = 20.0  # [s] far beyond what anything here takes; a failure, not a measure
@@ -258,6 +259,8 @@ def test_a_view_shows_data_when_asked(context) -> None:
         ring = SharedRing(
             machine=boot_id(), process=os.getpid(), descriptor=descriptor, slot_count=3, slot_size=slot_size
         )
+        (box_class,) = SceneClasses(made.mirror).legend()
+        np.testing.assert_allclose(middle(await made.picture(shows="segmentation")), box_class.color, atol=6)
         frame = await made.picture(ring=ring, shows="normals")
         with mmap.mmap(descriptor, 3 * slot_size) as memory:
             pixels = np.frombuffer(memory[frame.slot * slot_size :][:slot_size], np.uint8).reshape(30, 40, 4)
