@@ -23,11 +23,11 @@ from elys.bus.streaming.measures import stream_text
 from elys.render_node.game_input import GameInput, Seating, Seen
 from elys.render_node.gpu import Framebuffer, window_context
 from elys.render_node.marks import age_text, stamp_text
-from elys.render_node.node import SceneFollower
 from elys.render_node.orbit import Orbit
 from elys.render_node.play_control import SILENCE, PlayControl
 from elys.render_node.quality import interactive_quality
 from elys.render_node.renderer import Renderer
+from elys.render_node.scene_following import SceneFollower
 from elys.render_node.sound.film_sound import places_in
 from elys.render_node.sound.loudspeaker import Loudspeaker
 from elys.render_node.window import Dragged, Key, KeyPressed, Scrolled, Window, WindowEvent
