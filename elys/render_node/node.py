@@ -157,9 +157,12 @@ class _ViewServer:
             view.camera = camera
             put = self._draw_into(view, renderer, camera)
         except ElysError as error:
-            _log.error("view %s cannot be drawn: %s", request.view, error)
+            if str(error) != view.trouble:  # once, though it is asked for again and again
+                _log.error("view %s cannot be drawn: %s", request.view, error)
+            view.trouble = str(error)
             view.answered(revision, time.monotonic(), edits=edits)
             return
+        view.trouble = ""
         frame = ViewFrame(
             view=request.view,
             sequence=request.sequence,

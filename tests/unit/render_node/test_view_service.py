@@ -32,9 +32,10 @@ from elys.bus.session import Session
 from elys.bus.transports.loopback import LoopbackBroker
 from elys.common.assets import AssetStore
 from elys.common.components import Light, Material, MeshRenderer, Overlay, OverlayPanel, Transform, values_of
-from elys.common.errors import BusError
+from elys.common.errors import BusError, DisplayError
 from elys.render_node.node import serve_views
 from elys.render_node.quality import FAST
+from elys.render_node.renderer import Renderer
 from elys.render_node.scene_classes import SceneClasses
 from elys.render_node.view_desk import SILENCE, ViewDesk, sane_camera, sane_size
 
@@ -241,6 +242,32 @@ def test_picking_answers_with_place_and_tick(context) -> None:
         assert reply.tick == 3
         beside = PickRequest(camera=CAMERA, width=41, height=31, x=0, y=0)
         assert (await made.viewer.request(topics.PICK, beside, key=made.node)).entity == 0
+
+    run(context, act)
+
+
+@pytest.mark.gl
+def test_what_cannot_be_drawn_is_said_once_and_then_drawn_again(context, monkeypatch, caplog) -> None:
+    reason = "making a framebuffer failed: the graphics card has no memory left"
+    tried: list[bool] = []
+
+    def fail(*_: Any, **__: Any) -> None:
+        tried.append(True)
+        raise DisplayError(reason)
+
+    async def act(made: Play) -> None:
+        await made.picture()
+        with monkeypatch.context() as patch:
+            patch.setattr(Renderer, "draw", fail)
+            for _ in range(3):
+                count = len(tried)
+                made.ask()
+                async with asyncio.timeout(PATIENCE):
+                    while len(tried) == count:
+                        await asyncio.sleep(0)
+        await made.picture()
+        said = [record.getMessage() for record in caplog.records if record.levelname == "ERROR"]
+        assert said == [f"view eye cannot be drawn: {reason}"]
 
     run(context, act)
 
