@@ -9,9 +9,10 @@ THUMBNAIL ─────> draw what is in no scene ──> JPEG
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Final
 
 from elys.bus import topics
@@ -27,7 +28,7 @@ from elys.bus.messages.views import (
 )
 from elys.bus.session import Node, Session
 from elys.bus.state_source import tell_interest
-from elys.common.errors import ElysError, RequestError
+from elys.common.errors import ContextLost, ElysError, RequestError
 from elys.render_node.data_colors import data_pixels, depth_unit_of
 from elys.render_node.gpu import Context, offscreen_context
 from elys.render_node.pass_plan import told_passes
@@ -54,7 +55,7 @@ async def serve_views(
     `measure` hears of every picture when it has been sent, for measurements of latency.
 
     Raises:
-        DisplayError: nothing can be drawn on this machine.
+        DisplayError: nothing can be drawn on this machine. ContextLost: not in this process any more.
     """
     follower = SceneFollower(session)
     desk = ViewDesk()
@@ -94,6 +95,7 @@ class _ViewServer:
         self._measure = measure
         self._classes = SceneClasses(follower.mirror)
         self._thumbnails: ThumbnailPainter | None = None  # until somebody wants one
+        self._loss: ContextLost | None = None  # that a question met
 
     def requested(self, request: ViewRequest, _: str) -> None:
         """Notes what somebody wants to see."""
@@ -112,9 +114,10 @@ class _ViewServer:
         self._follower.refresh(self._moment())
         width, height, _ = sane_size(request.width, request.height)
         world = self._follower.world
-        entity, position = self._renderer.pick(
-            world, sane_camera(request.camera), width, height, request.x, request.y, passed_over=request.passed_over
-        )
+        with self._noting_loss():
+            entity, position = self._renderer.pick(
+                world, sane_camera(request.camera), width, height, request.x, request.y, passed_over=request.passed_over
+            )
         found = self._follower.mirror.entities.get(entity)
         name = found.name if found is not None else ""
         return PickReply(entity=entity, position=position, tick=self._follower.tick, name=name)
@@ -123,12 +126,23 @@ class _ViewServer:
         """A small picture of entities that are in no scene."""
         if self._renderer is None:
             raise RequestError("this render node is starting: ask again")
-        if self._thumbnails is None:
-            self._thumbnails = ThumbnailPainter(self._renderer.context)
-        return Thumbnail(jpeg=self._thumbnails.draw(request))
+        with self._noting_loss():
+            if self._thumbnails is None:
+                self._thumbnails = ThumbnailPainter(self._renderer.context)
+            return Thumbnail(jpeg=self._thumbnails.draw(request))
+
+    @contextlib.contextmanager
+    def _noting_loss(self) -> Iterator[None]:
+        """Ends `run` as well when the context is lost while a question is answered."""
+        try:
+            yield
+        except ContextLost as error:
+            self._loss = error
+            self._follower.changed.set()
+            raise
 
     async def run(self, renderer: Renderer) -> None:
-        """Draws what is due, again and again."""
+        """Draws what is due, again and again. Raises ContextLost."""
         self._renderer = renderer
         follower, desk = self._follower, self._desk
         while True:
@@ -140,6 +154,8 @@ class _ViewServer:
             desk.forget_silent(now)
             tell_interest(self._session, desk.interest())
             follower.changed.clear()
+            if self._loss is not None:
+                raise self._loss
             gliding = self._is_gliding(now)
             pause = desk.pause(time.monotonic(), follower.revision, gliding=gliding, edits=follower.edits)
             try:
@@ -156,6 +172,8 @@ class _ViewServer:
             camera = sane_camera(request.camera or self._follower.camera(request.through, view.width / view.height))
             view.camera = camera
             put = self._draw_into(view, renderer, camera)
+        except ContextLost:
+            raise  # no picture will ever come again
         except ElysError as error:
             if str(error) != view.trouble:  # once, though it is asked for again and again
                 _log.error("view %s cannot be drawn: %s", request.view, error)

@@ -250,6 +250,7 @@ class Renderer:
             self._picking = PickingPass(self.resources)
         with self.resources.programs.exact():
             entity, relative = self._picking.draw(plan)
+        self.context.check("looking what is at a pixel")
         if not entity:
             return 0, (0.0, 0.0, 0.0)
         place = view.eye + relative
@@ -280,6 +281,7 @@ class Renderer:
         with self.resources.programs.exact():
             values = self._data.draw(plan, kind)
         self.context.collect()
+        self.context.check("drawing a view of data")
         return values
 
     def read_pixels(self, picture: Framebuffer) -> NDArray[np.uint8]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import io
 import itertools
 import mmap
@@ -25,14 +26,14 @@ from elys.bus.messages.physics import DebugLines
 from elys.bus.messages.plan import RenderProfile
 from elys.bus.messages.scene import ComponentSet, SceneDelta, SettingsSet, Snapshot, SnapshotRequest, Spawned
 from elys.bus.messages.state_frame import StateFrame
-from elys.bus.messages.views import PickRequest, SharedRing, ViewCamera, ViewFrame, ViewRequest
+from elys.bus.messages.views import PickRequest, SharedRing, ThumbnailRequest, ViewCamera, ViewFrame, ViewRequest
 from elys.bus.mirror import SceneMirror
 from elys.bus.picture_ring import boot_id
 from elys.bus.session import Session
 from elys.bus.transports.loopback import LoopbackBroker
 from elys.common.assets import AssetStore
 from elys.common.components import Light, Material, MeshRenderer, Overlay, OverlayPanel, Transform, values_of
-from elys.common.errors import BusError, DisplayError
+from elys.common.errors import BusError, ContextLost, DisplayError, RequestError
 from elys.render_node.node import serve_views
 from elys.render_node.quality import FAST
 from elys.render_node.renderer import Renderer
@@ -63,6 +64,7 @@ class Play:
         self.host, self.viewer, self.mirror, self.node = host, viewer, mirror, node
         self.frames: asyncio.Queue[ViewFrame] = asyncio.Queue()
         self.pictures_sent: list[ViewFrame] = []
+        self.task: asyncio.Task[None]
         self._sequence = 0
         viewer.subscribe(topics.VIEW_FRAME, lambda frame, _: self.frames.put_nowait(frame))
 
@@ -114,6 +116,7 @@ async def play(context: Any) -> AsyncIterator[Play]:
     viewer = await Session.join(broker.connect(), kind="editor")
     made = Play(host, viewer, mirror, render.node.id)
     task = asyncio.create_task(serve_views(render, context=context, quality=FAST, measure=made.pictures_sent.append))
+    made.task = task
     try:
         await asyncio.sleep(0)  # the task subscribes in its first step
         yield made
@@ -270,6 +273,41 @@ def test_what_cannot_be_drawn_is_said_once_and_then_drawn_again(context, monkeyp
         assert said == [f"view eye cannot be drawn: {reason}"]
 
     run(context, act)
+
+
+class LostDriver:
+    """moderngl's context, as it is after a card was reset."""
+
+    def __init__(self, gl: Any) -> None:
+        self._gl, self.error = gl, "GL_UNKNOWN_ERROR"
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._gl, name)
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("asked", ["a picture", "data", "a pick", "a thumbnail"])
+def test_a_node_ends_when_the_context_is_lost_whoever_meets_it(context, monkeypatch, caplog, asked: str) -> None:
+    questions: dict[str, tuple[Any, Any]] = {
+        "a pick": (topics.PICK, PickRequest(camera=CAMERA, width=40, height=30, x=20, y=15)),
+        "a thumbnail": (topics.THUMBNAIL, ThumbnailRequest(records=())),
+    }
+
+    async def act(made: Play) -> None:
+        await made.picture()
+        monkeypatch.setattr(context, "gl", LostDriver(context.gl))
+        if asked in questions:
+            query, request = questions[asked]
+            with pytest.raises(RequestError, match="lost the context"):
+                await made.viewer.request(query, request, key=made.node, timeout=PATIENCE)
+        else:
+            made.ask(shows="shaded" if asked == "a picture" else "depth")
+        with pytest.raises(ContextLost, match="the process that draws has to start again"):
+            await asyncio.wait_for(asyncio.shield(made.task), PATIENCE)
+        assert not [record for record in caplog.records if record.levelname == "ERROR"]  # who runs it says it
+
+    with contextlib.suppress(ContextLost):
+        run(context, act)
 
 
 @pytest.mark.gl
