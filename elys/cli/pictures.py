@@ -32,7 +32,9 @@ def render(
     fps: Annotated[float, typer.Option(help="pictures a second of a video", min=1.0, max=240.0)] = 30.0,
     view: Annotated[
         str,
-        typer.Option(help="what is shown: shaded, normals, albedo, roughness, depth, entity, wireframe or overdraw"),
+        typer.Option(
+            help="what is shown: shaded, normals, albedo, roughness, depth, entity, segmentation, wireframe or overdraw"
+        ),
     ] = "shaded",
     camera: Annotated[str, typer.Option(help="entity whose camera looks; default: the one of highest priority")] = "",
     path: Annotated[

@@ -19,6 +19,8 @@
     │       └── EditConflict  because somebody else has changed the same meanwhile
     ├── RecordingError        a recording is not one, or is damaged beyond repair
     ├── DisplayError          no display, no EGL, no OpenGL driver
+    │   └── ShaderError       the driver does not take a shader: file, line, source line
+    ├── ContextLost           the driver has lost all that was being drawn with: this process cannot draw any more
     └── LaunchError           a launch file is wrong or a process could not be started
 
 Every message is written for the person who reads it: what was wrong, where, and what to do.
@@ -101,6 +103,14 @@ class RecordingError(ElysError):
 
 class DisplayError(ElysError):
     """Nothing can be drawn on this machine."""
+
+
+class ShaderError(DisplayError):
+    """A shader is missing, or the driver does not take it."""
+
+
+class ContextLost(ElysError):
+    """The driver has lost the context. No DisplayError: those are over with the picture that they hit."""
 
 
 class LaunchError(ElysError):

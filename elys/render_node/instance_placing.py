@@ -81,7 +81,6 @@ class InstancePlacing:
         if self._ordered is not rows:
             self._ordered = rows
             self._order.write(rows)
-        self._done = done
         self.rows.reserve(len(rows) * plan.layout.itemsize)
         program = self._program(plan, rides=items.rides)
         self._show(program, plan)
@@ -92,6 +91,7 @@ class InstancePlacing:
                 self._context, program, self._items, ITEM_DTYPE, self._order, _fields()
             )
         capture.run(self.rows, len(rows))
+        self._done = done
 
     def _program(self, plan: PicturePlan, *, rides: bool) -> Program:
         is_whole = plan.layout is INSTANCE_DTYPE

@@ -33,6 +33,7 @@ from elys.render_node.picture_parts import Part, parts_of, reach_of
 from elys.render_node.quality import EXACT, FULL, Quality
 from elys.render_node.render_world import RenderWorld
 from elys.render_node.renderer import Renderer
+from elys.render_node.scene_classes import SceneClass, SceneClasses
 from elys.render_node.scene_tables import SceneReader
 from elys.render_node.sound.film_sound import FilmSound
 
@@ -100,6 +101,7 @@ class OfflineRenderer:
         self._ghosts: list[ShownGhost] = []  # of pictures of light
         self._shows = shows
         self._reader = SceneReader(mirror)
+        self._classes = SceneClasses(mirror)
         self._overlays = OverlayBoard(mirror)
         self._owns_context = context is None
         self._context = context if context is not None else offscreen_context()
@@ -152,6 +154,8 @@ class OfflineRenderer:
         pixels = np.full((self.height, self.width, 4), 255, np.uint8)
         if self._shows == "shaded":
             self._draw_shaded(pixels, camera or self._camera())
+        elif self._shows == "segmentation":
+            pixels[..., :3] = self._classes.pixels(self._seen_classes(camera)[..., 0])
         else:
             values = self._data(self._shows, camera)
             if self._shows == "depth":
@@ -165,9 +169,11 @@ class OfflineRenderer:
         """The numbers behind a picture (H, W, C), the upper row first.
 
         Of the view "shaded": linear radiance R, G, B f32 along the rays through the pixels' middles, neither exposed, nor
-        tone-mapped, nor averaged over the pixel. Of others see `DataPass.draw`.
+        tone-mapped, nor averaged over the pixel. Of "segmentation": u32 [1], see `legend`. Of others see `DataPass.draw`.
         """
         self.place(time, exact=self._shows == "shaded")
+        if self._shows == "segmentation":
+            return self._seen_classes(camera)
         if self._shows != "shaded":
             return self._data(self._shows, camera)
         renderer = self._renderer(EXACT)
@@ -177,6 +183,10 @@ class OfflineRenderer:
             renderer.draw(self.world, camera or self._camera(), self.width, self.height, region=part.drawn, glow=glow)
             _put(light, part, renderer.read_light(part.drawn[2], part.drawn[3]))
         return light
+
+    def legend(self) -> tuple[SceneClass, ...]:
+        """What the numbers and colours of the view "segmentation" mean."""
+        return self._classes.legend()
 
     def write_picture(self, path: Path, *, camera: ViewCamera | None = None) -> None:
         """Draws what is now into a PNG, EXR or .npy file. Raises ElysError where it cannot be written."""
@@ -260,6 +270,9 @@ class OfflineRenderer:
             _put(whole, part, values)
         assert whole is not None
         return whole
+
+    def _seen_classes(self, camera: ViewCamera | None) -> NDArray[np.uint32]:
+        return self._classes.seen(self._data("entity", camera))
 
     def _parts(self, renderer: Renderer, camera: ViewCamera, marks: Marks) -> tuple[tuple[Part, ...], Glow | None]:
         """The parts in which the picture is drawn; one, unless it is larger than the card or its memory takes. And what light

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Final, Literal
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
 from elys.common.errors import AssetError, ElysError
+from elys.render_node.scene_classes import SceneClass
 
 NUMBER_SUFFIXES: Final = (".exr", ".npy")
 PICTURE_SUFFIXES: Final = (".png", *NUMBER_SUFFIXES)
 VIDEO_SUFFIXES: Final = (".mp4",)
 # Names of an EXR file's only channel, by what it holds; colours are R, G, B.
-CHANNEL_NAMES: Final = {"depth": "Z", "entity": "id"}
+CHANNEL_NAMES: Final = {"depth": "Z", "entity": "id", "segmentation": "class"}
 LUMINANCE: Final = "Y"
 # Red, green, blue and white of sRGB (ITU-R BT.709), x and y of each: what readers would take for granted, said.
 CHROMATICITIES: Final = (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329)
@@ -28,6 +31,7 @@ MEANINGS: Final = {
     "roughness": "roughness, 0 to 1",
     "depth": "metres along the camera's axis, infinite for nothing",
     "entity": "entity ids, 0 for nothing",
+    "segmentation": "classes by the numbers of the legend, 0 for nothing",
     "wireframe": "linear colors",
     "overdraw": "how often the pixel was shaded",
 }
@@ -90,6 +94,20 @@ def save_values(path: Path, values: NDArray[Any], *, view: str) -> None:
     except (OSError, RuntimeError) as error:  # the second is what OpenEXR raises
         reason = error.strerror if isinstance(error, OSError) else None
         raise ElysError(f"{path} cannot be written: {reason or error}") from error
+
+
+def legend_path(output: Path) -> Path:
+    """Where the legend of a picture or film of classes is written: beside it."""
+    return output.with_name(f"{output.stem}.classes.json")
+
+
+def save_legend(path: Path, legend: Iterable[SceneClass]) -> None:
+    """Writes which class each number means, and the colour that pictures show it by, as JSON. Raises ElysError."""
+    lines = ",\n".join("  " + msgspec.json.encode(one._asdict()).decode() for one in legend)  # a line a class
+    try:
+        path.write_text(f'{{"classes": [\n{lines}\n]}}\n', encoding="utf-8")
+    except OSError as error:
+        raise ElysError(f"{path} cannot be written: {error.strerror or error}") from error
 
 
 def load_picture(path: Path) -> NDArray[np.uint8]:

@@ -23,6 +23,7 @@ class Quality:
     lamp_shadow_size: int  # the same of the atlas of bulbs and spots; 0: they throw none
     to_screen: bool
     light_form: Format = "rgba16f"  # of linear light
+    stand_ins: bool = True  # what a shader should have drawn that is refused is magenta; else nothing is drawn at all
 
     def writes_screen(self, picture: PictureSettings) -> bool:
         """Whether passes write the screen's colours at once: not where something has to be done to the light of all."""
@@ -60,7 +61,13 @@ FAST: Final = Quality(samples=0, single_shadow_tap=True, shadow_size=1024, lamp_
 
 # For measurements: each pixel is the light along the ray through its middle, in 32 bits, and not an average around it.
 EXACT: Final = Quality(
-    samples=0, single_shadow_tap=False, shadow_size=4096, lamp_shadow_size=4096, to_screen=False, light_form="rgba32f"
+    samples=0,
+    single_shadow_tap=False,
+    shadow_size=4096,
+    lamp_shadow_size=4096,
+    to_screen=False,
+    light_form="rgba32f",
+    stand_ins=False,
 )
 
 

@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elys.bus.messages.views import ViewCamera
+from elys.common.errors import ShaderError
 from elys.render_node.camera import Region, View
 from elys.render_node.frame_block import frame_block
 from elys.render_node.ghost_worlds import ShownGhost
-from elys.render_node.gpu import BLOCK_BINDINGS, Context, Format, Framebuffer
+from elys.render_node.gpu import BLOCK_BINDINGS, Context, Framebuffer
 from elys.render_node.marks import NO_MARKS, Marks
 from elys.render_node.overlays import NO_OVERLAYS, Overlays
 from elys.render_node.passes.backdrop import GridPass, SkyPass
@@ -37,26 +38,10 @@ from elys.render_node.picture_plan import PicturePlan, plan_ghosts, plan_picture
 from elys.render_node.quality import FULL, Quality
 from elys.render_node.render_world import RenderWorld
 from elys.render_node.resources import Resources
+from elys.render_node.targets import Targets
 
+MAGENTA: Final = (1.0, 0.0, 1.0, 1.0)
 KEPT_SIZES: Final = 4  # picture sizes whose framebuffers are kept: views of several sizes take turns
-
-
-class Targets:
-    """The framebuffers of pictures of one size."""
-
-    def __init__(self, context: Context, width: int, height: int, quality: Quality, *, to_screen: bool) -> None:
-        samples = min(quality.samples, context.max_samples)
-        form: Format = "rgba8" if to_screen else quality.light_form
-        self.light = Framebuffer(context, width, height, (form,), depth=not samples)
-        self.drawn = (
-            Framebuffer(context, width, height, (form,), depth=True, samples=samples) if samples else self.light
-        )
-        self.picture = self.light if to_screen else Framebuffer(context, width, height, ("rgba8",), smooth=False)
-
-    def resolve(self) -> None:
-        """Averages the samples of what was drawn."""
-        if self.drawn is not self.light:
-            self.drawn.resolve_into(self.light)
 
 
 class Renderer:
@@ -70,6 +55,7 @@ class Renderer:
     def __init__(self, context: Context, *, quality: Quality = FULL) -> None:
         self.context = context
         self.resources = Resources(context)
+        self.resources.programs.gives_stand_ins = quality.stand_ins
         self.timings: dict[str, float] = {}
         self.planned: PicturePlan | None = None
         self._quality = quality
@@ -115,15 +101,35 @@ class Renderer:
 
         `hidden` entities, and all below them, are not drawn and throw no shadows. `target` is where it goes instead, a
         framebuffer of that size, such as a window's. With a `region` only that part of the picture is drawn, into a framebuffer
-        of its size; `glow` is what `gather_glow` made of all parts.
+        of its size; `glow` is what `gather_glow` made of all parts. What a shader should have drawn that is refused is magenta,
+        the whole picture where nothing can stand in for it.
+
+        Raises:
+            ShaderError: a shader is refused, and the quality is one that has no stand-ins. DisplayError: there is no memory.
         """
-        self.resources.programs.reload_changed()
+        self._reload()
         with self._timed("plan"):
             view = View.of(camera, width, height)
             whole = self._plan(world, view, selection=selection, hidden=hidden, grid=grid, marks=marks)
             whole = replace(whole, ghosts=plan_ghosts(view, ghosts)) if ghosts else whole
             whole = replace(whole, overlays=overlays) if overlays else whole
             self.planned = whole
+        try:
+            picture = self._drawn(whole, region, glow, target)
+        except ShaderError:  # the log has said it
+            if not self._quality.stand_ins:
+                raise
+            size = region[2:] if region is not None else (width, height)
+            picture = target if target is not None else self._targets_of(*size, to_screen=False).picture
+            picture.use()
+            picture.clear(MAGENTA)
+        self.context.collect()
+        self.context.check("drawing a picture")
+        return picture
+
+    def _drawn(
+        self, whole: PicturePlan, region: Region | None, glow: Glow | None, target: Framebuffer | None
+    ) -> Framebuffer:
         plan, targets = self._draw_light(whole, region)
         picture = target if target is not None else targets.picture
         with self._timed("finish"):
@@ -141,11 +147,9 @@ class Renderer:
                 self._outline.draw(plan, picture)
         with self._timed("overlays"):
             if self._overlays.is_needed(plan):
-                self._overlays.draw(plan, view, region, picture)
+                self._overlays.draw(plan, whole.view, region, picture)
             if self._letters.is_needed(plan):
-                self._letters.draw(plan, view, region, picture)
-        self.context.collect()
-        self.context.check("drawing a picture")
+                self._letters.draw(plan, whole.view, region, picture)
         return picture
 
     def gather_glow(
@@ -244,7 +248,9 @@ class Renderer:
         self.resources.show_poses(plan.world)
         if self._picking is None:
             self._picking = PickingPass(self.resources)
-        entity, relative = self._picking.draw(plan)
+        with self.resources.programs.exact():
+            entity, relative = self._picking.draw(plan)
+        self.context.check("looking what is at a pixel")
         if not entity:
             return 0, (0.0, 0.0, 0.0)
         place = view.eye + relative
@@ -261,14 +267,21 @@ class Renderer:
         hidden: tuple[int, ...] = (),
         region: Region | None = None,
     ) -> NDArray[Any]:
-        """Values (H, W, C) of what is seen in a picture or a region of it, the upper row first, as `DataPass.draw` tells."""
+        """Values (H, W, C) of what is seen in a picture or a region of it, the upper row first, as `DataPass.draw` tells.
+
+        Raises:
+            ShaderError: a shader is refused.
+        """
+        self._reload()
         view = View.of(camera, width, height)
         plan = plan_picture(world, view if region is None else view.of_region(region), hidden=hidden)
         self._upload(plan)
         if self._data is None:
             self._data = DataPass(self.resources)
-        values = self._data.draw(plan, kind)
+        with self.resources.programs.exact():
+            values = self._data.draw(plan, kind)
         self.context.collect()
+        self.context.check("drawing a view of data")
         return values
 
     def read_pixels(self, picture: Framebuffer) -> NDArray[np.uint8]:
@@ -307,6 +320,12 @@ class Renderer:
         while [name for name in images if self.resources.overlay_images.size(name) is None]:
             if time.monotonic() >= end or not world.assets.wait_for_one(end - time.monotonic()):
                 return
+
+    def _reload(self) -> None:
+        """Takes shaders that have changed; what older ones have drawn and is kept is drawn anew."""
+        if self.resources.programs.reload_changed():
+            self._environment.drawn = ()
+            self._shadow_world = None
 
     def _show(self, plan: PicturePlan, targets: Targets, picture: Framebuffer) -> None:
         """Turns light into what the screen shows, unless the passes did so already."""

@@ -55,6 +55,7 @@ class View:
         self._shown_edits = -1
         self.asked_at = 0.0
         self.drawn_at = -1.0
+        self.trouble = ""  # why the last picture could not be drawn, which has been said
 
     def ask(self, request: ViewRequest, now: float) -> None:
         """Takes a newer request."""

@@ -20,14 +20,15 @@ from elys.bus.messages.views import Debug, ViewCamera
 from elys.bus.session import Session
 from elys.bus.state_source import stream_report, tell_interest
 from elys.bus.streaming.measures import stream_text
+from elys.common.errors import DisplayError
 from elys.render_node.game_input import GameInput, Seating, Seen
 from elys.render_node.gpu import Framebuffer, window_context
 from elys.render_node.marks import age_text, stamp_text
-from elys.render_node.node import SceneFollower
 from elys.render_node.orbit import Orbit
 from elys.render_node.play_control import SILENCE, PlayControl
 from elys.render_node.quality import interactive_quality
 from elys.render_node.renderer import Renderer
+from elys.render_node.scene_following import SceneFollower
 from elys.render_node.sound.film_sound import places_in
 from elys.render_node.sound.loudspeaker import Loudspeaker
 from elys.render_node.window import Dragged, Key, KeyPressed, Scrolled, Window, WindowEvent
@@ -36,8 +37,10 @@ FRAME_TIME: Final = 1.0 / 60.0  # [s]
 IDLE_TIME: Final = 0.1  # [s] between two looks at the window when nothing moves
 TITLE_TIME: Final = 0.25  # [s] between two titles
 NOTE_TIME: Final = 0.25  # [s] after which what stands on the picture is told anew
+RETRY_TIME: Final = 1.0  # [s] after which what could not be drawn is tried again
 RATE_PICTURES: Final = 30  # over which the rate of pictures is taken
 LOST: Final = "simulation lost - waiting"
+NOT_DRAWN: Final = "cannot be drawn, the log says why"
 _log = logging.getLogger(__name__)
 
 
@@ -124,6 +127,7 @@ class _Viewer:
         )
         self._is_dirty = True
         self._drawn: tuple[object, ...] | None = None
+        self._trouble = ""  # why the last picture could not be drawn, which has been said
         window.on_event = self._on_event
 
     async def run(self, frame_limit: int | None) -> None:
@@ -183,6 +187,8 @@ class _Viewer:
         tick = status.tick if status is not None else follower.mirror.tick
         is_aging = state == "playing" and follower.world.timeline.newest is not None
         age = f"  ·  {self._age(now) * 1e3:.0f} ms old" if is_aging else ""
+        if self._trouble:
+            age = f"  ·  {NOT_DRAWN}"
         return f"ELYS  {name}  ·  tick {tick}  ·  {state}{age}"
 
     def _age(self, now: float) -> float:
@@ -202,10 +208,28 @@ class _Viewer:
             self._follower.revision if self._debug else 0,
             self._follower.ghost_revision,
             self._follower.overlays.version,
+            int(now / RETRY_TIME) if self._trouble else 0,
         )
         what = (world.scene_version, world.pose_version, self._follower.arrived_count, width, height, *told)
         if not (self._is_dirty or what != self._drawn or always):
             return False
+        self._drawn, self._is_dirty = what, False
+        try:
+            self._draw(now, width, height)
+        except DisplayError as error:
+            if always:
+                raise  # who wants so many pictures and no more is not to wait for them for ever
+            if str(error) != self._trouble:
+                _log.error("the window keeps its last picture: %s", error)
+            self._trouble = str(error)
+            return False
+        self._trouble = ""
+        self._window.swap()
+        self._shown_at.append(time.monotonic())
+        return True
+
+    def _draw(self, now: float, width: int, height: int) -> None:
+        world = self._follower.world
         target = Framebuffer.of_window(self._renderer.context, width, height)
         ghosts = self._follower.ghosts
         marks = self._follower.drawing.marks(world, self._debug, notes=self.notes(now), ghosts=ghosts)
@@ -213,10 +237,6 @@ class _Viewer:
         tell_interest(self._session, StreamInterest(cameras=(camera,), aspect=width / height))
         overlays = self._follower.overlays.shown(world, player=self._player)
         self._renderer.draw(world, camera, width, height, marks=marks, ghosts=ghosts, overlays=overlays, target=target)
-        self._window.swap()
-        self._shown_at.append(time.monotonic())
-        self._drawn, self._is_dirty = what, False
-        return True
 
     def _listen(self) -> None:
         """Sounds are heard from where the camera stands, also while no picture is drawn."""

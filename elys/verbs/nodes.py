@@ -7,6 +7,7 @@ import contextlib
 import logging
 import re
 import signal
+import sys
 from collections.abc import AsyncIterator, Callable, Coroutine
 from functools import partial
 from pathlib import Path
@@ -17,7 +18,7 @@ from elys.bus.access.roles import Role, role_of_user
 from elys.bus.log import log_to_session, start_logging
 from elys.bus.recording_plan import RecordingPlan
 from elys.bus.session import Session
-from elys.common.errors import AccessError, BusError
+from elys.common.errors import AccessError, BusError, ContextLost
 from elys.verbs.playback import Playback
 
 if TYPE_CHECKING:
@@ -56,6 +57,7 @@ async def joined(connect: str | None, *, kind: str, timeout: float = 5.0) -> Asy
     try:
         yield session
     finally:
+        await asyncio.sleep(0)  # what was logged last goes out: it tells others why this node ends
         handler.detach()
         await session.close()
 
@@ -193,12 +195,20 @@ def render(connect: str | None) -> None:
     """A render node's process."""
     from elys.render_node.node import serve_views
 
+    lost: list[ContextLost] = []
+
     async def work() -> None:
         async with joined(connect, kind="render", timeout=60.0) as session:
-            await serve_views(session)
+            try:
+                await serve_views(session)
+            except ContextLost as error:
+                _log.error("%s", error)  # here: an editor's console is to tell why its picture stands still
+                lost.append(error)
 
     start_logging()
     run_until_asked(work())
+    if lost:
+        sys.exit(1)  # who looks after it starts it again
 
 
 def editor(connect: str | None, *, starts_alone: bool = False, frame_limit: int) -> None:

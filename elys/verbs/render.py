@@ -23,7 +23,7 @@ from elys.common.errors import ElysError
 from elys.render_node.debug_drawing import PHYSICS_LINES, DebugDrawing, parsed_kinds
 from elys.render_node.film import check_video
 from elys.render_node.offline import VIEWS, CameraAt, OfflineRenderer, Overlay, check_size
-from elys.render_node.picture_files import holds_numbers, output_kind
+from elys.render_node.picture_files import holds_numbers, legend_path, output_kind, save_legend
 from elys.render_node.trails import TRAIL_SECONDS
 from elys.verbs.footage import SCENE_DURATION, Footage, LinesByTick, film_sound, opened_footage, recorded
 from elys.verbs.ghosts import recorded_tracks
@@ -173,6 +173,10 @@ def _draw(footage: Footage, order: Order) -> None:
             assert first is not None
             count = _film(renderer, order, footage, first, camera_at)
             what = f"{count} pictures of {order.width}x{order.height}"
+        if order.shows == "segmentation":
+            legend = legend_path(order.output)
+            save_legend(legend, renderer.legend())
+            what += f", classes in {legend.name}"
     print(f"{order.output}: {what}, {size_text(order.output.stat().st_size)}")
 
 

@@ -11,14 +11,25 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
+from elys.bus.messages.scene import SceneDelta, Spawned
+from elys.bus.mirror import SceneMirror
 from elys.common.assets import AssetStore
-from elys.common.components import Camera, Component, Light, Material, MeshRenderer, Transform, component_from
+from elys.common.components import (
+    Camera,
+    Component,
+    Light,
+    Material,
+    MeshRenderer,
+    Transform,
+    component_from,
+    values_of,
+)
 from elys.common.math.matrix import look_rotation
 from elys.common.scene import expand
 from elys.render_node.data_colors import data_pixels, depth_unit_of
 from elys.render_node.drawable_assets import DrawableAssets
 from elys.render_node.gpu import Context
-from elys.render_node.offline import load_picture, save_picture
+from elys.render_node.offline import OfflineRenderer, load_picture, save_picture
 from elys.render_node.passes.data import DATA_KINDS, DataKind
 from elys.render_node.quality import FAST, FULL, Quality
 from elys.render_node.render_world import RenderWorld
@@ -50,7 +61,7 @@ def checker() -> bytes:
     return data.getvalue()
 
 
-def still_life(store: AssetStore) -> SceneTables:
+def still_life_things(store: AssetStore) -> list[Sequence[Component]]:
     """A bit of everything: metals, glass, an image, a glow, a sun with shadows, a bulb, a spot, a mirrored thing."""
     image = store.put(checker(), kind="image")
     things: list[Sequence[Component]] = [
@@ -88,8 +99,31 @@ def still_life(store: AssetStore) -> SceneTables:
         ),
         (Transform(position=(0.6, 2.6, 6.5), rotation=facing((-0.05, -0.33, -1.0))), Camera(field_of_view=0.7)),
     ]
+    return things
+
+
+def still_life(store: AssetStore) -> SceneTables:
+    """All of them."""
+    things = still_life_things(store)
     components = [{type(value).__name__: value for value in found} for found in things]
     return tables_of(range(1, len(things) + 1), [0] * len(things), components)
+
+
+def still_life_mirror(store: AssetStore) -> SceneMirror:
+    """The same, as the bus tells of it."""
+    mirror = SceneMirror()
+    changes = tuple(
+        Spawned(
+            entity=number,
+            name="",
+            parent=0,
+            enabled=True,
+            components={type(value).__name__: values_of(value) for value in found},
+        )
+        for number, found in enumerate(still_life_things(store), 1)
+    )
+    mirror.apply_delta(SceneDelta(epoch=0, sequence=0, tick=0, changes=changes))
+    return mirror
 
 
 def demo_scene(store: AssetStore) -> SceneTables:
@@ -172,4 +206,19 @@ def test_pictures_of_data_stay_as_they_are(context: Context, request: pytest.Fix
         save_picture(path, picture)
     difference = np.abs(picture.astype(int) - load_picture(path).astype(int))
     assert difference.mean() <= MEAN_TOLERANCE, f"{kind} differs by {difference.mean():.2f} on average"
+    assert (difference.max(axis=-1) > FAR_OFF).mean() <= FAR_OFF_SHARE
+
+
+def test_a_picture_of_classes_stays_as_it_is(context: Context, request: pytest.FixtureRequest) -> None:
+    store = AssetStore()
+    mirror = still_life_mirror(store)
+    with OfflineRenderer(
+        mirror, store.get, width=SIZE[0], height=SIZE[1], shows="segmentation", context=context
+    ) as renderer:
+        picture = renderer.picture()[..., :3]
+    path = FOLDER / "still_life_segmentation.png"
+    if request.config.getoption("--draw-golden"):
+        save_picture(path, picture)
+    difference = np.abs(picture.astype(int) - load_picture(path).astype(int))
+    assert difference.mean() <= MEAN_TOLERANCE
     assert (difference.max(axis=-1) > FAR_OFF).mean() <= FAR_OFF_SHARE

@@ -10,7 +10,7 @@ from elys.common.components import Quat, Vec3
 from elys.common.scene import EntityRecord, SceneSettings
 
 # What a picture says of the surfaces seen: the light they send, or their data. See docs/picture-output.md.
-Shows = Literal["shaded", "normals", "albedo", "roughness", "depth", "entity", "wireframe", "overdraw"]
+Shows = Literal["shaded", "normals", "albedo", "roughness", "depth", "entity", "segmentation", "wireframe", "overdraw"]
 # What can be drawn over it in lines and letters. See docs/picture-output.md.
 Debug = Literal[
     "aabb",

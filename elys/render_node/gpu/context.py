@@ -9,7 +9,7 @@ from typing import Any, Final, Literal
 
 import moderngl
 
-from elys.common.errors import DisplayError
+from elys.common.errors import ContextLost, DisplayError
 
 GL_VERSION: Final = 330
 Blend = Literal["none", "over", "add"]
@@ -37,8 +37,14 @@ _REMEDIES: Final = (
 
 # What GL says when it cannot go on. moderngl has no name for a lost context (0x0507): it is the one that it calls unknown.
 _FAILURES: Final = {
-    "GL_OUT_OF_MEMORY": "the graphics card has no memory left; draw smaller pictures, or use fewer and smaller images",
-    "GL_UNKNOWN_ERROR": "the driver has lost the context, as when a graphics card is reset; start the render node again",
+    "GL_OUT_OF_MEMORY": (
+        DisplayError,
+        "the graphics card has no memory left; draw smaller pictures, or use fewer and smaller images",
+    ),
+    "GL_UNKNOWN_ERROR": (
+        ContextLost,
+        "the driver has lost the context, as when a graphics card is reset; the process that draws has to start again",
+    ),
 }
 
 
@@ -132,11 +138,16 @@ class Context:
         self.gl.front_face = "cw" if mirrored else "ccw"
 
     def check(self, what: str) -> None:
-        """Raises DisplayError if the driver has given up on something since the last call; `what` was being done."""
+        """Raises an error if the driver has given up on something since the last call; `what` was being done.
+
+        Raises:
+            DisplayError: the card has no memory for it. ContextLost: nothing can be drawn in this process any more.
+        """
         error = self.gl.error
         if error == "GL_NO_ERROR" or error not in _FAILURES:
             return  # what a program does wrong is ours to find in tests, and no reason to stop
-        raise DisplayError(f"{what} failed: {_FAILURES[error]}")
+        kind, reason = _FAILURES[error]
+        raise kind(f"{what} failed: {reason}")
 
     def check_size(self, what: str, width: int, height: int) -> None:
         """Raises DisplayError for images that this driver cannot hold."""

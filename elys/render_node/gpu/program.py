@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from elys.common.errors import DisplayError
+from elys.common.errors import ShaderError
 from elys.render_node.gpu.context import Context
 
 SHADERS: Final = "elys.render_node.shaders"
@@ -52,8 +52,8 @@ TEXTURE_UNITS: Final[Mapping[str, int]] = {
     "mask": 0,
 }
 _INCLUDE: Final = re.compile(r'\s*#include\s+"([^"]+)"')
-# Mesa 0:12(3), NVIDIA 0(12), Apple ERROR: 0:12
-_ERROR_LINE: Final = re.compile(r"^\s*(?:ERROR:\s*)?\d+[:(](\d+)", re.MULTILINE)
+# Mesa 0:12(3): error, NVIDIA 0(12) : error, Apple ERROR: 0:12: cause
+_ERROR_LINE: Final = re.compile(r"^\s*(?:ERROR:\s*)?\d+[:(](\d+)\)?(?:\(\d+\))?\s*:?\s*", re.MULTILINE)
 
 Place = tuple[str, int]  # file and line, from 1
 
@@ -73,7 +73,7 @@ class Program:
         """`captured` are outputs of the vertex shader that a Capture keeps, one behind the other; then there is no fragment
         shader, and `fragment` is empty.
 
-        Raises DisplayError with file, line and source line where the driver does not take a shader.
+        Raises ShaderError with file, line and source line where the driver does not take a shader.
         """
         vertex_source, vertex_places = expand(vertex, defines)
         fragment_source, fragment_places = expand(fragment, defines) if fragment else ("", [])
@@ -86,7 +86,7 @@ class Program:
             message = str(error)
             places = fragment_places if "fragment_shader" in message else vertex_places
             source = fragment_source if "fragment_shader" in message else vertex_source
-            raise DisplayError(_explain(message, source, places)) from error
+            raise ShaderError(_explain(message, source, places)) from error
         self._names = frozenset(self.raw)  # moderngl looks through all of them one by one
         self.files = frozenset(file for file, _ in (*vertex_places, *fragment_places))
         self._finalizer = context.adopt(self, "program", self.raw)
@@ -125,13 +125,29 @@ def expand(name: str, defines: Sequence[str] = ()) -> tuple[str, list[Place]]:
     return "\n".join((lines[0], *head, *lines[1:])) + "\n", [places[0], *((name, 1) for _ in head), *places[1:]]
 
 
+def files_of(*names: str) -> frozenset[str]:
+    """These shader files and all that they include, also what is missing: where to look when something does not compile."""
+    found, waiting = set[str](), [name for name in names if name]
+    while waiting:
+        name = waiting.pop()
+        if name in found:
+            continue
+        found.add(name)
+        try:
+            text = resources.files(SHADERS).joinpath(name).read_text(encoding="utf-8")
+        except OSError:
+            continue
+        waiting += [include.group(1) for include in map(_INCLUDE.match, text.splitlines()) if include]
+    return frozenset(found)
+
+
 def _append(name: str, lines: list[str], places: list[Place], *, included: tuple[str, ...]) -> None:
     if name in included:
-        raise DisplayError(f"the shader {included[-1]} includes {name}, which includes it")
+        raise ShaderError(f"the shader {included[-1]} includes {name}, which includes it")
     try:
         text = resources.files(SHADERS).joinpath(name).read_text(encoding="utf-8")
     except OSError as error:
-        raise DisplayError(f"the shader {name} is missing from the installation: install ELYS again") from error
+        raise ShaderError(f"the shader {name} is missing from the installation: install ELYS again") from error
     for number, line in enumerate(text.splitlines(), 1):
         include = _INCLUDE.match(line)
         if include:
@@ -144,8 +160,8 @@ def _append(name: str, lines: list[str], places: list[Place], *, included: tuple
 def _explain(message: str, source: str, places: list[Place]) -> str:
     found = _ERROR_LINE.search(message)
     if found is None or not 0 < int(found.group(1)) <= len(places):
-        return f"a shader was refused by the driver: {message.strip()}"
+        return f"the shader {places[0][0]} was refused by the driver: {message.strip()}"
     line = int(found.group(1))
     file, number = places[line - 1]
-    said = message[found.start() :].strip().splitlines()[0]
+    said = message[found.end() :].strip().splitlines()[0]
     return f"the shader {file}, line {number}: {said}\n    {source.splitlines()[line - 1].strip()}"

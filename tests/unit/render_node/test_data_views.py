@@ -223,6 +223,6 @@ def test_colours_of_data_are_what_the_manual_says() -> None:
 
 
 def test_an_unknown_view_lists_the_known_ones() -> None:
-    assert len(VIEWS) == len(DATA_KINDS) + 1
+    assert set(VIEWS) == {"shaded", *DATA_KINDS, "segmentation"}
     with pytest.raises(ElysError, match="views are shaded, normals"):
         OfflineRenderer(SceneMirror(), shows="depht")  # type: ignore[arg-type]

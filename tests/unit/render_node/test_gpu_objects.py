@@ -15,7 +15,7 @@ import pytest
 
 from elys.bus.messages.views import ViewCamera
 from elys.common.components import Environment, Light, Material, MeshRenderer, Transform
-from elys.common.errors import DisplayError
+from elys.common.errors import ContextLost, DisplayError, ElysError
 from elys.common.scene import PictureSettings
 from elys.render_node.gpu import (
     Buffer,
@@ -191,9 +191,13 @@ def test_what_is_larger_than_the_driver_takes_is_said(context: Context) -> None:
 
 
 @pytest.mark.parametrize(
-    ("error", "said"), [("GL_OUT_OF_MEMORY", "no memory left"), ("GL_UNKNOWN_ERROR", "lost the context")]
+    ("error", "kind", "said"),
+    [
+        ("GL_OUT_OF_MEMORY", DisplayError, "no memory left"),
+        ("GL_UNKNOWN_ERROR", ContextLost, "lost the context"),
+    ],
 )
-def test_a_driver_that_gives_up_is_explained(error: str, said: str) -> None:
+def test_a_driver_that_gives_up_is_explained(error: str, kind: type[ElysError], said: str) -> None:
     class Driver:
         """As moderngl's context tells it."""
 
@@ -206,7 +210,7 @@ def test_a_driver_that_gives_up_is_explained(error: str, said: str) -> None:
     made = Context(driver)
     made.check("drawing")
     driver.error = error
-    with pytest.raises(DisplayError, match=f"drawing failed: .*{said}"):
+    with pytest.raises(kind, match=f"drawing failed: .*{said}"):
         made.check("drawing")
 
 

@@ -100,6 +100,7 @@ def test_colours_are_read_by_another_reader_as_they_were(tmp_path: Path, kind: t
     [
         ("depth", np.float32, "Z"),
         ("entity", np.uint32, "id"),
+        ("segmentation", np.uint32, "class"),
         ("roughness", np.float32, "Y"),
         ("overdraw", np.float32, "Y"),
     ],

@@ -12,8 +12,8 @@ from elys.bus.session import Session
 from elys.bus.streaming.client import StreamClient
 from elys.bus.transports.loopback import LoopbackBroker
 from elys.common.components import MeshRenderer, Transform
-from elys.render_node.node import SceneFollower
 from elys.render_node.playout import BRIDGED_AT_MOST, SLEW, STREAM_WAIT
+from elys.render_node.scene_following import SceneFollower
 from elys.render_node.timeline import LONGEST_LOOKAHEAD, Timeline
 
 BODY = np.array([1], np.uint32)

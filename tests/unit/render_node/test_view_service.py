@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import io
 import itertools
 import mmap
@@ -25,16 +26,18 @@ from elys.bus.messages.physics import DebugLines
 from elys.bus.messages.plan import RenderProfile
 from elys.bus.messages.scene import ComponentSet, SceneDelta, SettingsSet, Snapshot, SnapshotRequest, Spawned
 from elys.bus.messages.state_frame import StateFrame
-from elys.bus.messages.views import PickRequest, SharedRing, ViewCamera, ViewFrame, ViewRequest
+from elys.bus.messages.views import PickRequest, SharedRing, ThumbnailRequest, ViewCamera, ViewFrame, ViewRequest
 from elys.bus.mirror import SceneMirror
 from elys.bus.picture_ring import boot_id
 from elys.bus.session import Session
 from elys.bus.transports.loopback import LoopbackBroker
 from elys.common.assets import AssetStore
 from elys.common.components import Light, Material, MeshRenderer, Overlay, OverlayPanel, Transform, values_of
-from elys.common.errors import BusError
+from elys.common.errors import BusError, ContextLost, DisplayError, RequestError
 from elys.render_node.node import serve_views
 from elys.render_node.quality import FAST
+from elys.render_node.renderer import Renderer
+from elys.render_node.scene_classes import SceneClasses
 from elys.render_node.view_desk import SILENCE, ViewDesk, sane_camera, sane_size
 
 PATIENCE = 20.0  # [s] far beyond what anything here takes; a failure, not a measure
@@ -61,6 +64,7 @@ class Play:
         self.host, self.viewer, self.mirror, self.node = host, viewer, mirror, node
         self.frames: asyncio.Queue[ViewFrame] = asyncio.Queue()
         self.pictures_sent: list[ViewFrame] = []
+        self.task: asyncio.Task[None]
         self._sequence = 0
         viewer.subscribe(topics.VIEW_FRAME, lambda frame, _: self.frames.put_nowait(frame))
 
@@ -112,6 +116,7 @@ async def play(context: Any) -> AsyncIterator[Play]:
     viewer = await Session.join(broker.connect(), kind="editor")
     made = Play(host, viewer, mirror, render.node.id)
     task = asyncio.create_task(serve_views(render, context=context, quality=FAST, measure=made.pictures_sent.append))
+    made.task = task
     try:
         await asyncio.sleep(0)  # the task subscribes in its first step
         yield made
@@ -245,6 +250,67 @@ def test_picking_answers_with_place_and_tick(context) -> None:
 
 
 @pytest.mark.gl
+def test_what_cannot_be_drawn_is_said_once_and_then_drawn_again(context, monkeypatch, caplog) -> None:
+    reason = "making a framebuffer failed: the graphics card has no memory left"
+    tried: list[bool] = []
+
+    def fail(*_: Any, **__: Any) -> None:
+        tried.append(True)
+        raise DisplayError(reason)
+
+    async def act(made: Play) -> None:
+        await made.picture()
+        with monkeypatch.context() as patch:
+            patch.setattr(Renderer, "draw", fail)
+            for _ in range(3):
+                count = len(tried)
+                made.ask()
+                async with asyncio.timeout(PATIENCE):
+                    while len(tried) == count:
+                        await asyncio.sleep(0)
+        await made.picture()
+        said = [record.getMessage() for record in caplog.records if record.levelname == "ERROR"]
+        assert said == [f"view eye cannot be drawn: {reason}"]
+
+    run(context, act)
+
+
+class LostDriver:
+    """moderngl's context, as it is after a card was reset."""
+
+    def __init__(self, gl: Any) -> None:
+        self._gl, self.error = gl, "GL_UNKNOWN_ERROR"
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._gl, name)
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("asked", ["a picture", "data", "a pick", "a thumbnail"])
+def test_a_node_ends_when_the_context_is_lost_whoever_meets_it(context, monkeypatch, caplog, asked: str) -> None:
+    questions: dict[str, tuple[Any, Any]] = {
+        "a pick": (topics.PICK, PickRequest(camera=CAMERA, width=40, height=30, x=20, y=15)),
+        "a thumbnail": (topics.THUMBNAIL, ThumbnailRequest(records=())),
+    }
+
+    async def act(made: Play) -> None:
+        await made.picture()
+        monkeypatch.setattr(context, "gl", LostDriver(context.gl))
+        if asked in questions:
+            query, request = questions[asked]
+            with pytest.raises(RequestError, match="lost the context"):
+                await made.viewer.request(query, request, key=made.node, timeout=PATIENCE)
+        else:
+            made.ask(shows="shaded" if asked == "a picture" else "depth")
+        with pytest.raises(ContextLost, match="the process that draws has to start again"):
+            await asyncio.wait_for(asyncio.shield(made.task), PATIENCE)
+        assert not [record for record in caplog.records if record.levelname == "ERROR"]  # who runs it says it
+
+    with contextlib.suppress(ContextLost):
+        run(context, act)
+
+
+@pytest.mark.gl
 def test_a_view_shows_data_when_asked(context) -> None:
     slot_size = 40 * 30 * 4
     descriptor = os.memfd_create("elys-test")
@@ -258,6 +324,8 @@ def test_a_view_shows_data_when_asked(context) -> None:
         ring = SharedRing(
             machine=boot_id(), process=os.getpid(), descriptor=descriptor, slot_count=3, slot_size=slot_size
         )
+        (box_class,) = SceneClasses(made.mirror).legend()
+        np.testing.assert_allclose(middle(await made.picture(shows="segmentation")), box_class.color, atol=6)
         frame = await made.picture(ring=ring, shows="normals")
         with mmap.mmap(descriptor, 3 * slot_size) as memory:
             pixels = np.frombuffer(memory[frame.slot * slot_size :][:slot_size], np.uint8).reshape(30, 40, 4)

@@ -125,6 +125,72 @@ asyncio.run(main())
 
 
 @pytest.mark.gl
+def test_a_window_whose_pictures_fail_lives_on_and_says_it_once() -> None:
+    script = """
+import logging
+said = []
+class Said(logging.Handler):
+    def emit(self, record):
+        said.append(record.getMessage())
+logging.getLogger().addHandler(Said(logging.ERROR))
+made, drawn, tried = [], [], []
+class Watched(view_window._Viewer):
+    def __init__(self, *arguments):
+        super().__init__(*arguments)
+        made.append(self)
+view_window._Viewer = Watched
+reason = "making a picture of 8 x 8 pixels failed: the graphics card has no memory left"
+fails = True
+class Failing(view_window.Renderer):
+    def draw(self, *arguments, **options):
+        tried.append(fails)
+        if fails:
+            raise DisplayError(reason)
+        return super().draw(*arguments, **options)
+view_window.Renderer = Failing
+view_window.RETRY_TIME = 0.01
+
+async def tries(count):
+    tried.clear()
+    while len(tried) < count:
+        await asyncio.sleep(0.001)
+
+async def main():
+    global fails, reason
+    host, session = await open_session()
+    task = asyncio.create_task(view_window.run_view(session))
+    await tries(3)  # again by itself, though nothing changes
+    viewer = made[0]
+    for _ in range(3):
+        viewer._window.on_event(Dragged("left", 0.1, 0.0))
+        await tries(1)
+    assert view_window.NOT_DRAWN in viewer.title(), viewer.title()
+    assert said == ["the window keeps its last picture: " + reason], said
+    assert not viewer._shown_at
+    reason = "another"
+    await tries(2)
+    assert len(said) == 2, said
+    fails = False
+    while not viewer._shown_at:
+        await asyncio.sleep(0.001)
+    assert view_window.NOT_DRAWN not in viewer.title(), viewer.title()
+    fails = True
+    viewer._window.on_event(Dragged("left", 0.1, 0.0))
+    await tries(1)
+    assert len(said) == 3, said  # it had gone well in between
+    viewer._window.on_event(KeyPressed("escape"))
+    await asyncio.wait_for(task, 20)
+    try:
+        await view_window.run_view(session, frames=2)
+    except DisplayError:
+        print("refused")
+    await session.close(); await host.close()
+asyncio.run(main())
+"""
+    assert in_process(script) == "refused"
+
+
+@pytest.mark.gl
 def test_a_thin_window_shows_what_a_render_node_draws() -> None:
     script = """
 import numpy as np

@@ -87,6 +87,16 @@ def test_numbers_are_the_light_behind_the_picture(elys, scene: Path) -> None:
     assert len(np.unique(ids)) == 3  # the sky, the floor and the box
     assert depth[ids == np.unique(ids)[2]].min() == pytest.approx(5.5, abs=1e-3)  # the front of the box
     assert load_picture(Path("depth.png")).shape == (64, 96, 3)
+    assert "classes in kinds.classes.json" in works(
+        elys("render", scene, "-o", "kinds.npy", *SIZE, "--view", "segmentation")
+    )
+    kinds = np.load("kinds.npy")
+    legend = {
+        0: None,
+        **{one["id"]: one["name"] for one in json.loads(Path("kinds.classes.json").read_text())["classes"]},
+    }
+    assert kinds.dtype == np.uint32
+    assert [legend[int(kinds[ids == entity].max())] for entity in np.unique(ids)] == [None, "Floor", "Box"]
 
 
 @pytest.mark.gl
