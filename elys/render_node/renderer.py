@@ -5,10 +5,12 @@ RenderWorld ──plan_picture──> PicturePlan ──passes──> light (RGB
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Final
+from weakref import WeakSet
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,12 +34,14 @@ from elys.render_node.passes.overlay import OverlayPass
 from elys.render_node.passes.picking import PickingPass
 from elys.render_node.passes.shading import OpaquePass, TransparentPass
 from elys.render_node.passes.shadow import LampShadowPass, ShadowPass
+from elys.render_node.picture_lights import MOST_FURTHER_SUNS, MOST_LAMPS
 from elys.render_node.picture_parts import Part
 from elys.render_node.picture_plan import PicturePlan, plan_ghosts, plan_picture
 from elys.render_node.quality import FULL, Quality
 from elys.render_node.render_world import RenderWorld
 from elys.render_node.resources import Resources
 
+_log = logging.getLogger(__name__)
 KEPT_SIZES: Final = 4  # picture sizes whose framebuffers are kept: views of several sizes take turns
 
 
@@ -75,6 +79,7 @@ class Renderer:
         self._quality = quality
         self._targets: dict[tuple[int, int, bool], Targets] = {}
         self._shadow_world: RenderWorld | None = None
+        self._told_worlds: WeakSet[RenderWorld] = WeakSet()  # of which was said that they have too many lights
         self._shadow = ShadowPass(self.resources)
         self._lamp_shadows = LampShadowPass(self.resources)
         self._environment = EnvironmentPass(self.resources, quality)
@@ -124,6 +129,8 @@ class Renderer:
             whole = replace(whole, ghosts=plan_ghosts(view, ghosts)) if ghosts else whole
             whole = replace(whole, overlays=overlays) if overlays else whole
             self.planned = whole
+            if any(whole.left_out) and world not in self._told_worlds:
+                self._tell_left_out(whole)
         plan, targets = self._draw_light(whole, region)
         picture = target if target is not None else targets.picture
         with self._timed("finish"):
@@ -307,6 +314,16 @@ class Renderer:
         while [name for name in images if self.resources.overlay_images.size(name) is None]:
             if time.monotonic() >= end or not world.assets.wait_for_one(end - time.monotonic()):
                 return
+
+    def _tell_left_out(self, plan: PicturePlan) -> None:
+        """Once of each world: who is left out may change with every step of the eye."""
+        self._told_worlds.add(plan.world)
+        _log.warning(
+            "a picture has room for %d suns and %d lamps: left out, as they give the eye least light, are %d suns and %d lamps",
+            MOST_FURTHER_SUNS + 1,
+            MOST_LAMPS,
+            *plan.left_out,
+        )
 
     def _show(self, plan: PicturePlan, targets: Targets, picture: Framebuffer) -> None:
         """Turns light into what the screen shows, unless the passes did so already."""
