@@ -105,7 +105,7 @@ def srgb(linear: float) -> float:
 
 
 def test_the_formula_of_neutral_keeps_what_its_specification_promises() -> None:
-    """Base colours up to 0.8 under white light come out as they are once the mirrored 4 % are taken off; highlights go to white."""
+    """Base colours up to 0.8 come out as they are, less the 4 % that all surfaces mirror; highlights go to white."""
     assert khronos_neutral((0.54, 0.24, 0.14)) == pytest.approx([0.5, 0.2, 0.1])
     assert khronos_neutral((0.8, 0.8, 0.8)) == pytest.approx([0.76] * 3)
     bright = khronos_neutral((1000.0, 10.0, 10.0))
@@ -115,7 +115,7 @@ def test_the_formula_of_neutral_keeps_what_its_specification_promises() -> None:
 @pytest.mark.gl
 @pytest.mark.parametrize("quality", [FULL, FAST], ids=["full", "fast"])
 def test_neutral_is_the_formula_of_its_specification(stage, context, quality) -> None:
-    """Dark colours of which less is taken off, colours around 0.8 where compression begins, and highlights that lose their hue."""
+    """Dark colours, of which less is taken off; those around 0.8, where compression begins; highlights, which lose hue."""
     levels = (0.0, 0.02, 0.079, 0.081, 0.3, 0.759, 0.81, 1.0, 2.5, 12.0, 200.0)
     colors = [(a, b, 0.05) for a in levels for b in levels] + [(level,) * 3 for level in levels]
     columns, rows = 12, 11
