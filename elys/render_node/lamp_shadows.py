@@ -13,7 +13,7 @@ from elys.common.math import quaternion
 from elys.common.math.matrix import look_rotation, perspective
 from elys.render_node.camera import frustum_planes
 from elys.render_node.crowd import Crowd
-from elys.render_node.picture_lights import by_light_at
+from elys.render_node.picture_lights import FEW_LAMPS, by_light_at
 from elys.render_node.render_world import PlacedLight
 from elys.render_node.scene_tables import Rows
 
@@ -30,7 +30,6 @@ FACES: Final = (
 WIDEST: Final = (
     1.05  # [rad] half the opening of a spot that gets by with one square: wider ones would have coarse edges
 )
-SERVED_IN_ORDER: Final = 8  # lamps; where there are more, shadows near the eye matter more than that they stay the same
 NEAR_SHARE: Final = 1e-3  # of how far a lamp's shadows reach
 
 
@@ -124,7 +123,8 @@ def _served(lamps: list[PlacedLight], eye: NDArray[np.float64]) -> set[int]:
     while the same are served.
     """
     served, left = set(), SIDE * SIDE
-    for number in range(len(lamps)) if len(lamps) <= SERVED_IN_ORDER else by_light_at(lamps, eye).tolist():
+    # Where there are many, shadows near the eye matter more than that they stay the same.
+    for number in range(len(lamps)) if len(lamps) <= FEW_LAMPS else by_light_at(lamps, eye).tolist():
         squares = shadow_squares(lamps[number])
         if 0 < squares <= left:
             served.add(number)

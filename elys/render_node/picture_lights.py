@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from elys.render_node.render_world import PlacedLight
 
 MOST_FURTHER_SUNS: Final = 7  # beside the one that has the maps of shadows
+FEW_LAMPS: Final = 8  # up to so many are not looked at one by one
 MOST_LAMPS: Final = 64  # with all else, well within the 16 KiB that GL 3.3 promises a block
 
 
@@ -33,21 +34,25 @@ class ShiningLights(NamedTuple):
     left_out: LeftOut
 
 
-def shining_lights(lights: list[PlacedLight], eye: NDArray[np.float64], planes: NDArray[np.float64]) -> ShiningLights:
-    """Chooses for a view with its eye there [m], whose space six planes (6, 4) enclose, relative to the eye."""
+def shining_lights(
+    lights: list[PlacedLight], eye: NDArray[np.float64], planes: NDArray[np.float64], *, with_shadows: bool
+) -> ShiningLights:
+    """Chooses for a view with its eye there [m], whose space six planes (6, 4) enclose, relative to the eye; `with_shadows` where
+    lamps may throw some.
+    """
     suns: list[PlacedLight] = []
     lamps: list[PlacedLight] = []
     for placed in lights:
         if placed.light.intensity > 0.0:
             (suns if placed.light.kind == "directional" else lamps).append(placed)
-    if len(suns) <= 1 and len(lamps) <= MOST_LAMPS:
+    if len(suns) <= 1 and len(lamps) <= FEW_LAMPS:
         sun = suns[0] if suns else None
         return ShiningLights(sun, [], lamps, sun, NOBODY)
     suns.sort(key=lambda placed: -placed.light.intensity)
     brightest = suns[0] if suns else None
     sun = next((placed for placed in suns if placed.light.cast_shadows), brightest)
     further = [placed for placed in suns if placed is not sun]
-    lamps, lamps_left = _lamps(lamps, eye, planes)
+    lamps, lamps_left = _lamps(lamps, eye, planes, with_shadows=with_shadows)
     left_out = LeftOut(len(further[MOST_FURTHER_SUNS:]), lamps_left)
     return ShiningLights(sun, further[:MOST_FURTHER_SUNS], lamps, brightest, left_out)
 
@@ -60,18 +65,20 @@ def by_light_at(lamps: list[PlacedLight], place: NDArray[np.float64]) -> NDArray
 
 
 def _lamps(
-    lamps: list[PlacedLight], eye: NDArray[np.float64], planes: NDArray[np.float64]
+    lamps: list[PlacedLight], eye: NDArray[np.float64], planes: NDArray[np.float64], *, with_shadows: bool
 ) -> tuple[list[PlacedLight], int]:
-    """Those that shine, and how many do not for want of room. Where there are too many, those go first whose light ends outside
-    the view: they are missed by nobody.
+    """Those that shine, and how many do not for want of room. Nobody misses those whose light ends outside the view, but as
+    long as there is room they keep their part of the maps of shadows, lest it goes round as the eye turns.
     """
-    if len(lamps) <= MOST_LAMPS:
+    if len(lamps) <= FEW_LAMPS:
         return lamps, 0
     offset = np.array([placed.position for placed in lamps]) - eye
     reach = np.array([placed.light.range or np.inf for placed in lamps])
-    within = (offset @ planes[:, :3].T + planes[:, 3]).min(axis=1) > -reach
-    reaching = [placed for placed, is_within in zip(lamps, within, strict=True) if is_within]
-    if len(reaching) <= MOST_LAMPS:
-        return reaching, 0
-    chosen = np.sort(by_light_at(reaching, eye)[:MOST_LAMPS])
-    return [reaching[number] for number in chosen], len(reaching) - MOST_LAMPS
+    shines = (offset @ planes[:, :3].T + planes[:, 3]).min(axis=1) > -reach
+    if with_shadows and len(lamps) <= MOST_LAMPS:
+        shines |= [placed.light.cast_shadows for placed in lamps]
+    shining = [lamps[number] for number in np.flatnonzero(shines)]
+    if len(shining) <= MOST_LAMPS:
+        return shining, 0
+    chosen = np.sort(by_light_at(shining, eye)[:MOST_LAMPS])
+    return [shining[number] for number in chosen], len(shining) - MOST_LAMPS

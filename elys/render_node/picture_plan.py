@@ -108,7 +108,7 @@ def plan_picture(
     relative = (crowd.centre - view.eye[:, None]).astype(np.float32)
     margin = _margin(planes, relative)
     seen = np.flatnonzero(margin > -crowd.radius)
-    lights = shining_lights(world.lights(), view.eye, planes)
+    lights = shining_lights(world.lights(), view.eye, planes, with_shadows=lamp_shadow_size > 0)
     cascades = (
         _cascades(world, view, lights.sun, shadow_size, MOST_CASCADES if long_views else 1) if shadow_size else ()
     )

@@ -266,11 +266,37 @@ def test_lamps_whose_light_ends_outside_the_view_take_no_room() -> None:
 
 
 def test_the_same_lamps_shine_while_the_eye_turns_and_takes_a_step() -> None:
-    stage = lit_stage(lamps(MOST_LAMPS))
-    everybody = [placed.light for placed in planned(stage).lamps]
+    """Those whose light has no end, and those that throw shadows, as long as there is room."""
+    random = np.random.default_rng(2)
+    stage = lit_stage(
+        (
+            Transform(position=tuple(random.uniform(-9.0, 9.0, 3).tolist())),
+            Light(kind="point", range=number % 2, cast_shadows=number % 2 == 1),
+        )
+        for number in range(MOST_LAMPS)
+    )
+    everybody = [placed.light for placed in planned(stage, lamp_shadow_size=1024).lamps]
+    assert len(everybody) == MOST_LAMPS
     for place, ahead in (((0.0, 3.0, 4.0), (1.0, -1.0, 0.0)), ((8.0, 1.0, -3.0), (-1.0, 0.0, 0.0))):
         camera = ViewCamera(position=place, rotation=tuple(look_rotation(ahead).tolist()), field_of_view=0.7)
-        assert [placed.light for placed in planned(stage, camera).lamps] == everybody
+        assert [placed.light for placed in planned(stage, camera, lamp_shadow_size=1024).lamps] == everybody
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("quality", [EXACT, FAST], ids=["exact", "fast"])
+def test_lamps_that_are_not_looped_over_are_seen_by_nobody(context, quality: Quality, monkeypatch) -> None:
+    """All pixels are the same where all lamps are in the loop; balls at the edge of what is seen get light from beyond it."""
+    row = [
+        (Transform(position=(0.25 * number - 5.0, 0.5, 0.7)), Light(kind="point", range=0.9, cast_shadows=False))
+        for number in range(41)
+    ]
+    stage = lit_stage(row)
+    assert 10 < len(planned(stage).lamps) < 25
+    few = light_of(Renderer(context, quality=quality), stage)
+    monkeypatch.setattr("elys.render_node.picture_lights.FEW_LAMPS", MOST_LAMPS)
+    assert len(planned(stage).lamps) == len(row)
+    assert np.array_equal(light_of(Renderer(context, quality=quality), stage), few)
+    assert few.max() > 0.2
 
 
 def test_the_nearest_of_many_lamps_throw_the_shadows() -> None:
