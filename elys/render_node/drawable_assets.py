@@ -63,10 +63,13 @@ class DrawableAssets:
         *,
         on_ready: Callable[[], None] = lambda: None,
         clock: Callable[[], float] = time.monotonic,
+        source_of: Callable[[str], str] = lambda _: "",
     ) -> None:
+        """`source_of` says which file a reference comes from, "" where that is not known."""
         self._fetch = fetch
         self._on_ready = on_ready
         self._clock = clock
+        self._source_of = source_of
         self._setbacks: dict[str, _Setback] = {}
         self._lock = threading.Lock()
         self._meshes: dict[str, Mesh] = {}
@@ -168,9 +171,14 @@ class DrawableAssets:
             self._setbacks.clear()
             self.version += 1
 
+    def told(self, reference: str) -> str:
+        """What people are told of a reference: its file, where that is known."""
+        source = self._source_of(reference)
+        return f"{source} ({reference})" if source else reference
+
     def give_up(self, reference: str, reason: str) -> None:
         """Notes that something came in vain, as where the graphics card has no room for it; says so."""
-        _log.warning("drawn without %s: %s", reference, reason)
+        _log.warning("drawn without %s: %s", self.told(reference), reason)
         with self._lock:
             self._setbacks.pop(reference, None)
         self._fail(reference, reason)
@@ -218,7 +226,7 @@ class DrawableAssets:
         except MemoryError:
             self.give_up(reference, "there is not memory enough to decode it; use fewer and smaller images and meshes")
         except Exception as error:
-            _log.exception("drawn without %s", reference)
+            _log.exception("drawn without %s", self.told(reference))
             self._fail(reference, str(error))
         finally:
             self._on_ready()
@@ -238,7 +246,7 @@ class DrawableAssets:
             if before is not None:
                 self._pending.pop(reference, None)  # else where it counts as failed, lest it is asked for in between
         if before is None:
-            _log.warning("drawn without %s, until it comes: %s", reference, reason)
+            _log.warning("drawn without %s, until it comes: %s", self.told(reference), reason)
             self._fail(reference, reason)
         return None
 

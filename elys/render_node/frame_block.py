@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elys.render_node.lamp_shadows import SIDE, LampShadows, shadow_squares
-from elys.render_node.picture_plan import MAX_LAMPS, PicturePlan
+from elys.render_node.picture_lights import MOST_FURTHER_SUNS, MOST_LAMPS
+from elys.render_node.picture_plan import PicturePlan
 from elys.render_node.render_world import PlacedLight
 from elys.render_node.shadow_fit import MOST_CASCADES, atlas_shape
 
@@ -24,6 +25,7 @@ NORMAL_OFFSET: Final = 1.4  # texels by which a shaded point is lifted off its s
 _LAMP: Final = np.dtype(
     [("position_range", "<f4", 4), ("color_scale", "<f4", 4), ("direction_offset", "<f4", 4), ("shadow", "<f4", 4)]
 )
+_SUN: Final = np.dtype([("direction", "<f4", 4), ("illuminance", "<f4", 4)])
 FRAME_DTYPE: Final = np.dtype(
     [
         ("clip_from_relative", "<f4", (4, 4)),
@@ -39,8 +41,9 @@ FRAME_DTYPE: Final = np.dtype(
         ("viewport", "<f4", 4),
         ("fog_color", "<f4", 4),
         ("fog_shape", "<f4", 4),
-        ("lamps", _LAMP, MAX_LAMPS),
+        ("lamps", _LAMP, MOST_LAMPS),
         ("lamp_maps", "<f4", (SIDE * SIDE, 4, 4)),
+        ("further_suns", _SUN, MOST_FURTHER_SUNS),
     ]
 )
 # From clip space of the shadow map, -1..1, to where its texels are, 0..1.
@@ -57,9 +60,10 @@ def frame_block(plan: PicturePlan, harmonics: NDArray[np.float64], tiles: NDArra
     frame["clip_from_relative"] = view.clip_from_relative.T
     frame["relative_from_clip"] = np.linalg.inv(view.clip_from_relative).T
     if plan.sun is not None:
-        light = plan.sun.light
         frame["sun_direction"][:3] = -plan.sun.direction
-        frame["sun_illuminance"][:3] = np.multiply(light.color, light.intensity)
+        frame["sun_illuminance"][:3] = _strength(plan.sun)
+    if plan.further_suns:
+        _fill_further_suns(frame, plan.further_suns)
     if plan.cascades:
         _fill_cascades(frame, plan)
     picture = plan.picture
@@ -71,12 +75,18 @@ def frame_block(plan: PicturePlan, harmonics: NDArray[np.float64], tiles: NDArra
     wrapped = view.eye % GRID_PERIOD
     frame["grid_origin"] = (wrapped[0], view.eye[1], wrapped[2], plan.picture.exposure_factor)
     frame["viewport"] = (view.width, view.height, len(plan.lamps), view.camera.far)
-    for slot, placed in zip(frame["lamps"], plan.lamps, strict=False):
-        _fill_lamp(slot, placed, view.eye)
-    frame["lamps"]["shadow"][:, 0] = -1.0
+    if plan.lamps:
+        _fill_lamps(frame["lamps"][: len(plan.lamps)], plan.lamps, view.eye)
     if plan.lamp_shadows is not None:
         _fill_lamp_shadows(frame, plan, plan.lamp_shadows)
     return block
+
+
+def _fill_further_suns(frame: np.void, suns: list[PlacedLight]) -> None:
+    frame["sun_direction"][3] = len(suns)
+    slots = frame["further_suns"][: len(suns)]
+    slots["direction"][:, :3] = [-placed.direction for placed in suns]
+    slots["illuminance"][:, :3] = [_strength(placed) for placed in suns]
 
 
 def _fill_cascades(frame: np.void, plan: PicturePlan) -> None:
@@ -99,13 +109,27 @@ def _fill_lamp_shadows(frame: np.void, plan: PicturePlan, shadows: LampShadows) 
         frame["lamp_maps"][square] = lamp_map.T
 
 
-def _fill_lamp(slot: np.void, placed: PlacedLight, eye: NDArray[np.float64]) -> None:
+def _fill_lamps(slots: NDArray[np.void], lamps: list[PlacedLight], eye: NDArray[np.float64]) -> None:
+    cones = [_cone(placed) for placed in lamps]
+    slots["position_range"][:, :3] = np.array([placed.position for placed in lamps]) - eye
+    slots["position_range"][:, 3] = [placed.light.range for placed in lamps]
+    slots["color_scale"] = [(*_strength(placed), scale) for placed, (scale, _) in zip(lamps, cones, strict=True)]
+    slots["direction_offset"][:, :3] = [placed.direction for placed in lamps]
+    slots["direction_offset"][:, 3] = [offset for _, offset in cones]
+    slots["shadow"][:, 0] = -1.0
+
+
+def _strength(placed: PlacedLight) -> tuple[float, float, float]:
+    """Illuminance [lx] or intensity [cd] of each primary."""
+    red, green, blue = placed.light.color
+    return red * placed.light.intensity, green * placed.light.intensity, blue * placed.light.intensity
+
+
+def _cone(placed: PlacedLight) -> tuple[float, float]:
+    """Scale and offset of KHR_lights_punctual, "Inner and Outer Cone Angles"."""
     light = placed.light
-    scale, offset = 0.0, 1.0
-    if light.kind == "spot":  # KHR_lights_punctual, "Inner and Outer Cone Angles"
-        outer = math.cos(light.outer_cone_angle)
-        scale = 1.0 / max(0.001, math.cos(light.inner_cone_angle) - outer)
-        offset = -outer * scale
-    slot["position_range"] = (*(placed.position - eye), light.range)
-    slot["color_scale"] = (*np.multiply(light.color, light.intensity), scale)
-    slot["direction_offset"] = (*placed.direction, offset)
+    if light.kind != "spot":
+        return 0.0, 1.0
+    outer = math.cos(light.outer_cone_angle)
+    scale = 1.0 / max(0.001, math.cos(light.inner_cone_angle) - outer)
+    return scale, -outer * scale

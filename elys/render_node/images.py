@@ -39,6 +39,37 @@ def decode_image(data: bytes) -> NDArray[np.uint8]:
         raise AssetError(f"a {kind or 'file that is no'} image cannot be read: {error}") from error
 
 
+def shrunk(pixels: NDArray[np.uint8], largest: int, *, is_color: bool) -> NDArray[np.uint8]:
+    """RGBA pixels (H, W, 4) averaged over the fewest n by n that leave no edge longer than `largest`; colours as light, since
+    the mean of what sRGB stores is too dark.
+    """
+    step = -(-max(pixels.shape[:2]) // largest)
+    if step <= 1:
+        return pixels
+    value_of = np.tile(np.arange(256, dtype=np.float32)[:, None], 4)  # [256, 4] of each channel's bytes
+    if is_color:
+        value_of[:, :3] = _light_of_srgb(value_of[:, :3] / 255.0) * 255.0
+    rows, columns = np.arange(0, pixels.shape[0], step), np.arange(0, pixels.shape[1], step)
+    made = np.empty((len(rows), len(columns), 4), np.uint8)
+    for row, first in enumerate(rows):  # in 32 bits the whole would take four times the room
+        strip = pixels[first : first + step]
+        values = np.stack([value_of[strip[..., channel], channel].sum(axis=0) for channel in range(4)], axis=-1)
+        counts = np.minimum(columns + step, pixels.shape[1]) - columns
+        mean = np.add.reduceat(values, columns, axis=0) / (counts[:, None] * len(strip))
+        if is_color:
+            mean[:, :3] = _srgb_of_light(mean[:, :3] / 255.0) * 255.0
+        made[row] = np.rint(mean)
+    return made
+
+
+def _light_of_srgb(shown: NDArray[np.float32]) -> NDArray[np.float32]:
+    return np.where(shown <= 0.04045, shown / 12.92, ((shown + 0.055) / 1.055) ** 2.4).astype(np.float32)
+
+
+def _srgb_of_light(light: NDArray[np.float32]) -> NDArray[np.float32]:
+    return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055).astype(np.float32)
+
+
 def _from_deep_grey(pixels: NDArray[Any]) -> NDArray[np.uint8]:
     """Grey (H, W) of 16 bits, which Pillow would cut off at 255."""
     grey = (np.clip(pixels, 0, 65535).astype(np.uint32) + 128) // 257

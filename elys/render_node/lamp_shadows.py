@@ -13,6 +13,7 @@ from elys.common.math import quaternion
 from elys.common.math.matrix import look_rotation, perspective
 from elys.render_node.camera import frustum_planes
 from elys.render_node.crowd import Crowd
+from elys.render_node.picture_lights import FEW_LAMPS, by_light_at
 from elys.render_node.render_world import PlacedLight
 from elys.render_node.scene_tables import Rows
 
@@ -62,8 +63,10 @@ class LampShadows:
         return square % SIDE * edge, square // SIDE * edge, edge, edge
 
 
-def fit_lamp_shadows(crowd: Crowd, lamps: list[PlacedLight], casters: Rows, size: int) -> LampShadows | None:
-    """Squares for as many of the lamps as there is room for, in their order; None if no lamp throws a shadow of anything."""
+def fit_lamp_shadows(
+    crowd: Crowd, lamps: list[PlacedLight], casters: Rows, size: int, eye: NDArray[np.float64]
+) -> LampShadows | None:
+    """Squares for as many of the lamps as there is room for; None if no lamp throws a shadow of anything."""
     edge = size // SIDE
     widened = edge / (edge - 2 * BORDER)
     first: list[int] = []
@@ -72,11 +75,12 @@ def fit_lamp_shadows(crowd: Crowd, lamps: list[PlacedLight], casters: Rows, size
     places: list[NDArray[np.float64]] = []
     rows: list[Rows] = []
     key: list[float] = []
-    for placed in lamps:
+    served = _served(lamps, eye)
+    for number, placed in enumerate(lamps):
         directions = _directions(placed)
         first.append(-1)
         texel.append(0.0)
-        if not directions or not len(casters) or len(clips) + len(directions) > SIDE * SIDE:
+        if number not in served or not len(casters):
             continue
         offset = crowd.centre.T[casters] - placed.position
         reach = float((np.linalg.norm(offset, axis=1) + crowd.radius[casters]).max())
@@ -112,6 +116,20 @@ def fit_lamp_shadows(crowd: Crowd, lamps: list[PlacedLight], casters: Rows, size
 def shadow_squares(placed: PlacedLight) -> int:
     """How many squares a lamp's shadows take."""
     return len(_directions(placed))
+
+
+def _served(lamps: list[PlacedLight], eye: NDArray[np.float64]) -> set[int]:
+    """The numbers of the lamps that get squares. The squares themselves go by the order of the lamps, so that the atlas holds
+    while the same are served.
+    """
+    served, left = set(), SIDE * SIDE
+    # Where there are many, shadows near the eye matter more than that they stay the same.
+    for number in range(len(lamps)) if len(lamps) <= FEW_LAMPS else by_light_at(lamps, eye).tolist():
+        squares = shadow_squares(lamps[number])
+        if 0 < squares <= left:
+            served.add(number)
+            left -= squares
+    return served
 
 
 def _directions(placed: PlacedLight) -> list[NDArray[np.float64]]:

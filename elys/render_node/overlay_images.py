@@ -5,14 +5,12 @@ from __future__ import annotations
 import logging
 from typing import Final
 
-import numpy as np
-
 from elys.common.assets.images import placeholder_image
 from elys.common.assets.texture import split_texture
 from elys.common.errors import DisplayError
 from elys.render_node.drawable_assets import DrawableAssets
 from elys.render_node.gpu import TEXTURE_UNITS, Context, Texture
-from elys.render_node.images import decode_image
+from elys.render_node.images import decode_image, shrunk
 
 KEPT: Final = 64  # images that are not shown any more stay, up to so many
 _log = logging.getLogger(__name__)
@@ -58,8 +56,17 @@ class OverlayImages:
         pixels = assets.take_image(reference)
         if pixels is None:
             return self._placeholder() if reference in assets.failed else None
-        step = -(-max(pixels.shape[:2]) // self._context.max_size)
-        pixels = np.ascontiguousarray(pixels[::step, ::step])
+        largest = self._context.max_size
+        if max(pixels.shape[:2]) > largest:
+            size = pixels.shape[1::-1]
+            pixels = shrunk(pixels, largest, is_color=True)
+            _log.warning(
+                "%s, of an overlay, of %d x %d pixels is drawn with %d x %d: this card takes edges up to %d",
+                assets.told(reference),
+                *size,
+                *pixels.shape[1::-1],
+                largest,
+            )
         try:
             texture = Texture(self._context, (pixels.shape[1], pixels.shape[0]), "rgba8", data=pixels, mipmaps=True)
         except DisplayError as error:

@@ -66,6 +66,7 @@ def told_passes(plan: PicturePlan) -> tuple[PlannedPass, ...]:
     mapped = [call for call in shown if call.batch.look.has_normal_map]
     return (
         PlannedPass("environment", around.gives_light or around.is_seen, _why_environment(plan)),
+        PlannedPass("lights", plan.sun is not None or bool(plan.lamps), _why_lights(plan)),
         PlannedPass("shadow", ShadowPass.is_needed(plan), _why_shadow(plan)),
         PlannedPass("lamp shadows", LampShadowPass.is_needed(plan), _why_lamp_shadows(plan)),
         PlannedPass("occlusion", OcclusionPass.is_needed(plan), _why_occlusion(plan)),
@@ -140,6 +141,18 @@ def _why_environment(plan: PicturePlan) -> str:
         if around.gives_light
         else f"{what} is seen and gives no light"
     )
+
+
+def _why_lights(plan: PicturePlan) -> str:
+    suns, lamps = (plan.sun is not None) + len(plan.further_suns), len(plan.lamps)
+    if not (suns or lamps):
+        return "no sun and no lamp shines"
+    if any(plan.left_out):
+        all_suns, all_lamps = suns + plan.left_out.suns, lamps + plan.left_out.lamps
+        return f"suns: {suns} of {all_suns}, lamps: {lamps} of {all_lamps}; left out is what gives the eye least light"
+    if plan.further_suns:
+        return f"suns: {suns}, and one of them throws shadows at most, lamps: {lamps}"
+    return f"suns: {suns}, lamps: {lamps}"
 
 
 def _why_lamp_shadows(plan: PicturePlan) -> str:

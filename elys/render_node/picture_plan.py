@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,12 +20,11 @@ from elys.render_node.gpu import INSTANCE_DTYPE, PLAIN_INSTANCE_DTYPE
 from elys.render_node.lamp_shadows import LampShadows, fit_lamp_shadows
 from elys.render_node.marks import NO_MARKS, Marks
 from elys.render_node.overlays import NO_OVERLAYS, Overlays
+from elys.render_node.picture_lights import LeftOut, shining_lights
 from elys.render_node.render_world import PlacedLight, RenderWorld
 from elys.render_node.scene_tables import Rows
 from elys.render_node.shadow_fit import MOST_CASCADES, ShadowFit, fit_cascades, reached
 from elys.render_node.surroundings import Surroundings
-
-MAX_LAMPS: Final = 8  # point and spot lights in one picture: those that matter most
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,8 +39,10 @@ class PicturePlan:
     transparent: list[DrawCall]  # farthest first
     casters: list[list[DrawCall]]  # of each stale cascade
     selected: list[DrawCall]
-    sun: PlacedLight | None
+    sun: PlacedLight | None  # the one whose shadows are drawn, if it throws any
+    further_suns: list[PlacedLight]
     lamps: list[PlacedLight]
+    left_out: LeftOut
     cascades: tuple[ShadowFit, ...]  # what the sun's maps cover, the finest first; none where the sun throws no shadows
     stale_cascades: tuple[int, ...]  # those of them whose maps do not hold what they should
     lamp_shadows: LampShadows | None
@@ -107,9 +108,10 @@ def plan_picture(
     relative = (crowd.centre - view.eye[:, None]).astype(np.float32)
     margin = _margin(planes, relative)
     seen = np.flatnonzero(margin > -crowd.radius)
-    lights = world.lights()
-    sun = _brightest_sun(lights)
-    cascades = _cascades(world, view, sun, shadow_size, MOST_CASCADES if long_views else 1) if shadow_size else ()
+    lights = shining_lights(world.lights(), view.eye, planes, with_shadows=lamp_shadow_size > 0)
+    cascades = (
+        _cascades(world, view, lights.sun, shadow_size, MOST_CASCADES if long_views else 1) if shadow_size else ()
+    )
     stale = _stale(shadow_states(world, cascades, hidden), drawn_cascades)
     rows = RowCollector(world, crowd, left_out)
     opaque = rows.add_seen(
@@ -119,8 +121,11 @@ def plan_picture(
     transparent = rows.add_sorted(blended, _distance(view, blended_places))
     all_casters = np.flatnonzero(crowd.casts) if stale or lamp_shadow_size else seen[:0]
     casters = [rows.add_groups(_reached(crowd, view, cascades, place, all_casters)) for place in stale]
-    lamps = _nearest_lamps(lights, view.eye)
-    around = fit_lamp_shadows(crowd, lamps, all_casters, lamp_shadow_size) if lamp_shadow_size and lamps else None
+    around = (
+        fit_lamp_shadows(crowd, lights.lamps, all_casters, lamp_shadow_size, view.eye)
+        if lamp_shadow_size and lights.lamps
+        else None
+    )
     holds = around is not None and drawn_lamp_shadows == ShadowState(
         world.scene_version, world.pose_version, around.key, hidden
     )
@@ -136,8 +141,10 @@ def plan_picture(
         transparent=transparent,
         casters=casters,
         selected=selected,
-        sun=sun,
-        lamps=lamps,
+        sun=lights.sun,
+        further_suns=lights.further_suns,
+        lamps=lights.lamps,
+        left_out=lights.left_out,
         cascades=cascades,
         stale_cascades=stale,
         lamp_shadows=around,
@@ -145,7 +152,7 @@ def plan_picture(
         hidden=hidden,
         grid=grid or marks.grid,
         marks=marks,
-        surroundings=world.surroundings(None if sun is None else -sun.direction),
+        surroundings=world.surroundings(None if lights.sky_sun is None else -lights.sky_sun.direction),
     )
 
 
@@ -247,18 +254,3 @@ def _stale(wanted: tuple[ShadowState, ...], drawn: tuple[ShadowState, ...]) -> t
 def _reached(crowd: Crowd, view: View, cascades: tuple[ShadowFit, ...], place: int, casters: Rows) -> Rows:
     """Which groups are drawn into a map; into that of all, all."""
     return casters if place == len(cascades) - 1 else reached(crowd, cascades[place], view, casters)
-
-
-def _brightest_sun(lights: list[PlacedLight]) -> PlacedLight | None:
-    suns = [light for light in lights if light.light.kind == "directional" and light.light.intensity > 0.0]
-    return max(suns, key=lambda placed: placed.light.intensity) if suns else None
-
-
-def _nearest_lamps(lights: list[PlacedLight], eye: NDArray[np.float64]) -> list[PlacedLight]:
-    """Those that give most light near the eye, in a stable order."""
-    lamps = [placed for placed in lights if placed.light.kind != "directional" and placed.light.intensity > 0.0]
-    if len(lamps) <= MAX_LAMPS:
-        return lamps
-    return sorted(
-        lamps, key=lambda placed: -placed.light.intensity / (1.0 + float(np.sum((placed.position - eye) ** 2)))
-    )[:MAX_LAMPS]

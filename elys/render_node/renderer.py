@@ -5,10 +5,12 @@ RenderWorld ──plan_picture──> PicturePlan ──passes──> light (RGB
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Final
+from weakref import WeakSet
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,12 +35,15 @@ from elys.render_node.passes.overlay import OverlayPass
 from elys.render_node.passes.picking import PickingPass
 from elys.render_node.passes.shading import OpaquePass, TransparentPass
 from elys.render_node.passes.shadow import LampShadowPass, ShadowPass
+from elys.render_node.picture_lights import MOST_FURTHER_SUNS, MOST_LAMPS
 from elys.render_node.picture_parts import Part
 from elys.render_node.picture_plan import PicturePlan, plan_ghosts, plan_picture
 from elys.render_node.quality import FULL, Quality
 from elys.render_node.render_world import RenderWorld
 from elys.render_node.resources import Resources
 from elys.render_node.targets import Targets
+
+_log = logging.getLogger(__name__)
 
 MAGENTA: Final = (1.0, 0.0, 1.0, 1.0)
 KEPT_SIZES: Final = 4  # picture sizes whose framebuffers are kept: views of several sizes take turns
@@ -61,6 +66,7 @@ class Renderer:
         self._quality = quality
         self._targets: dict[tuple[int, int, bool], Targets] = {}
         self._shadow_world: RenderWorld | None = None
+        self._told_worlds: WeakSet[RenderWorld] = WeakSet()  # of which was said that they have too many lights
         self._shadow = ShadowPass(self.resources)
         self._lamp_shadows = LampShadowPass(self.resources)
         self._environment = EnvironmentPass(self.resources, quality)
@@ -114,6 +120,8 @@ class Renderer:
             whole = replace(whole, ghosts=plan_ghosts(view, ghosts)) if ghosts else whole
             whole = replace(whole, overlays=overlays) if overlays else whole
             self.planned = whole
+            if any(whole.left_out) and world not in self._told_worlds:
+                self._tell_left_out(whole)
         try:
             picture = self._drawn(whole, region, glow, target)
         except ShaderError:  # the log has said it
@@ -326,6 +334,16 @@ class Renderer:
         if self.resources.programs.reload_changed():
             self._environment.drawn = ()
             self._shadow_world = None
+
+    def _tell_left_out(self, plan: PicturePlan) -> None:
+        """Once of each world: who is left out may change with every step of the eye."""
+        self._told_worlds.add(plan.world)
+        _log.warning(
+            "a picture has room for %d suns and %d lamps: left out, as they give the eye least light, are %d suns and %d lamps",
+            MOST_FURTHER_SUNS + 1,
+            MOST_LAMPS,
+            *plan.left_out,
+        )
 
     def _show(self, plan: PicturePlan, targets: Targets, picture: Framebuffer) -> None:
         """Turns light into what the screen shows, unless the passes did so already."""

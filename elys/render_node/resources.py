@@ -14,7 +14,7 @@ from elys.common.assets.tangents import with_tangents
 from elys.common.assets.texture import Sampling, split_texture
 from elys.common.errors import DisplayError
 from elys.render_node.gpu import TEXTURE_UNITS, Buffer, Context, Format, Program, ProgramCache, Texture, VertexArray
-from elys.render_node.images import decode_image
+from elys.render_node.images import decode_image, shrunk
 from elys.render_node.instance_placing import InstancePlacing
 from elys.render_node.instances import Batch
 from elys.render_node.look import TEXTURE_FIELDS, Look, texture_of, variant_of
@@ -213,13 +213,8 @@ class Resources:
             pixels = world.assets.take_image(reference)
             if pixels is None:
                 return self._placeholder() if is_color and reference in world.assets.failed else None
+            pixels = self._fitting(world, reference, pixels, is_color=is_color)
             height, width = pixels.shape[:2]
-            largest = self.context.max_size
-            if max(width, height) > largest:
-                step = -(-max(width, height) // largest)
-                _log.warning("an image of %d x %d pixels is drawn coarser: this card takes %d", width, height, largest)
-                pixels = np.ascontiguousarray(pixels[::step, ::step])
-                height, width = pixels.shape[:2]
             form: Format = "srgba8" if is_color else "rgba8"
             repeat = (sampling.wrap[0] == "repeat", sampling.wrap[1] == "repeat")
             try:
@@ -231,11 +226,38 @@ class Resources:
             self._textures[key] = texture
         return self._textures[key]
 
+    def _fitting(
+        self, world: RenderWorld, reference: str, pixels: NDArray[np.uint8], *, is_color: bool
+    ) -> NDArray[np.uint8]:
+        """The pixels as large as the card takes them; says so where that is not as they are."""
+        largest = self.context.max_size
+        if max(pixels.shape[:2]) <= largest:
+            return pixels
+        made = shrunk(pixels, largest, is_color=is_color)
+        _log.warning(
+            "%s, %s, of %d x %d pixels is drawn with %d x %d: this card takes edges up to %d",
+            world.assets.told(reference),
+            _use_of(world, reference),
+            *pixels.shape[1::-1],
+            *made.shape[1::-1],
+            largest,
+        )
+        return made
+
     def _placeholder(self) -> Texture:
         if self._checker is None:
             pixels = decode_image(placeholder_image())
             self._checker = Texture(self.context, pixels.shape[1::-1], "srgba8", data=pixels, mipmaps=True, repeat=True)
         return self._checker
+
+
+def _use_of(world: RenderWorld, reference: str) -> str:
+    """What a scene needs an image for, in words."""
+    for batch in world.batches:
+        for field, text in zip(TEXTURE_FIELDS, batch.look.textures, strict=True):
+            if text and split_texture(text)[0] == reference:
+                return f"the {field} of entity {world.entity[batch.first]}"
+    return "an image"
 
 
 def _texels(context: Context, texels: NDArray[np.float32], width: int) -> Texture:

@@ -39,6 +39,7 @@ class Footage:
     frames: Iterator[StateFrame]
     fetch: Callable[[str], bytes]
     duration: float  # [s] from the first frame
+    source_of: Callable[[str], str] = lambda _: ""  # the file of an asset, where that is known
     origin: float = 0.0  # [s] of simulation from which --time and camera paths count
     drawing: DebugDrawing | None = None  # fed with what `frames` passes
     recording: Recording | None = None  # that it comes from
@@ -208,7 +209,15 @@ def simulated(
             yield frame_now()
             simulation.step()
 
-    return Footage(mirror=mirror, frames=frames(), fetch=assets.get, duration=duration, drawing=drawing, heard=heard)
+    return Footage(
+        mirror=mirror,
+        frames=frames(),
+        fetch=assets.get,
+        source_of=assets.source,
+        duration=duration,
+        drawing=drawing,
+        heard=heard,
+    )
 
 
 def _following(simulation: Simulation, mirror: SceneMirror) -> Callable[[], int]:

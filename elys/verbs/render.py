@@ -157,6 +157,7 @@ def _draw(footage: Footage, order: Order) -> None:
             environment=order.environment,
             overlay=overlay,
             ghosts=ghosts,
+            source_of=footage.source_of,
         ) as renderer,
     ):
         renderer.look_through(entity)

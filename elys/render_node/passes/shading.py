@@ -59,6 +59,7 @@ class TransparentPass:
 def _shaded(resources: Resources, plan: PicturePlan, quality: Quality, *, occluded: bool = False) -> ChooseProgram:
     shared = quality.surface_defines(plan.picture) + (quality.shadow_defines if plan.cascades else ())
     shared += ("SUN",) if plan.sun is not None else ()
+    shared += ("FURTHER_SUNS",) if plan.further_suns else ()
     shared += ("LAMPS",) if plan.lamps else ()
     shared += (f"CASCADES {len(plan.cascades)}",) if plan.cascades else ()
     shared += ("LAMP_SHADOWS",) if plan.lamp_shadows is not None else ()

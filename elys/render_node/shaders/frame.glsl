@@ -7,10 +7,15 @@ struct Lamp {
     vec4 shadow;           // first square in the atlas, -1 for none; 1 for a bulb's six; normal offset a metre; texel
 };
 
+struct Sun {
+    vec4 direction;    // towards it
+    vec4 illuminance;  // [lx]
+};
+
 layout(std140) uniform Frame {
     mat4 clip_from_relative;
     mat4 relative_from_clip;
-    vec4 sun_direction;         // towards the sun
+    vec4 sun_direction;         // towards the sun; w: number of further suns
     vec4 sun_illuminance;       // [lx]
     vec4 shadow_atlas;          // xy: how much of the atlas of the sun's shadows one map takes
     mat4 cascade_from_relative[4];  // to 0..1 in each map, the finest first
@@ -21,8 +26,9 @@ layout(std140) uniform Frame {
     vec4 viewport;              // width, height [pixels]; z: number of lamps; w: far [m]
     vec4 fog_color;             // radiance; w: density at the eye's height [1/m]
     vec4 fog_shape;             // x: falloff with height [1/m]
-    Lamp lamps[8];
+    Lamp lamps[64];
     mat4 lamp_maps[16];         // to 0..1 in the atlas of lamps' shadows, before the division
+    Sun further_suns[7];        // which throw no shadows
 };
 
 // From a point to the eye, or, where the view has none, against the way it looks: the eye is what goes to (0, 0, 1, 0).

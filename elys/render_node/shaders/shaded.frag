@@ -116,6 +116,17 @@ vec3 lit(vec3 normal, vec3 to_view, vec3 to_light, vec3 color, float metallic, f
 #endif
 }
 
+#ifdef FURTHER_SUNS
+vec3 further_sunlight(vec3 normal, vec3 to_view, vec3 color, float metallic, float roughness) {
+    vec3 sum = vec3(0.0);
+    int count = int(sun_direction.w);
+    for (int i = 0; i < count; ++i) {
+        sum += lit(normal, to_view, further_suns[i].direction.xyz, color, metallic, roughness) * further_suns[i].illuminance.rgb;
+    }
+    return sum;
+}
+#endif
+
 #ifdef LAMPS
 vec3 lamplight(vec3 normal, vec3 to_view, vec3 color, float metallic, float roughness) {
     vec3 sum = vec3(0.0);
@@ -128,7 +139,9 @@ vec3 lamplight(vec3 normal, vec3 to_view, vec3 color, float metallic, float roug
         float ratio = range > 0.0 ? distance_squared / (range * range) : 0.0;
         float attenuation = clamp(1.0 - ratio * ratio, 0.0, 1.0) / distance_squared;  // KHR_lights_punctual
         float cone = clamp(dot(-to_lamp, lamps[i].direction_offset.xyz) * lamps[i].color_scale.w + lamps[i].direction_offset.w, 0.0, 1.0);
-        vec3 light = lit(normal, to_view, to_lamp, color, metallic, roughness) * lamps[i].color_scale.rgb * (attenuation * cone * cone);
+        float share = attenuation * cone * cone;
+        if (share == 0.0) continue;  // out of its range or cone: much of a scene with many lamps
+        vec3 light = lit(normal, to_view, to_lamp, color, metallic, roughness) * lamps[i].color_scale.rgb * share;
 #ifdef LAMP_SHADOWS
         if (light != vec3(0.0)) light *= lamplight_at(i, relative, smooth_normal());
 #endif
@@ -224,6 +237,9 @@ void main() {
     if (sun != vec3(0.0)) sun *= sunlight(relative, smooth_normal());
 #endif
     light += sun;
+#endif
+#ifdef FURTHER_SUNS
+    light += further_sunlight(normal, to_view, color.rgb, metallic, roughness);
 #endif
 #ifdef LAMPS
     light += lamplight(normal, to_view, color.rgb, metallic, roughness);

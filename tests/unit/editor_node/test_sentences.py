@@ -63,6 +63,7 @@ def reasons_of_plans() -> list[str]:
         *told(pictures, "_why_set", effect=effects),
         *told(pictures, "_why_environment", what=around),
         *(text for text in told(pictures, "_why_shadow", more=more) if not text.startswith(",")),
+        *told(pictures, "_why_lights"),
         *told(pictures, "_why_lamp_shadows"),
         *told(pictures, "_why_overlays"),
         *told(pictures, "_why_occlusion"),

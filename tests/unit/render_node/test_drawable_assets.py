@@ -20,10 +20,14 @@ from elys.common.errors import AssetError, DisplayError, RequestError
 from elys.common.scene import SceneSettings
 from elys.render_node.camera import framing_camera
 from elys.render_node.drawable_assets import UNKNOWN_EXTENT, DrawableAssets
-from elys.render_node.images import decode_image
+from elys.render_node.gpu import Context
+from elys.render_node.images import decode_image, shrunk
+from elys.render_node.quality import EXACT
+from elys.render_node.renderer import Renderer
 from elys.render_node.resources import Geometry
 
 RED = np.full((4, 6, 3), (250, 10, 10), np.uint8)
+RED_AND_BLUE = np.repeat(np.array([[(250, 10, 10, 255)], [(10, 10, 250, 255)]], np.uint8), 2, axis=0).repeat(4, axis=1)
 
 
 def test_a_mesh_is_asked_for_once_and_comes() -> None:
@@ -318,3 +322,43 @@ def test_what_the_card_has_no_room_for_is_marked_and_said_once(stage, renderer, 
     told = [record.message for record in caplog.records]
     assert len(told) == len({*told}) == 2 and all(message.endswith("no memory left") for message in told)
     world.assets.close()
+
+
+def test_images_are_shrunk_by_means_and_colours_as_light() -> None:
+    """5 by 3 of stripes in twos: the last column and row have fewer to average."""
+    pixels = np.zeros((3, 5, 4), np.uint8)
+    pixels[:, ::2], pixels[..., 3] = 255, (0, 100, 200, 250, 7)
+    linear, color = shrunk(pixels, 3, is_color=False), shrunk(pixels, 3, is_color=True)
+    assert linear.shape == color.shape == (2, 3, 4)
+    assert linear[..., 0].tolist() == [[128, 128, 255]] * 2
+    assert color[..., 1].tolist() == [[188, 188, 255]] * 2  # of sRGB, half the light
+    assert linear[..., 3].tolist() == color[..., 3].tolist() == [[50, 225, 7]] * 2
+    assert shrunk(pixels, 5, is_color=True) is pixels
+    assert shrunk(RED_AND_BLUE, 2, is_color=True)[:, 0].tolist() == [[250, 10, 10, 255], [10, 10, 250, 255]]
+
+
+@pytest.mark.gl
+def test_an_image_larger_than_the_card_takes_is_drawn_coarser_and_named(stage, context, monkeypatch, caplog) -> None:
+    """A checker of single pixels, which texels that are left out would make black or white."""
+    checker = np.add.outer(np.arange(40), np.arange(64)) % 2
+    store = AssetStore()
+    image = store.put(
+        encoded((checker[..., None] * np.full(3, 255)).astype(np.uint8), "RGB"), kind="image", source="wall.png"
+    )
+    stage.add(Transform())
+    material = Material(base_color=(0.0, 0.0, 0.0), emissive=(1.0, 1.0, 1.0), emissive_texture=image)
+    stage.add(Transform(), MeshRenderer(), material)
+    monkeypatch.setattr(Context, "max_size", 16)
+    for source_of, name in ((store.source, f"wall.png ({image})"), (lambda _: "", image)):
+        world = stage.world(DrawableAssets(store.get, source_of=source_of))
+        renderer = Renderer(context, quality=EXACT)
+        renderer.settle(world)
+        for _ in range(2):
+            renderer.draw(world, framing_camera((-1, -1, -1), (1, 1, 1), direction=(0, 0, -1)), 32, 32)
+        np.testing.assert_allclose(renderer.read_light(32, 32)[16, 16, :3], 0.5029, atol=2e-3)
+        (record,) = caplog.records
+        assert record.message == (
+            f"{name}, the emissive_texture of entity 2, of 64 x 40 pixels is drawn with 16 x 10: this card takes edges up to 16"
+        )
+        caplog.clear()
+        world.assets.close()

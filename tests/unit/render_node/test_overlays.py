@@ -120,6 +120,25 @@ def test_a_bar_shows_its_value_and_an_image_its_pixels(scene: Scene, context: Co
     assert picture[72:88, 142:158].reshape(-1, 3).max(axis=0).tolist()[0] > 200  # what cannot be had is a checker
 
 
+def test_an_image_larger_than_the_card_takes_is_drawn_coarser_and_named(
+    scene: Scene, context: Context, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    file = io.BytesIO()
+    Image.fromarray((np.add.outer(np.arange(60), np.arange(60)) % 2 * 255).astype(np.uint8)).save(file, "png")
+    store = AssetStore()
+    reference = store.put(file.getvalue(), kind="image", source="map.png")
+    scene.add(Overlay(width=1.0, height=1.0), OverlayImage(image=reference))
+    small = OfflineRenderer(scene.mirror, store.get, width=90, height=90, context=context, source_of=store.source)
+    monkeypatch.setattr(Context, "max_size", 30)
+    with small as renderer:
+        assert renderer.picture()[45, 45, 0] == pytest.approx(188, abs=1)  # half the light
+    (told,) = [record.getMessage() for record in caplog.records]
+    assert (
+        told
+        == f"map.png ({reference}), of an overlay, of 60 x 60 pixels is drawn with 30 x 30: this card takes edges up to 30"
+    )
+
+
 def test_letters_are_those_of_the_font_pixel_by_pixel(scene: Scene, context: Context) -> None:
     scene.add(Overlay(), OverlayText(text="R", size=0.5, outline=0.0))
     picture = scene.picture(context)[..., 0]

@@ -85,6 +85,59 @@ def test_agx_keeps_grey_grey_and_rolls_highlights_off(stage, context) -> None:
     assert four[0] < 250 <= sixteen[0]
 
 
+def khronos_neutral(color: tuple[float, float, float]) -> list[float]:
+    """The formula of the specification (KhronosGroup/ToneMapping, "PBR Neutral"), with its names."""
+    f90, k_d = 0.04, 0.15
+    k_s = 0.8 - f90
+    x = min(color)
+    f = x - x**2 / (4 * f90) if x <= 2 * f90 else f90
+    c = [channel - f for channel in color]
+    p = max(c)
+    if p <= k_s:
+        return c
+    p_n = 1 - (1 - k_s) ** 2 / (p + 1 - 2 * k_s)
+    g = 1 / (k_d * (p - p_n) + 1)
+    return [channel * p_n / p * g + p_n * (1 - g) for channel in c]
+
+
+def srgb(linear: float) -> float:
+    return 12.92 * linear if linear <= 0.0031308 else 1.055 * linear ** (1 / 2.4) - 0.055
+
+
+def test_the_formula_of_neutral_keeps_what_its_specification_promises() -> None:
+    """Base colours up to 0.8 come out as they are, less the 4 % that all surfaces mirror; highlights go to white."""
+    assert khronos_neutral((0.54, 0.24, 0.14)) == pytest.approx([0.5, 0.2, 0.1])
+    assert khronos_neutral((0.8, 0.8, 0.8)) == pytest.approx([0.76] * 3)
+    bright = khronos_neutral((1000.0, 10.0, 10.0))
+    assert max(bright) < 1.0 and min(bright) > 0.98
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("quality", [FULL, FAST], ids=["full", "fast"])
+def test_neutral_is_the_formula_of_its_specification(stage, context, quality) -> None:
+    """Dark colours, of which less is taken off; those around 0.8, where compression begins; highlights, which lose hue."""
+    levels = (0.0, 0.02, 0.079, 0.081, 0.3, 0.759, 0.81, 1.0, 2.5, 12.0, 200.0)
+    colors = [(a, b, 0.05) for a in levels for b in levels] + [(level,) * 3 for level in levels]
+    columns, rows = 12, 11
+    assert len(colors) == columns * rows
+    stage.settings = settings(tone_mapping="neutral")
+    for number, color in enumerate(colors):
+        stage.add(
+            Transform(position=(number % columns - 5.5, number // columns - 5.0, -20.0), scale=(1.0, 1.0, 1.0)),
+            MeshRenderer(cast_shadows=False),
+            Material(base_color=(0.0, 0.0, 0.0), emissive=color),
+        )
+    camera = ViewCamera(position=(0.0, 0.0, 0.0), rotation=(0.0, 0.0, 0.0, 1.0), ortho_height=12.0)
+    renderer, world = Renderer(context, quality=quality), stage.world()
+    pixels = renderer.read_pixels(renderer.draw(world, camera, 12 * 8, 12 * 8))
+    for number, color in enumerate(colors):
+        x, y = number % columns - 5.5, number // columns - 5.0
+        found = pixels[int(48 - y * 8), int(48 + x * 8), :3]
+        expected = [srgb(max(channel, 0.0)) * 255 for channel in khronos_neutral(color)]
+        # Half floats of full quality and the rounding to 255 steps.
+        assert np.abs(found - np.array(expected)).max() <= 0.75, (color, found, expected)
+
+
 @pytest.mark.gl
 @pytest.mark.parametrize("falloff", [0.0, 0.3])
 def test_fog_takes_light_as_its_integral_says(stage, context, falloff: float) -> None:
