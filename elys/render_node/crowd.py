@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from elys.common.math.aabb import transform_bounds
 from elys.render_node.extents import Extents
 from elys.render_node.instances import Instances
-from elys.render_node.scene_tables import Rows
+from elys.render_node.scene_tables import Rows, ranges
 
 MOST_GROUPS: Final = 512  # about; scenes of fewer instances have one a group, where all is as exact as can be
 GIANT: Final = 1.6  # times larger than all smaller things together: neither cameras nor shadow maps are fitted to it
@@ -74,22 +74,42 @@ class Crowd:
         self._placed = position.copy(), linear.copy()
         self._extents = extents
         self.item_centre, self.item_radius = centre, extents.radius.copy()
-        members = self._members
-        places, reach = centre[members].T, extents.radius[members]
-        if len(self._first) == len(members):
-            self.centre, radius = np.ascontiguousarray(places), reach.copy()
-        else:
-            # fmin, fmax: a body that is nowhere any more, by what is no number, takes no neighbour along.
-            lower = np.fmin.reduceat(places - reach, self._first, axis=1)
-            upper = np.fmax.reduceat(places + reach, self._first, axis=1)
-            self.centre = (lower + upper) / 2
-            apart = places - np.repeat(self.centre, self.size, axis=1)
-            distance = np.sqrt(np.einsum("ij,ij->j", apart, apart)) + reach
-            radius = np.fmax.reduceat(distance, self._first).astype(np.float32)
-        self._measured_radius = radius
+        self.centre, self._measured_radius = self._bounds(self._members, self._first)
         self.limit = LOOSE * self._whole_size()
         self.notes.clear()
         self.spread(0.0)
+
+    def move(
+        self,
+        items: Rows,
+        position: NDArray[np.float64],
+        linear: NDArray[np.float32],
+        centre: NDArray[np.float64],
+    ) -> None:
+        """Takes where some instances are now, as `measure` does for all; they stay in their groups, however far they went."""
+        self._placed[0][items], self._placed[1][items] = position, linear
+        self.item_centre[items], self.item_radius[items] = centre, self._extents.radius[items]
+        groups = np.unique(self._group_of[items])
+        groups = groups[np.searchsorted(groups, 0) : np.searchsorted(groups, self._crowd_count)]
+        if len(groups):
+            size = self.size[groups]
+            members = self._members[ranges(self._first[groups], self._first[groups] + size)]
+            self.centre[:, groups], self._measured_radius[groups] = self._bounds(members, np.cumsum(size) - size)
+            self.notes.clear()
+            self.spread(self.slack)
+
+    def _bounds(self, members: NDArray[np.uint32], first: Rows) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+        """Centres (3, G) and radii (G,) of spheres around groups of members, of which each begins at `first`."""
+        places, reach = self.item_centre[members].T, self.item_radius[members]
+        if len(first) == len(members):
+            return np.ascontiguousarray(places), reach
+        # fmin, fmax: a body that is nowhere any more, by what is no number, takes no neighbour along.
+        lower = np.fmin.reduceat(places - reach, first, axis=1)
+        upper = np.fmax.reduceat(places + reach, first, axis=1)
+        centre = (lower + upper) / 2
+        apart = places - np.repeat(centre, np.diff(np.append(first, len(members))), axis=1)
+        distance = np.sqrt(np.einsum("ij,ij->j", apart, apart)) + reach
+        return centre, np.fmax.reduceat(distance, first).astype(np.float32)
 
     def spread(self, slack: float) -> None:
         """Lets bounds hold where nothing is farther than this [m] from where it was measured."""
@@ -108,6 +128,11 @@ class Crowd:
             self._measured_radius[self._crowd_count :] = radius
             self.radius[self._crowd_count :] = radius
             self.item_centre[self._known], self.item_radius[self._known] = centre, radius
+
+    @property
+    def is_grouped(self) -> bool:
+        """Whether any group has several members."""
+        return len(self.size) < len(self._members)
 
     @property
     def known_casters(self) -> Rows:
@@ -135,7 +160,7 @@ class Crowd:
     def _list(self, groups: Rows, removed: Rows) -> tuple[NDArray[np.uint32], Rows]:
         size = self.size[groups]
         end = np.cumsum(size)
-        rows = self._members[np.repeat(self._first[groups] - end + size, size) + np.arange(int(size.sum()))]
+        rows = self._members[ranges(self._first[groups], self._first[groups] + size)]
         if not len(removed) or not len(rows):
             return rows, size
         is_removed = np.zeros(len(self._group_of), np.bool_)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -46,7 +47,7 @@ class Instances:
     """
 
     def __init__(self, tables: SceneTables, assets: DrawableAssets) -> None:
-        mirrored = is_mirrored(tables)
+        mirrored = turns_over(tables.world_from_local[:, :, :3])
         bent, morphed = bent_rows(tables, assets), morphed_rows(tables, assets)
         grouped: dict[tuple[str, Look], list[tuple[int, Material]]] = {}
         for row, renderer in tables.meshes.items():
@@ -67,6 +68,10 @@ class Instances:
         rows = [row for row, _ in members]
         self.batches = tuple(batches)
         self.rows: Rows = np.array(rows, np.intp)
+        self._item_of = np.full(len(tables.entity), -1)
+        self._item_of[self.rows] = np.arange(len(rows))
+        self._bent = bent
+        self._is_mirrored = np.array([batch.look.is_mirrored for batch in batches], np.bool_)
         self.deformation = Deformation(tables, rows, bent, morphed, assets)
         self.stand_rows: Rows = np.array([bent[row].root if row in bent else row for row in rows], np.intp)
         self.entity = tables.entity[self.rows]
@@ -75,10 +80,42 @@ class Instances:
         self.casts = np.array([tables.meshes[row].cast_shadows for row in rows], np.bool_)
         self.first_blended = next((batch.first for batch in batches if batch.is_blended), len(rows))
 
+    def of_rows(self, rows: Rows) -> Rows:
+        """The instances of some rows of the tables, as far as they are any, in their order."""
+        items = self._item_of[rows]
+        return items[items >= 0]
 
-def is_mirrored(tables: SceneTables) -> NDArray[np.bool_]:
-    """Which entities' transforms turn things inside out."""
-    return np.asarray(np.linalg.det(tables.world_from_local[:, :, :3]) < 0)
+    def keeps_batches(self, tables: SceneTables, moved: Rows) -> bool:
+        """Whether nobody of these rows, which have moved, is turned inside out now who was not, or the other way round."""
+        items = self.of_rows(moved)
+        items = items[~np.isin(items, self.deformation.bent)]
+        is_over = turns_over(tables.world_from_local[self.rows[items], :, :3])
+        if (is_over != self._is_mirrored[self.batch_of[items]]).any():
+            return False
+        led = (skin for skin in self._bent.values() if skin.joints[0] in moved)
+        return all(skin.turns_over(tables) == skin.is_mirrored for skin in led)
+
+    def paint(self, tables: SceneTables, rows: Sequence[int]) -> Rows | None:
+        """Takes the materials of some rows; returns their instances, or None where one belongs into another batch now."""
+        painted = []
+        for row in rows:
+            item, material = int(self._item_of[row]), tables.materials[row]
+            if item < 0:
+                continue
+            batch, renderer = self.batches[self.batch_of[item]], tables.meshes[row]
+            if renderer.mesh != batch.mesh:
+                continue  # it cannot be had
+            look = look_of(material, batch.look.is_mirrored, renderer.tangents)
+            if look._replace(is_skinned=batch.look.is_skinned, is_morphed=batch.look.is_morphed) != batch.look:
+                return None
+            self.surface[item] = _surface(material)
+            painted.append(item)
+        return np.array(painted, np.intp)
+
+
+def turns_over(linear: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which transforms (N, 3, 3) turn things inside out."""
+    return np.asarray(np.linalg.det(linear) < 0)
 
 
 def _surfaces(materials: list[Material]) -> NDArray[np.float32]:

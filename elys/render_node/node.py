@@ -49,7 +49,7 @@ from elys.render_node.pass_plan import told_passes
 from elys.render_node.quality import Quality, interactive_quality
 from elys.render_node.render_world import RenderWorld
 from elys.render_node.renderer import Renderer
-from elys.render_node.scene_tables import SceneReader
+from elys.render_node.scene_reader import SceneReader
 from elys.render_node.thumbnails import ThumbnailPainter
 from elys.render_node.view_desk import PutPicture, View, ViewDesk, sane_camera, sane_size
 

@@ -203,7 +203,8 @@ class _Viewer:
             self._follower.ghost_revision,
             self._follower.overlays.version,
         )
-        what = (world.scene_version, world.pose_version, self._follower.arrived_count, width, height, *told)
+        versions = (world.scene_version, world.pose_version, world.value_version)
+        what = (*versions, self._follower.arrived_count, width, height, *told)
         if not (self._is_dirty or what != self._drawn or always):
             return False
         target = Framebuffer.of_window(self._renderer.context, width, height)
