@@ -8,7 +8,7 @@ however many instances there are, and the bounds of groups hold while bodies mov
 from __future__ import annotations
 
 import math
-from typing import Any, Final
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,13 @@ KEPT_LISTS: Final = 16  # of instances, for what is drawn again and again
 _STEPS: Final = 1023  # along each axis, by which neighbours are told
 
 
+class Note(Protocol):
+    """What somebody has worked out of a crowd."""
+
+    def move(self, rows: Rows) -> None:
+        """Takes where some instances, ascending, are measured now."""
+
+
 class Crowd:
     """Groups of the solid instances of a scene, each of one batch and of those alone that throw shadows, or do not.
 
@@ -36,7 +43,7 @@ class Crowd:
         item_centre: [M, 3] f64 m, of all instances where they were measured. item_radius: [M] f32 m.
         slack: [m] by which anything may be elsewhere than where it was measured; contained in `radius`.
         limit: [m] of slack from which on they should be measured anew.
-        notes: what others have worked out of where things were measured; none once they are measured anew.
+        note: what somebody has worked out of where things were measured; None once they are measured anew.
         caster_rows: instances that throw shadows, as far as they are solid.
     """
 
@@ -60,7 +67,7 @@ class Crowd:
         self._group_of = np.full(len(instances.rows), -1)
         self._group_of[self._members] = np.repeat(np.arange(len(self.size)), self.size)
         self.slack, self.limit = 0.0, 0.0
-        self.notes: dict[str | bytes, Any] = {}
+        self.note: Note | None = None
         self._lists: dict[tuple[bytes, bytes], tuple[NDArray[np.uint32], Rows]] = {}
 
     def measure(
@@ -76,7 +83,7 @@ class Crowd:
         self.item_centre, self.item_radius = centre, extents.radius.copy()
         self.centre, self._measured_radius = self._bounds(self._members, self._first)
         self.limit = LOOSE * self._whole_size()
-        self.notes.clear()
+        self.note = None
         self.spread(0.0)
 
     def move(
@@ -95,8 +102,9 @@ class Crowd:
             size = self.size[groups]
             members = self._members[ranges(self._first[groups], self._first[groups] + size)]
             self.centre[:, groups], self._measured_radius[groups] = self._bounds(members, np.cumsum(size) - size)
-            self.notes.clear()
             self.spread(self.slack)
+        if self.note is not None:
+            self.note.move(items)
 
     def _bounds(self, members: NDArray[np.uint32], first: Rows) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
         """Centres (3, G) and radii (G,) of spheres around groups of members, of which each begins at `first`."""
@@ -227,8 +235,9 @@ def without_giants(centre: NDArray[np.float64], radius: NDArray[np.float64]) -> 
     sizes = np.sort(radius)
     for last in np.flatnonzero(sizes[1:] > GIANT * math.sqrt(3.0) * sizes[:-1]).tolist():
         smaller = radius <= sizes[last]
-        reach = radius[smaller, None]
-        box = (centre[smaller] + reach).max(axis=0) - (centre[smaller] - reach).min(axis=0)
+        reach = radius[smaller]
+        places = np.compress(smaller, centre.T, axis=1)
+        box = (places + reach).max(axis=1) - (places - reach).min(axis=1)
         if sizes[last + 1] > GIANT * np.linalg.norm(box) / 2:
             # One pebble does not make the house a giant: at least a few things must be left.
             return smaller if last + 1 >= min(4, len(radius)) else everybody

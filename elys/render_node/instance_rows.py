@@ -67,6 +67,7 @@ class InstanceRows:
         self._is_settled = False
         self._seen: tuple[StateFrame | None, StateFrame | None] = (None, None)
         self._write_places(np.full((len(everybody), 2), -1, np.int32), everybody, None)
+        self.rides = False
         self._changes.clear()
 
     def paint(self, instances: Instances, rows: Rows) -> None:
@@ -99,6 +100,7 @@ class InstanceRows:
         rows = np.flatnonzero((body != self.items["body"]).any(axis=1))
         if len(rows):
             self._write_places(body[rows], rows, placement)
+            self.rides = bool((body[:, 0] >= 0).any())
 
     def _write_surface(self, surface: NDArray[np.float32], rows: Rows) -> None:
         self.items["base_color"][rows] = surface[rows, 0]
@@ -114,7 +116,6 @@ class InstanceRows:
         self.items["affine"][rows], self.items["low"][rows] = affine, low
         self.items["body"][rows] = body
         self.items["body"][self._led, 0] = -2 - np.arange(len(self._led))
-        self.rides = bool((self.items["body"][:, 0] >= 0).any())
         self._changed(rows)
 
     def _changed(self, rows: Rows) -> None:

@@ -87,6 +87,8 @@ class Instances:
 
     def keeps_batches(self, tables: SceneTables, moved: Rows) -> bool:
         """Whether nobody of these rows, which have moved, is turned inside out now who was not, or the other way round."""
+        if not len(moved):
+            return True
         items = self.of_rows(moved)
         items = items[~np.isin(items, self.deformation.bent)]
         is_over = turns_over(tables.world_from_local[self.rows[items], :, :3])

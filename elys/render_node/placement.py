@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from elys.common.math import quaternion
 from elys.common.math.matrix import compose_affine, depth_levels, inverse_affine, multiply_affine, propagate_affine
 from elys.render_node.pose_columns import FixedTransforms, matrices_of
-from elys.render_node.scene_tables import Rows, SceneTables, ranges
+from elys.render_node.scene_tables import Rows, SceneTables, places_in, ranges
 from elys.render_node.timeline import Timeline, rows_in
 
 
@@ -68,7 +68,7 @@ class Placement:
         first, last = (np.searchsorted(self._sorted_rows, moved, side) for side in ("left", "right"))
         places = np.sort(self._order[ranges(first, last)])
         self._rest(tables, places)
-        riders = np.searchsorted(self._moving, self.riding(places))
+        riders, _ = places_in(self._moving, places)
         if len(riders):
             carriers = self._carrier[riders]
             self._told_by_scene[carriers] = tables.pose_sequence[self._carrier_rows[carriers]]
@@ -76,10 +76,7 @@ class Placement:
 
     def riding(self, items: Rows) -> Rows:
         """Those of some items that ride on bodies."""
-        if not len(self._moving):
-            return items[:0]
-        found = np.minimum(np.searchsorted(self._moving, items), len(self._moving) - 1)
-        return items[self._moving[found] == items]
+        return items[places_in(self._moving, items)[1]]
 
     def on_carriers(self, items: Rows) -> NDArray[np.float32]:
         """How items (N,) that ride stand on their bodies (N, 3, 4)."""
@@ -104,12 +101,12 @@ class Placement:
         """Who rides on a body."""
         return self._moving[: np.searchsorted(self._moving, len(self.position))]  # then come those that carry others
 
-    def are_told(self, riders: Rows, timeline: Timeline) -> bool:
-        """Whether the newest frame knows where the scene put the bodies of some of these."""
-        if timeline.newest is None or not len(riders):
-            return False
+    def untold(self, riders: Rows, timeline: Timeline) -> Rows:
+        """Those of some who ride of which the newest frame does not know yet where the scene put their bodies."""
+        if timeline.newest is None:
+            return riders
         told = self._told_by_scene[self._carrier[np.searchsorted(self._moving, riders)]]
-        return bool((told <= timeline.newest.delta_sequence).any())
+        return riders[told > timeline.newest.delta_sequence]
 
     def body_rows(self, timeline: Timeline) -> tuple[NDArray[np.int32], bool]:
         """Rows (M, 2) of the bodies, in the newest frame and in the one before, on which the items ride, -1 for none; and

@@ -149,3 +149,11 @@ def ranges(first: Rows, end: Rows) -> Rows:
     """The numbers from each of some (N,) up to another, one behind the other."""
     size = end - first
     return np.repeat(end - np.cumsum(size), size) + np.arange(int(size.sum()))
+
+
+def places_in(table: Rows, wanted: Rows) -> tuple[Rows, NDArray[np.bool_]]:
+    """Where in an ascending table those of some numbers stand that are in it, and which of them these are."""
+    places = np.searchsorted(table, wanted)
+    is_there = places < len(table)
+    is_there[is_there] = table[places[is_there]] == wanted[is_there]
+    return places[is_there], is_there

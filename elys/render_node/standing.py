@@ -21,7 +21,7 @@ from elys.render_node.extents import Extents
 from elys.render_node.instance_rows import InstanceRows, led_texels
 from elys.render_node.instances import Instances
 from elys.render_node.placement import Placement
-from elys.render_node.scene_tables import Rows, SceneTables
+from elys.render_node.scene_tables import Rows, SceneTables, places_in
 from elys.render_node.timeline import Timeline
 
 STRAYED: Final = 1 / 16  # of all instances, that may be edited away from their neighbours before these are found anew
@@ -89,7 +89,9 @@ class Standing:
         """Lets some rows of the tables, ascending, and all below them stand where these say now; returns which instances that
         are. None where joints or what is animated are among them: all has to be made anew.
         """
-        if np.isin(moved, self._intricate).any():
+        if not len(moved):
+            return moved
+        if places_in(self._intricate, moved)[1].any():
             return None
         self._all.move(tables, moved)
         self._led.move(tables, moved)
@@ -108,14 +110,14 @@ class Standing:
         riders = everybody.riding(items)
         if len(riders):
             self._arm = max(self._arm, self._reach_of(riders))
-            self._untold_in = self._timeline.newest
         self._moved_count += len(items)
         if crowd.is_grouped and self._moved_count > len(self._instances.rows) * STRAYED:
             self._gather()
-        elif everybody.are_told(riders, self._timeline):
+        elif len(riders) > len(everybody.untold(riders, self._timeline)):
             self._placed = None  # bodies take them along from where they were put
             self._measure()
         else:
+            self._untold_in = self._timeline.newest if len(riders) else self._untold_in
             position, linear = everybody.position[items], everybody.linear[items]
             crowd.move(items, position, linear, self.extents.middles(items, position, linear))
 
@@ -146,7 +148,7 @@ class Standing:
 
     def crowd(self, *, exact: bool) -> Crowd:
         """The solid instances in groups, with bounds that hold for where they are; `exact` ones are no wider than needed."""
-        if exact and self._moved_count and self._crowd.is_grouped:
+        if exact and self._moved_count:
             self._gather()
         crowd, timeline = self._crowd, self._timeline
         if not self._is_spread:
@@ -154,7 +156,7 @@ class Standing:
             slack = self._drift.at(timeline, self.fraction)
             is_at_rest = timeline.is_still or timeline.previous is None
             is_loose = slack > crowd.limit or (slack > 0.0 and (exact or is_at_rest))
-            # Those that an edit put elsewhere are taken on by bodies once frames know of it.
+            # Who was put elsewhere by hand leaps to where a frame says that knows of it.
             is_loose = is_loose or (self._untold_in is not None and self._untold_in is not timeline.newest)
             if is_loose and self._drift.origin is not timeline.newest:
                 slack = self._measure()
@@ -216,7 +218,8 @@ class Standing:
 
     def _measure(self) -> float:
         """Measures the crowd where it is in the newest frame; returns how far [m] it may be from there."""
-        self._untold_in = None
+        untold = self._all.untold(self._all.moving, self._timeline)
+        self._untold_in = self._timeline.newest if len(untold) else None
         newest = self._at(1.0)
         self._crowd.measure(newest.position, newest.linear, self.middles(newest), self.extents)
         self._drift.start(self._timeline.newest, self._arm)
