@@ -5,7 +5,7 @@ MirrorUpdate ──note──> what was edited ──read──> SceneTables, wr
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -27,7 +27,7 @@ _VALUES: Final = {
 _DRAWN: Final = frozenset({Transform.__name__, MeshRenderer.__name__, Skin.__name__, Morph.__name__, *_VALUES})
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class SceneEdits:
     """Rows of tables that differ from what was read before: nothing else does, but the settings, which may.
 
@@ -36,7 +36,7 @@ class SceneEdits:
         materials, lights, cameras, environments: whose values are others.
     """
 
-    moved: Rows = field(default_factory=lambda: np.zeros(0, np.intp))
+    moved: Rows
     materials: tuple[int, ...] = ()
     lights: tuple[int, ...] = ()
     cameras: tuple[int, ...] = ()
@@ -71,9 +71,9 @@ class SceneReader:
         if not (self._moved or self._set or self._has_settings):
             return None
         self._tables = replace(self._tables, settings=self._mirror.settings)
-        edits = SceneEdits(**self._write_values(self._tables))
-        if self._moved:
-            edits = replace(edits, moved=self._write_transforms(self._tables))
+        values = self._write_values(self._tables)
+        set_rows = {table: tuple(sorted(rows)) for table, rows in values.items()}
+        edits = SceneEdits(self._write_transforms(self._tables), **set_rows)
         self._forget()
         return SceneReading(self._tables, edits)
 
@@ -111,7 +111,7 @@ class SceneReader:
         self._set.clear()
         self._has_settings = False
 
-    def _write_values(self, tables: SceneTables) -> dict[str, tuple[int, ...]]:
+    def _write_values(self, tables: SceneTables) -> dict[str, list[int]]:
         rows: dict[str, list[int]] = {}
         for component, entity in self._set:
             row, table = tables.row_of[entity], _VALUES[component]
@@ -120,9 +120,11 @@ class SceneReader:
             if value != values[row]:
                 values[row] = value
                 rows.setdefault(table, []).append(row)
-        return {table: tuple(sorted(found)) for table, found in rows.items()}
+        return rows
 
     def _write_transforms(self, tables: SceneTables) -> Rows:
+        if not self._moved:
+            return np.zeros(0, np.intp)
         position, rotation, scale = tables.local
         rows = np.array(sorted(tables.row_of[entity] for entity in self._moved), np.intp)
         entities = [self._mirror.entities[entity] for entity in tables.entity[rows].tolist()]
@@ -156,10 +158,11 @@ def place_below(tables: SceneTables, rows: Rows, end: Rows) -> Rows:
         here = level[ranges(np.searchsorted(level, tops), np.searchsorted(level, end[tops]))]
         if not len(here):
             continue
-        parent_from_local, turn = compose_affine(position[here], rotation[here], scale[here]), rotation[here]
+        parent_from_local = compose_affine(position[here], rotation[here], scale[here])
         if depth:
             above = tables.parent[here]
-            parent_from_local = multiply_affine(world_from_local[above], parent_from_local)
-            turn = quaternion.multiply(world_rotation[above], turn)
-        world_from_local[here], world_rotation[here] = parent_from_local, turn
+            world_from_local[here] = multiply_affine(world_from_local[above], parent_from_local)
+            world_rotation[here] = quaternion.multiply(world_rotation[above], rotation[here])
+        else:
+            world_from_local[here], world_rotation[here] = parent_from_local, rotation[here]
     return touched

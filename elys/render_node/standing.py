@@ -68,6 +68,8 @@ class Standing:
         self._intricate = np.unique(np.concatenate(intricate))
         rows.rest(instances, tables.world_from_local[instances.stand_rows], self._taken_along)
         self._drift = Drift()
+        self._arm = 0.0  # [m] how far from its body anything that rides may be
+        self._untold_in: StateFrame | None = None  # the frame that did not know where somebody was put by hand
         self.fraction = 1.0
         self.lead(1.0)
         self._gather()

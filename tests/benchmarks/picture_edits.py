@@ -18,7 +18,7 @@ from elys.render_node.render_world import RenderWorld
 from elys.render_node.renderer import Renderer
 from elys.render_node.scene_reader import SceneReader
 
-EDITS: Final = 150
+EDITS: Final = 130
 WARMING: Final = 20  # edits before those that count
 SUN_WAY: Final = (-0.4, -1.0, -0.6)
 
@@ -38,7 +38,7 @@ def edit_times(renderer: Renderer, count: int, size: tuple[int, int]) -> dict[st
     }
     renderer.settle(scene.world)
     spent = {
-        words: [scene.spent(renderer, edit(i / EDITS), size) for i in range(EDITS + WARMING)]
+        words: [scene.spent(renderer, edit(i / (EDITS + WARMING)), size) for i in range(EDITS + WARMING)]
         for words, edit in edits.items()
     }
     return {words: values[WARMING:] for words, values in spent.items()}

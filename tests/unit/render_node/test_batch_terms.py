@@ -36,7 +36,7 @@ def test_moving_by_hand_tells_anew() -> None:
     world = staged([(Transform(), MeshRenderer())], AssetStore())
     assert EVEN_SCALE in world.batches[0].terms
     stretched = staged([(Transform(scale=(1.0, 2.0, 1.0)), MeshRenderer())], AssetStore())
-    world.set_scene(stretched._tables, SceneEdits(moved=np.array([0])))
+    world.set_scene(stretched._tables, SceneEdits(np.array([0])))
     assert EVEN_SCALE not in world.batches[0].terms
 
 

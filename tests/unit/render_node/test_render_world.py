@@ -106,7 +106,7 @@ def test_an_edit_is_not_undone_by_an_older_frame(stage, make_frame) -> None:
     body = stage.add(Transform(position=(7.0, 0.0, 0.0)), MeshRenderer())
     tables = replace(stage.tables(), pose_sequence=np.array([5]))
     world = stage.world()
-    world.set_scene(tables, SceneEdits(moved=np.array([0])))
+    world.set_scene(tables, SceneEdits(np.array([0])))
     world.take_state(make_frame({body: (1.0, 0.0, 0.0)}, delta_sequence=4))
     world.place()
     assert world.position[0][0] == 7.0
