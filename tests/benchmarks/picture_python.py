@@ -40,11 +40,11 @@ def measure() -> list[Row]:
     command = [sys.executable, "-m", "tests.benchmarks.picture_python"]
     done = subprocess.run(command, env={**os.environ, "GALLIUM_NOOP": "1"}, stdout=subprocess.PIPE, check=True)
     found = json.loads(done.stdout)
-    what = f"Python and numpy of a frame of {' / '.join(map(str, COUNTS))} cubes, a driver that draws nothing"
+    what = f"Python and numpy of a frame of {' / '.join(map(str, COUNTS))}"
     if not found:
-        return [(what, "not measured: the driver is not Mesa's")]
+        return [(f"{what} cubes", "not measured: the driver is not Mesa's")]
     return [
-        (f"{what}: {words}", f"{' / '.join(f'{value:.2f}' for value in values)} ms") for words, values in found.items()
+        (f"{what} {words}", f"{' / '.join(f'{value:.2f}' for value in values)} ms") for words, values in found.items()
     ]
 
 
@@ -58,11 +58,12 @@ def times() -> dict[str, list[float]]:
     spent = [frame_times(Renderer(context, quality=FAST), count) for count in COUNTS]
     edited = [edit_times(Renderer(context, quality=FAST), count, SIZE) for count in COUNTS]
     news, between = zip(*spent, strict=True)
+    moving, still = (f"{how} cubes, a driver that draws nothing" for how in ("moving", "still"))
     return {
-        "moving, median with a new state": [float(np.median(values)) for values in news],
-        "moving, mean with a new state": [float(np.mean(values)) for values in news],
-        "moving, median between two states": [float(np.median(values)) for values in between],
-    } | {f"still, {words}, median": [float(np.median(of[words])) for of in edited] for words in edited[0]}
+        f"{moving}: median with a new state": [float(np.median(values)) for values in news],
+        f"{moving}: mean with a new state": [float(np.mean(values)) for values in news],
+        f"{moving}: median between two states": [float(np.median(values)) for values in between],
+    } | {f"{still}: {words}": [float(np.median(of[words])) for of in edited] for words in edited[0]}
 
 
 def frame_times(renderer: Renderer, count: int) -> tuple[list[float], list[float]]:

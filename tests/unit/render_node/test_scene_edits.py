@@ -341,6 +341,24 @@ def test_groups_hold_all_their_members_wherever_these_are_edited_to() -> None:
         assert_same_shadows(world, scene.anew())
 
 
+def test_who_was_put_by_hand_is_measured_when_frames_know_of_it(make_frame: Callable[..., StateFrame]) -> None:
+    """Though none of them tells of a body that has moved."""
+    scene = Edited()
+    body = scene.add(Transform(), MeshRenderer())
+    scene.add(Transform(position=(50.0, 0.0, 0.0)), MeshRenderer())
+    world = scene.read()
+    for tick, knows in enumerate((True, True, False, False, True)):
+        if tick == 2:
+            scene.set(body, Transform(position=(9.0, 0.0, 0.0)))
+        sequence = scene.mirror.sequence - (not knows)
+        frame = make_frame({body: (0.0, 0.0, 0.0)}, tick=tick, published_at=tick, delta_sequence=sequence)
+        scene.read()
+        world.take_state(frame, tick * TICK)
+        world.place(tick * TICK + TICK / 2)
+        assert world.position[0, 0] == (0.0 if knows else 9.0)
+        assert_groups_hold_their_members(world)
+
+
 def test_edits_of_joints_and_of_who_is_bent_are_followed() -> None:
     store = AssetStore()
     mesh = store.put(encode_mesh(tube()), kind="mesh")
