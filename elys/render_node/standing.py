@@ -112,11 +112,11 @@ class Standing:
         riders = everybody.riding(items)
         if len(riders):
             self._arm = max(self._arm, self._reach_of(riders))
+            self._placed = None  # bodies take them along from where they were put
         self._moved_count += len(items)
         if crowd.is_grouped and self._moved_count > len(self._instances.rows) * STRAYED:
             self._gather()
         elif len(riders) > len(everybody.untold(riders, self._timeline)):
-            self._placed = None  # bodies take them along from where they were put
             self._measure()
         else:
             self._untold_in = self._timeline.newest if len(riders) else self._untold_in
