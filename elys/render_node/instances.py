@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elys.common.components import Material
-from elys.render_node.batch_terms import Terms
+from elys.render_node.batch_terms import Terms, terms_of_batches
 from elys.render_node.deformation import Deformation, bent_rows, morphed_rows
 from elys.render_node.drawable_assets import DrawableAssets
 from elys.render_node.look import Look, look_of
@@ -113,6 +113,22 @@ class Instances:
             self.surface[item] = _surface(material)
             painted.append(item)
         return np.array(painted, np.intp)
+
+    def with_terms(self, is_even: NDArray[np.bool_]) -> tuple[Batch, ...]:
+        """The batches with what their instances, of whom (M,) are scaled evenly, need of shaders."""
+        first = np.array([batch.first for batch in self.batches], np.intp)
+        terms = terms_of_batches(first, self.surface, is_even)
+        return tuple(batch._replace(terms=found) for batch, found in zip(self.batches, terms, strict=True))
+
+    def with_terms_of(self, items: Rows, batches: tuple[Batch, ...], is_even: NDArray[np.bool_]) -> tuple[Batch, ...]:
+        """The same where some instances differ from when these batches were found."""
+        found = list(batches)
+        for place in np.unique(self.batch_of[items]).tolist():
+            batch = found[place]
+            run = slice(batch.first, batch.first + batch.instance_count)
+            (terms,) = terms_of_batches(np.zeros(1, np.intp), self.surface[run], is_even[run])
+            found[place] = batch._replace(terms=terms)
+        return tuple(found)
 
 
 def turns_over(linear: NDArray[np.float64]) -> NDArray[np.bool_]:

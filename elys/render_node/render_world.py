@@ -23,7 +23,6 @@ from elys.common.components.curve import repeated_value_at
 from elys.common.math import quaternion
 from elys.common.math.aabb import transform_bounds
 from elys.common.scene import SceneSettings
-from elys.render_node.batch_terms import terms_of_batches
 from elys.render_node.camera import camera_of, framing_camera
 from elys.render_node.crowd import Crowd, without_giants
 from elys.render_node.drawable_assets import DrawableAssets
@@ -38,7 +37,6 @@ from elys.render_node.surroundings import Surroundings, surroundings_of
 from elys.render_node.timeline import Timeline
 
 BLACK: Final = (0.0, 0.0, 0.0)
-FIRST: Final[Rows] = np.zeros(1, np.intp)
 UNTURNED: Final = np.array((0.0, 0.0, 0.0, 1.0))
 
 
@@ -347,7 +345,7 @@ class RenderWorld:
             return
         if len(painted):
             self._instance_rows.paint(instances, painted)
-        self._find_terms_of(np.unique(instances.batch_of[np.concatenate([painted, moved])]))
+        self.batches = instances.with_terms_of(np.concatenate([painted, moved]), self.batches, self.extents.is_even)
         if len(moved) or any(self.batches[batch].look.alpha_mode == "mask" for batch in instances.batch_of[painted]):
             self.pose_version += 1
 
@@ -369,28 +367,9 @@ class RenderWorld:
         self.standing = Standing(
             self._tables, instances, self._fixtures.rows, self.timeline, self.assets, self._instance_rows
         )
-        self._find_terms()
+        self.batches: tuple[Batch, ...] = instances.with_terms(self.extents.is_even)
         self._placed, self._rests = (-1, -1.0), False
         self.pose_version += 1
-
-    def _find_terms(self) -> None:
-        """Finds what the numbers of all instances need of shaders."""
-        batches = self.instances.batches
-        first = np.array([batch.first for batch in batches], np.intp)
-        terms = terms_of_batches(first, self.instances.surface, self.extents.is_even)
-        self.batches: tuple[Batch, ...] = tuple(
-            batch._replace(terms=found) for batch, found in zip(batches, terms, strict=True)
-        )
-
-    def _find_terms_of(self, chosen: Rows) -> None:
-        """The same of some batches."""
-        batches = list(self.batches)
-        for place in chosen.tolist():
-            batch = batches[place]
-            run = slice(batch.first, batch.first + batch.instance_count)
-            found = terms_of_batches(FIRST, self.instances.surface[run], self.extents.is_even[run])
-            batches[place] = batch._replace(terms=found[0])
-        self.batches = tuple(batches)
 
     def _placed_light(self, light: Light, number: int) -> PlacedLight:
         position, linear = self.standing.fixture(number)
