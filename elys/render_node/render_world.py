@@ -80,6 +80,7 @@ class RenderWorld:
         self.assets = assets if assets is not None else DrawableAssets()
         self.timeline = Timeline()
         self._instance_rows = InstanceRows()
+        self.batches: tuple[Batch, ...] = ()
         self.scene_version = 0
         self.pose_version = 0
         self.value_version = 0
@@ -367,7 +368,7 @@ class RenderWorld:
         self.standing = Standing(
             self._tables, instances, self._fixtures.rows, self.timeline, self.assets, self._instance_rows
         )
-        self.batches: tuple[Batch, ...] = instances.with_terms(self.extents.is_even)
+        self.batches = instances.with_terms(self.extents.is_even)
         self._placed, self._rests = (-1, -1.0), False
         self.pose_version += 1
 
