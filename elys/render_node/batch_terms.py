@@ -25,9 +25,10 @@ def terms_of_batches(
     """
     if not len(first):
         return ()
+    red, green, blue = surface[:, 1, :3].T != 0.0
     found = {
         METALLIC: np.logical_or.reduceat(surface[:, 2, 0] != 0.0, first),
-        GLOWING: np.logical_or.reduceat((surface[:, 1, :3] != 0.0).any(axis=1), first),
+        GLOWING: np.logical_or.reduceat(red | green | blue, first),
         EVEN_SCALE: np.logical_and.reduceat(is_even, first),
     }
     return tuple(tuple(term for term, holds in found.items() if holds[batch]) for batch in range(len(first)))

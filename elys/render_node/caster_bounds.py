@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elys.render_node.crowd import Crowd, without_giants
-from elys.render_node.scene_tables import Rows
+from elys.render_node.scene_tables import Rows, places_in
 
 SUNK: Final = 0.02  # of a floor's radius, by which things may have sunk into it
 
@@ -40,42 +40,88 @@ def caster_bounds(crowd: Crowd, light_from_world: NDArray[np.float64]) -> Caster
 
     A floor below all others does not count across the light: its shadow falls on nothing.
     """
-    if "floors" not in crowd.notes:
-        crowd.notes["floors"] = _floors(crowd)
-    is_floor: NDArray[np.bool_] = crowd.notes["floors"]
-    key = light_from_world.tobytes()
-    if key not in crowd.notes:
-        crowd.notes[key] = _bounds(crowd, light_from_world, np.flatnonzero(crowd.is_slack(crowd.caster_rows)), is_floor)
-    bounds: CasterBounds = crowd.notes[key].wider(crowd.slack)
+    if not isinstance(crowd.note, _Casters):
+        crowd.note = _Casters(crowd)
+    casters = crowd.note
+    bounds = casters.bounds(light_from_world).wider(crowd.slack)
     known = crowd.known_casters
     if len(known):
-        known = np.searchsorted(crowd.caster_rows, known)
-        bounds = bounds.with_others(_bounds(crowd, light_from_world, known, is_floor))
+        is_floor = casters.is_floor[np.searchsorted(crowd.caster_rows, known)]
+        in_light = _in_light(crowd.item_centre[known].T, light_from_world)
+        bounds = bounds.with_others(_bounds(in_light, crowd.item_radius[known].astype(np.float64), is_floor))
     return bounds
 
 
-def _bounds(
-    crowd: Crowd, light_from_world: NDArray[np.float64], places: Rows, is_floor: NDArray[np.bool_]
-) -> CasterBounds:
-    """Of some of the casters, by their places among them, where they were measured."""
-    rows = crowd.caster_rows[places]
-    reach = crowd.item_radius[rows].astype(np.float64)
-    in_light = light_from_world @ crowd.item_centre[rows].T  # (3, N): numpy is quick along rows
-    kept = ~is_floor[places] & np.isfinite(in_light[0])
+class _Casters:
+    """The N solid casters of a crowd where they were measured, and what has been worked out of it."""
+
+    def __init__(self, crowd: Crowd) -> None:
+        self._crowd, self._rows = crowd, crowd.caster_rows
+        slack = crowd.is_slack(self._rows)
+        self._slack = slice(None) if slack.all() else np.flatnonzero(slack)
+        self._centre = crowd.item_centre.T[:, self._rows]  # (3, N): numpy is quick along rows
+        self._radius = crowd.item_radius[self._rows].astype(np.float64)
+        self._ends: NDArray[np.float64] | None = None  # (2, N) [m] the heights of their boxes' bottoms and tops
+        self._seen_by: dict[bytes, NDArray[np.float64]] = {}  # their centres (3, N), by the light's rotation
+        self._bounds: dict[bytes, CasterBounds] = {}
+        self._is_floor: NDArray[np.bool_] | None = None
+
+    def move(self, rows: Rows) -> None:
+        """Takes where some instances of the crowd, ascending, are measured now."""
+        places, is_caster = places_in(self._rows, rows)
+        rows = rows[is_caster]
+        centre = self._crowd.item_centre[rows].T
+        self._centre[:, places] = centre
+        self._radius[places] = self._crowd.item_radius[rows]
+        if self._ends is not None:
+            self._ends[:, places] = self._ends_of(rows)
+        for light, in_light in self._seen_by.items():
+            in_light[:, places] = _in_light(centre, np.frombuffer(light).reshape(3, 3))
+        self._bounds.clear()
+        self._is_floor = None
+
+    def bounds(self, light_from_world: NDArray[np.float64]) -> CasterBounds:
+        """Of those that may be elsewhere by now than where they were measured."""
+        key = light_from_world.tobytes()
+        if key not in self._bounds:
+            if key not in self._seen_by:
+                self._seen_by[key] = _in_light(self._centre, light_from_world)
+            slack = self._slack
+            self._bounds[key] = _bounds(self._seen_by[key][:, slack], self._radius[slack], self.is_floor[slack])
+        return self._bounds[key]
+
+    @property
+    def is_floor(self) -> NDArray[np.bool_]:
+        """Which (N,) dwarf all others and lie below them."""
+        if self._is_floor is None:
+            giants = self._is_floor = ~without_giants(self._centre.T, self._radius)
+            if giants.any():
+                if self._ends is None:
+                    self._ends = self._ends_of(self._rows)
+                bottom = self._ends[0, ~giants].min()
+                giants[giants] = self._ends[1, giants] <= bottom + SUNK * self._radius[giants]
+        return self._is_floor
+
+    def _ends_of(self, rows: Rows) -> NDArray[np.float64]:
+        lower, upper = self._crowd.boxes(rows)
+        return np.array((lower[:, 1], upper[:, 1]))
+
+
+def _in_light(centre: NDArray[np.float64], light_from_world: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Places (3, N) as the light sees them. A sum for each, not BLAS: of one it is the same as of all, to the last bit."""
+    x, y, z = centre
+    return np.array([row[0] * x + row[1] * y + row[2] * z for row in light_from_world])
+
+
+def _bounds(in_light: NDArray[np.float64], reach: NDArray[np.float64], is_floor: NDArray[np.bool_]) -> CasterBounds:
+    """Of spheres at such places (3, N) and so large (N,)."""
+    kept = ~is_floor & np.isfinite(in_light[0])
+    # Not by a mask: that would lay them out place by place, along which numpy is slow.
+    counted, radius = np.compress(kept, in_light, axis=1), reach[kept]
+    near, far = counted - radius, counted + radius
     return CasterBounds(
-        (in_light[:2, kept] - reach[kept]).min(axis=1, initial=np.inf),
-        (in_light[:2, kept] + reach[kept]).max(axis=1, initial=-np.inf),
+        near[:2].min(axis=1, initial=np.inf),
+        far[:2].max(axis=1, initial=-np.inf),
         float((in_light[2] + reach).max(initial=-np.inf)),
-        float((in_light[2, kept] - reach[kept]).min(initial=np.inf)),
+        float(near[2].min(initial=np.inf)),
     )
-
-
-def _floors(crowd: Crowd) -> NDArray[np.bool_]:
-    """Which casters dwarf all others and lie below them."""
-    rows = crowd.caster_rows
-    giants = ~without_giants(crowd.item_centre[rows], crowd.item_radius[rows].astype(np.float64))
-    if giants.any():
-        bottom = crowd.boxes(rows[~giants])[0][:, 1].min()
-        top = crowd.boxes(rows[giants])[1][:, 1]
-        giants[giants] = top <= bottom + SUNK * crowd.item_radius[rows[giants]]
-    return giants

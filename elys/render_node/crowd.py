@@ -8,7 +8,7 @@ however many instances there are, and the bounds of groups hold while bodies mov
 from __future__ import annotations
 
 import math
-from typing import Any, Final
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +16,20 @@ from numpy.typing import NDArray
 from elys.common.math.aabb import transform_bounds
 from elys.render_node.extents import Extents
 from elys.render_node.instances import Instances
-from elys.render_node.scene_tables import Rows
+from elys.render_node.scene_tables import Rows, ranges
 
 MOST_GROUPS: Final = 512  # about; scenes of fewer instances have one a group, where all is as exact as can be
 GIANT: Final = 1.6  # times larger than all smaller things together: neither cameras nor shadow maps are fitted to it
 LOOSE: Final = 0.01  # of the size of the whole, by which things may have gone before they are measured anew
 KEPT_LISTS: Final = 16  # of instances, for what is drawn again and again
 _STEPS: Final = 1023  # along each axis, by which neighbours are told
+
+
+class Note(Protocol):
+    """What somebody has worked out of a crowd."""
+
+    def move(self, rows: Rows) -> None:
+        """Takes where some instances, ascending, are measured now."""
 
 
 class Crowd:
@@ -36,7 +43,7 @@ class Crowd:
         item_centre: [M, 3] f64 m, of all instances where they were measured. item_radius: [M] f32 m.
         slack: [m] by which anything may be elsewhere than where it was measured; contained in `radius`.
         limit: [m] of slack from which on they should be measured anew.
-        notes: what others have worked out of where things were measured; none once they are measured anew.
+        note: what somebody has worked out of where things were measured; None once they are measured anew.
         caster_rows: instances that throw shadows, as far as they are solid.
     """
 
@@ -60,7 +67,7 @@ class Crowd:
         self._group_of = np.full(len(instances.rows), -1)
         self._group_of[self._members] = np.repeat(np.arange(len(self.size)), self.size)
         self.slack, self.limit = 0.0, 0.0
-        self.notes: dict[str | bytes, Any] = {}
+        self.note: Note | None = None
         self._lists: dict[tuple[bytes, bytes], tuple[NDArray[np.uint32], Rows]] = {}
 
     def measure(
@@ -74,22 +81,43 @@ class Crowd:
         self._placed = position.copy(), linear.copy()
         self._extents = extents
         self.item_centre, self.item_radius = centre, extents.radius.copy()
-        members = self._members
-        places, reach = centre[members].T, extents.radius[members]
-        if len(self._first) == len(members):
-            self.centre, radius = np.ascontiguousarray(places), reach.copy()
-        else:
-            # fmin, fmax: a body that is nowhere any more, by what is no number, takes no neighbour along.
-            lower = np.fmin.reduceat(places - reach, self._first, axis=1)
-            upper = np.fmax.reduceat(places + reach, self._first, axis=1)
-            self.centre = (lower + upper) / 2
-            apart = places - np.repeat(self.centre, self.size, axis=1)
-            distance = np.sqrt(np.einsum("ij,ij->j", apart, apart)) + reach
-            radius = np.fmax.reduceat(distance, self._first).astype(np.float32)
-        self._measured_radius = radius
+        self.centre, self._measured_radius = self._bounds(self._members, self._first)
         self.limit = LOOSE * self._whole_size()
-        self.notes.clear()
+        self.note = None
         self.spread(0.0)
+
+    def move(
+        self,
+        items: Rows,
+        position: NDArray[np.float64],
+        linear: NDArray[np.float32],
+        centre: NDArray[np.float64],
+    ) -> None:
+        """Takes where some instances are now, as `measure` does for all; they stay in their groups, however far they went."""
+        self._placed[0][items], self._placed[1][items] = position, linear
+        self.item_centre[items], self.item_radius[items] = centre, self._extents.radius[items]
+        groups = np.unique(self._group_of[items])
+        groups = groups[np.searchsorted(groups, 0) : np.searchsorted(groups, self._crowd_count)]
+        if len(groups):
+            size = self.size[groups]
+            members = self._members[ranges(self._first[groups], self._first[groups] + size)]
+            self.centre[:, groups], self._measured_radius[groups] = self._bounds(members, np.cumsum(size) - size)
+            self.spread(self.slack)
+        if self.note is not None:
+            self.note.move(items)
+
+    def _bounds(self, members: NDArray[np.uint32], first: Rows) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+        """Centres (3, G) and radii (G,) of spheres around groups of members, of which each begins at `first`."""
+        places, reach = self.item_centre[members].T, self.item_radius[members]
+        if len(first) == len(members):
+            return np.ascontiguousarray(places), reach
+        # fmin, fmax: a body that is nowhere any more, by what is no number, takes no neighbour along.
+        lower = np.fmin.reduceat(places - reach, first, axis=1)
+        upper = np.fmax.reduceat(places + reach, first, axis=1)
+        centre = (lower + upper) / 2
+        apart = places - np.repeat(centre, np.diff(np.append(first, len(members))), axis=1)
+        distance = np.sqrt(np.einsum("ij,ij->j", apart, apart)) + reach
+        return centre, np.fmax.reduceat(distance, first).astype(np.float32)
 
     def spread(self, slack: float) -> None:
         """Lets bounds hold where nothing is farther than this [m] from where it was measured."""
@@ -108,6 +136,11 @@ class Crowd:
             self._measured_radius[self._crowd_count :] = radius
             self.radius[self._crowd_count :] = radius
             self.item_centre[self._known], self.item_radius[self._known] = centre, radius
+
+    @property
+    def is_grouped(self) -> bool:
+        """Whether any group has several members."""
+        return len(self.size) < len(self._members)
 
     @property
     def known_casters(self) -> Rows:
@@ -135,7 +168,7 @@ class Crowd:
     def _list(self, groups: Rows, removed: Rows) -> tuple[NDArray[np.uint32], Rows]:
         size = self.size[groups]
         end = np.cumsum(size)
-        rows = self._members[np.repeat(self._first[groups] - end + size, size) + np.arange(int(size.sum()))]
+        rows = self._members[ranges(self._first[groups], self._first[groups] + size)]
         if not len(removed) or not len(rows):
             return rows, size
         is_removed = np.zeros(len(self._group_of), np.bool_)
@@ -202,8 +235,9 @@ def without_giants(centre: NDArray[np.float64], radius: NDArray[np.float64]) -> 
     sizes = np.sort(radius)
     for last in np.flatnonzero(sizes[1:] > GIANT * math.sqrt(3.0) * sizes[:-1]).tolist():
         smaller = radius <= sizes[last]
-        reach = radius[smaller, None]
-        box = (centre[smaller] + reach).max(axis=0) - (centre[smaller] - reach).min(axis=0)
+        reach = radius[smaller]
+        places = np.compress(smaller, centre.T, axis=1)
+        box = (places + reach).max(axis=1) - (places - reach).min(axis=1)
         if sizes[last + 1] > GIANT * np.linalg.norm(box) / 2:
             # One pebble does not make the house a giant: at least a few things must be left.
             return smaller if last + 1 >= min(4, len(radius)) else everybody

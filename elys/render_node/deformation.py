@@ -33,7 +33,12 @@ class Bent(NamedTuple):
     root: int  # row of the tables
     joints: Rows  # (J,) likewise
     joint_from_mesh: NDArray[np.float32]  # (J, 3, 4)
-    is_mirrored: bool
+    is_mirrored: bool = False  # by the first joint
+
+    def turns_over(self, tables: SceneTables) -> bool:
+        """Whether the first joint turns the mesh inside out."""
+        linear = tables.world_from_local[self.joints[0], :, :3] @ self.joint_from_mesh[0, :, :3]
+        return bool(np.linalg.det(linear) < 0.0)
 
 
 def bent_rows(tables: SceneTables, assets: DrawableAssets) -> dict[int, Bent]:
@@ -55,8 +60,8 @@ def bent_rows(tables: SceneTables, assets: DrawableAssets) -> dict[int, Bent]:
             why = f"nobody is at '{'/'.join(lost[0])}' below its root" if lost else "it has too few for the mesh"
             _log.warning("a skin of %d joints bends nothing: %s", len(joints), why)
             continue
-        first = tables.world_from_local[joints[0], :, :3] @ skin.joint_from_mesh[0, :, :3]
-        found[row] = Bent(root, joints, skin.joint_from_mesh, bool(np.linalg.det(first) < 0.0))
+        bent = Bent(root, joints, skin.joint_from_mesh)
+        found[row] = bent._replace(is_mirrored=bent.turns_over(tables))
     return found
 
 

@@ -36,6 +36,10 @@ class Extents:
         self.is_even = evenly_scaled(linear)
         self._find_middles()
 
+    def rest(self, rows: Rows, linear: NDArray[np.float64]) -> None:
+        """Takes the scales (N, 3, 3) that some have at rest."""
+        self.radius[rows], self.is_even[rows] = self._radii(rows, linear), evenly_scaled(linear)
+
     def stretch(self, rows: Rows, linear: NDArray[np.floating[Any]]) -> None:
         """Takes the scales (N, 3, 3) that some have now."""
         if len(rows):

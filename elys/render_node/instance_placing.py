@@ -24,13 +24,14 @@ from elys.render_node.gpu import (
     ProgramCache,
     Texture,
 )
-from elys.render_node.instance_rows import ITEM_DTYPE
+from elys.render_node.instance_rows import ITEM_DTYPE, InstanceRows
 from elys.render_node.picture_plan import PicturePlan
 from elys.render_node.render_world import RenderWorld
 from elys.render_node.timeline import Timeline
 
 BODIES_A_ROW: Final = 512  # of a texture of poses; as instance_place.vert has it
 LED_WIDTH: Final = 1024  # texels of a row; likewise
+MOST_PARTS: Final = 64  # that are written by themselves; what is scattered more is written as a whole
 _FIELDS: Final = {
     "local_x": (0, "f", "4f4", "affine", 0),
     "local_y": (1, "f", "4f4", "affine", 16),
@@ -76,8 +77,7 @@ class InstancePlacing:
         if (self._done == done and self._ordered is rows) or not len(rows):
             return
         if self._item_version != items.version:
-            self._item_version = items.version
-            self._items.write(items.items)
+            self._write(items)
         if self._ordered is not rows:
             self._ordered = rows
             self._order.write(rows)
@@ -92,6 +92,18 @@ class InstancePlacing:
             )
         capture.run(self.rows, len(rows))
         self._done = done
+
+    def _write(self, rows: InstanceRows) -> None:
+        """Brings what the card knows of the instances up to date."""
+        changed = rows.changed_since(self._item_version)
+        self._item_version, items = rows.version, rows.items
+        parts = [] if changed is None else np.split(changed, np.flatnonzero(np.diff(changed) > 1) + 1)
+        if changed is None or len(parts) > MOST_PARTS:
+            self._items.write(items)
+            return
+        for part in parts:
+            first, last = part[0], part[-1]
+            self._items.write_part(items[first : last + 1], int(first) * ITEM_DTYPE.itemsize)
 
     def _program(self, plan: PicturePlan, *, rides: bool) -> Program:
         is_whole = plan.layout is INSTANCE_DTYPE

@@ -4,11 +4,12 @@
     body poses ───────┼──> instance_place.vert ──> INSTANCE_DTYPE rows, for the passes
     eye, share of way ┘
 
-Written when the scene changes, or who rides on what; never because something has moved.
+Written when the scene changes, or who rides on what; never because a body has moved. What an edit touches is written alone.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from typing import Final
 
 import numpy as np
@@ -38,6 +39,7 @@ ITEM_DTYPE: Final = np.dtype(
     ]
 )
 TEXELS_OF_LED: Final = 4
+KEPT_CHANGES: Final = 16  # versions back, of which it is known which rows have changed since
 
 
 class InstanceRows:
@@ -53,19 +55,39 @@ class InstanceRows:
         self.version = 0
         self.rides = False
         self._is_settled = False
+        self._changes: deque[Rows] = deque(maxlen=KEPT_CHANGES)  # the rows that each of the last versions wrote
 
     def rest(self, instances: Instances, world_from_instance: NDArray[np.float64], led: Rows) -> None:
         """Takes another scene, or others that ride: the transforms (M, 3, 4) at rest, and who is led."""
-        items = np.zeros(len(instances.rows), ITEM_DTYPE)
-        items["base_color"] = instances.surface[:, 0]
-        items["reflection"] = instances.surface[:, 2, :2]
-        items["emissive"] = instances.surface[:, 1]
-        items["entity"] = instances.entity
-        items["pose"] = instances.deformation.pose
-        self.items, self._rest, self._led = items, world_from_instance, led
+        self.items, self._rest, self._led = np.zeros(len(instances.rows), ITEM_DTYPE), world_from_instance, led
+        everybody = np.arange(len(self.items))
+        self.items["entity"] = instances.entity
+        self.items["pose"] = instances.deformation.pose
+        self._write_surface(instances.surface, everybody)
         self._is_settled = False
         self._seen: tuple[StateFrame | None, StateFrame | None] = (None, None)
-        self._write(np.full((len(items), 2), -1, np.int32), None)
+        self._write_places(np.full((len(everybody), 2), -1, np.int32), everybody, None)
+        self.rides = False
+        self._changes.clear()
+
+    def paint(self, instances: Instances, rows: Rows) -> None:
+        """Takes the materials of some."""
+        self._write_surface(instances.surface, rows)
+        self._changed(rows)
+
+    def move(self, placement: Placement, rows: Rows, world_from_instance: NDArray[np.float64]) -> None:
+        """Takes where some, none of them led, are at rest (N, 3, 4) and how they stand on their bodies, ascending."""
+        self._rest[rows] = world_from_instance
+        if len(placement.riding(rows)):
+            self._is_settled, self._seen = False, (None, None)  # frames may not know of it
+        self._write_places(self.items["body"][rows], rows, placement)
+
+    def changed_since(self, version: int) -> Rows | None:
+        """The rows, ascending, in which these differ from an earlier version; None where that is not known any more."""
+        back = self.version - version
+        if back > len(self._changes):
+            return None
+        return np.unique(np.concatenate([*self._changes][-back:]))
 
     def follow(self, placement: Placement, timeline: Timeline) -> None:
         """Takes who rides on which body of the newest two frames."""
@@ -75,20 +97,29 @@ class InstanceRows:
         self._seen = frames
         body, self._is_settled = placement.body_rows(timeline)
         body[self._led] = self.items["body"][self._led]
-        if not np.array_equal(body, self.items["body"]):
-            self._write(body, placement)
+        rows = np.flatnonzero((body != self.items["body"]).any(axis=1))
+        if len(rows):
+            self._write_places(body[rows], rows, placement)
+            self.rides = bool((body[:, 0] >= 0).any())
 
-    def _write(self, body: NDArray[np.int32], placement: Placement | None) -> None:
-        items = self.items
-        items["affine"], items["low"] = split(self._rest)
-        rides = np.flatnonzero(body[:, 0] >= 0)
-        if placement is not None and len(rides):
-            moving, affine = placement.carrier_from_item
-            riding = body[moving, 0] >= 0
-            items["affine"][moving[riding]] = affine[riding]
-        items["body"] = body
-        items["body"][self._led, 0] = -2 - np.arange(len(self._led))
-        self.rides = len(rides) > 0
+    def _write_surface(self, surface: NDArray[np.float32], rows: Rows) -> None:
+        self.items["base_color"][rows] = surface[rows, 0]
+        self.items["reflection"][rows] = surface[rows, 2, :2]
+        self.items["emissive"][rows] = surface[rows, 1]
+
+    def _write_places(self, body: NDArray[np.int32], rows: Rows, placement: Placement | None) -> None:
+        """Of some, ascending, that ride on these bodies (N, 2)."""
+        affine, low = split(self._rest[rows])
+        riding = np.flatnonzero(body[:, 0] >= 0)
+        if placement is not None and len(riding):
+            affine[riding] = placement.on_carriers(rows[riding])
+        self.items["affine"][rows], self.items["low"][rows] = affine, low
+        self.items["body"][rows] = body
+        self.items["body"][self._led, 0] = -2 - np.arange(len(self._led))
+        self._changed(rows)
+
+    def _changed(self, rows: Rows) -> None:
+        self._changes.append(rows)
         self.version += 1
 
 

@@ -34,7 +34,7 @@ from elys.render_node.quality import EXACT, FULL, Quality
 from elys.render_node.render_world import RenderWorld
 from elys.render_node.renderer import Renderer
 from elys.render_node.scene_classes import SceneClass, SceneClasses
-from elys.render_node.scene_tables import SceneReader
+from elys.render_node.scene_reader import SceneReader
 from elys.render_node.sound.film_sound import FilmSound
 
 MAX_EDGE: Final = 32768  # [pixels]

@@ -23,7 +23,7 @@ from elys.render_node.passes.shadow import LampShadowPass, ShadowPass
 from elys.render_node.picture_plan import PicturePlan, plan_picture
 from elys.render_node.quality import FULL
 from elys.render_node.render_world import RenderWorld
-from elys.render_node.scene_tables import SceneReader
+from elys.render_node.scene_reader import SceneReader
 
 
 class PlannedPass(NamedTuple):

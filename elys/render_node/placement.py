@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from elys.common.math import quaternion
 from elys.common.math.matrix import compose_affine, depth_levels, inverse_affine, multiply_affine, propagate_affine
 from elys.render_node.pose_columns import FixedTransforms, matrices_of
-from elys.render_node.scene_tables import Rows, SceneTables
+from elys.render_node.scene_tables import Rows, SceneTables, places_in, ranges
 from elys.render_node.timeline import Timeline, rows_in
 
 
@@ -35,22 +35,21 @@ class Placement:
         item_count = len(rows)
         if self._limbs is not None:
             rows = np.concatenate([rows, self._limbs.bases])
-        world_from_item = tables.world_from_local[rows]
         # Kept as columns: `position.T` and `linear.transpose(1, 2, 0)` are contiguous.
-        self._position = np.ascontiguousarray(world_from_item[:, :, 3].T).T
-        self._linear = np.ascontiguousarray(np.moveaxis(world_from_item[:, :, :3], 0, 2), np.float32).transpose(2, 0, 1)
+        self._position = np.empty((3, len(rows))).T
+        self._linear = np.empty((3, 3, len(rows)), np.float32).transpose(2, 0, 1)
         self.position, self.linear = self._position[:item_count], self._linear[:item_count]
+        self._rows = rows
+        self._order: Rows = np.argsort(rows, kind="stable")
+        self._sorted_rows = rows[self._order]
+        self._rest(tables, np.arange(len(rows)))
         carrier = _carrier_rows(tables, is_body)[rows]
         self._moving = np.flatnonzero(carrier >= 0)
-        carrier_rows, self._carrier = _numbered(carrier[self._moving])
-        self._is_alone = len(carrier_rows) == len(self._moving)  # each item has a body of its own
-        self._carriers = tables.entity[carrier_rows]
-        self._told_by_scene = tables.pose_sequence[carrier_rows]
-        world_from_carrier = np.empty((len(carrier_rows), 3, 4))
-        world_from_carrier[:, :, :3] = quaternion.to_matrix(tables.rotation[carrier_rows])
-        world_from_carrier[:, :, 3] = tables.world_from_local[carrier_rows][:, :, 3]
-        carrier_from_world = inverse_affine(world_from_carrier)[self._carrier]
-        self._carrier_from_item = FixedTransforms(multiply_affine(carrier_from_world, world_from_item[self._moving]))
+        self._carrier_rows, self._carrier = _numbered(carrier[self._moving])
+        self._is_alone = len(self._carrier_rows) == len(self._moving)  # each item has a body of its own
+        self._carriers = tables.entity[self._carrier_rows]
+        self._told_by_scene = tables.pose_sequence[self._carrier_rows]
+        self._carrier_from_item = FixedTransforms(self._fixed(tables, np.arange(len(self._moving))))
         self.articulated: Rows = np.zeros(0, np.intp)
         if self._limbs is not None:
             node_of_item = self._limbs.node_of_row[rows[:item_count]]
@@ -58,10 +57,56 @@ class Placement:
             self._nodes = node_of_item[self.articulated]
 
     @property
-    def carrier_from_item(self) -> tuple[Rows, NDArray[np.float32]]:
-        """Who rides on a body (K,), and how it stands there (K, 3, 4)."""
-        count = int(np.searchsorted(self._moving, len(self.position)))  # then come those that carry others
-        return self._moving[:count], self._carrier_from_item.affine[:count]
+    def limb_rows(self) -> Rows:
+        """Of the tables, those that are animated or placed below such, and those that carry them."""
+        return np.zeros(0, np.intp) if self._limbs is None else self._limbs.rows
+
+    def move(self, tables: SceneTables, moved: Rows) -> None:
+        """Takes where some rows of the tables, ascending and no limbs, and all below them stand now; `follow` moves those on that
+        ride.
+        """
+        first, last = (np.searchsorted(self._sorted_rows, moved, side) for side in ("left", "right"))
+        places = np.sort(self._order[ranges(first, last)])
+        self._rest(tables, places)
+        riders, _ = places_in(self._moving, places)
+        if len(riders):
+            carriers = self._carrier[riders]
+            self._told_by_scene[carriers] = tables.pose_sequence[self._carrier_rows[carriers]]
+            self._carrier_from_item.replace(riders, self._fixed(tables, riders))
+
+    def riding(self, items: Rows) -> Rows:
+        """Those of some items that ride on bodies."""
+        return items[places_in(self._moving, items)[1]]
+
+    def on_carriers(self, items: Rows) -> NDArray[np.float32]:
+        """How items (N,) that ride stand on their bodies (N, 3, 4)."""
+        affine: NDArray[np.float32] = self._carrier_from_item.affine[np.searchsorted(self._moving, items)]
+        return affine
+
+    def _rest(self, tables: SceneTables, places: Rows) -> None:
+        world_from_item = tables.world_from_local[self._rows[places]]
+        self._position[places] = world_from_item[:, :, 3]
+        self._linear[places] = world_from_item[:, :, :3]
+
+    def _fixed(self, tables: SceneTables, riders: Rows) -> NDArray[np.float64]:
+        """carrier_from_item (N, 3, 4) of some that ride."""
+        carrier, rows = self._carrier_rows[self._carrier[riders]], self._rows[self._moving[riders]]
+        world_from_carrier = np.empty((len(riders), 3, 4))
+        world_from_carrier[:, :, :3] = quaternion.to_matrix(tables.rotation[carrier])
+        world_from_carrier[:, :, 3] = tables.world_from_local[carrier][:, :, 3]
+        return np.asarray(multiply_affine(inverse_affine(world_from_carrier), tables.world_from_local[rows]))
+
+    @property
+    def moving(self) -> Rows:
+        """Who rides on a body."""
+        return self._moving[: np.searchsorted(self._moving, len(self.position))]  # then come those that carry others
+
+    def untold(self, riders: Rows, timeline: Timeline) -> Rows:
+        """Those of some who ride of which the newest frame does not know yet where the scene put their bodies."""
+        if timeline.newest is None:
+            return riders
+        told = self._told_by_scene[self._carrier[np.searchsorted(self._moving, riders)]]
+        return riders[told > timeline.newest.delta_sequence]
 
     def body_rows(self, timeline: Timeline) -> tuple[NDArray[np.int32], bool]:
         """Rows (M, 2) of the bodies, in the newest frame and in the one before, on which the items ride, -1 for none; and
@@ -126,8 +171,8 @@ class _Limbs:
     """The animated rows and all below them down to the next bodies, placed from what each stands on.
 
     Attributes:
-        bases: rows that carry such ones and are none themselves. node_of_row: [N] place of a limb among the nodes, -1 for others;
-            the nodes are the bases, then the limbs.
+        bases: rows that carry such ones and are none themselves. rows: of all nodes, which are the bases, then the limbs.
+        node_of_row: [N] place of a limb among the nodes, -1 for others.
     """
 
     def __init__(self, tables: SceneTables, is_body: NDArray[np.bool_], animated: NDArray[np.uint32]) -> None:
@@ -139,7 +184,7 @@ class _Limbs:
         limbs = np.flatnonzero(is_limb)
         above = tables.parent[limbs]
         self.bases: Rows = np.unique(above[(above >= 0) & ~is_limb[above]])
-        nodes = np.concatenate([self.bases, limbs])
+        nodes = self.rows = np.concatenate([self.bases, limbs])
         self.node_of_row = np.full(len(tables.entity), -1)
         self.node_of_row[nodes] = np.arange(len(nodes))
         self._parents = np.full(len(nodes), -1)

@@ -37,12 +37,17 @@ class FixedTransforms:
 
     def __init__(self, affine: NDArray[np.floating[Any]]) -> None:
         """`affine` (N, 3, 4)."""
+        self._columns = np.empty((3, 4, len(affine)), np.float32)
+        self.replace(np.arange(len(affine)), affine)
+
+    def replace(self, places: NDArray[np.intp], affine: NDArray[np.floating[Any]]) -> None:
+        """Takes others (K, 3, 4) for some of them."""
         size = np.abs(affine)
-        axes = size[:, :, :3].max(axis=1, keepdims=True)  # (N, 1, 3)
+        axes = size[:, :, :3].max(axis=1, keepdims=True)  # (K, 1, 3)
         largest = np.concatenate([axes, axes.max(axis=2, keepdims=True)], axis=2)
         cleaned = np.where(size > NEGLIGIBLE * largest, affine, 0.0)
         cleaned = np.where(np.abs(cleaned - 1.0) > NEGLIGIBLE, cleaned, 1.0)
-        self._columns = np.ascontiguousarray(np.moveaxis(cleaned, 0, 2), np.float32)
+        self._columns[:, :, places] = np.moveaxis(cleaned, 0, 2)
         self._is_zero: NDArray[np.bool_] = (self._columns == 0.0).all(axis=2)
         self._is_one: NDArray[np.bool_] = (self._columns == 1.0).all(axis=2)
 

@@ -1,6 +1,7 @@
 """The scene as a renderer wants it: instances by mesh and material, lamps, cameras, and where all of it stands right now.
 
-    SceneTables ──rebuild──> batches, rows for the card        only when the scene changed
+    SceneTables ──rebuild──> batches, rows for the card        only when who is drawn with whom has changed
+    SceneEdits  ──edit─────> the rows that they touch
     StateFrames ──place────> where who is led stands           each picture; all others are placed by the card
 
 Instances stand in the order of their batches, opaque ones first.
@@ -17,19 +18,20 @@ from numpy.typing import NDArray
 
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.messages.views import ViewCamera
-from elys.common.components import Camera, Environment, Light
+from elys.common.components import Light
 from elys.common.components.curve import repeated_value_at
 from elys.common.math import quaternion
 from elys.common.math.aabb import transform_bounds
 from elys.common.scene import SceneSettings
-from elys.render_node.batch_terms import terms_of_batches
 from elys.render_node.camera import camera_of, framing_camera
 from elys.render_node.crowd import Crowd, without_giants
 from elys.render_node.drawable_assets import DrawableAssets
 from elys.render_node.extents import Extents
+from elys.render_node.fixtures import Fixtures
 from elys.render_node.instance_rows import InstanceRows
-from elys.render_node.instances import Batch, Instances, is_mirrored
-from elys.render_node.scene_tables import Rows, SceneReader, SceneTables, tables_of
+from elys.render_node.instances import Batch, Instances
+from elys.render_node.scene_reader import SceneEdits, SceneReader
+from elys.render_node.scene_tables import Rows, SceneTables, tables_of
 from elys.render_node.standing import Standing
 from elys.render_node.surroundings import Surroundings, surroundings_of
 from elys.render_node.timeline import Timeline
@@ -62,7 +64,8 @@ class RenderWorld:
 
     Attributes:
         instances: the M things that can be drawn. batches: runs of them. standing: where they are.
-        scene_version: rises when batches change; pose_version when anything stands elsewhere.
+        scene_version: rises when batches change. pose_version: when anything stands elsewhere, or may throw another shadow there.
+        value_version: when something was edited.
     """
 
     def __init__(
@@ -77,8 +80,10 @@ class RenderWorld:
         self.assets = assets if assets is not None else DrawableAssets()
         self.timeline = Timeline()
         self._instance_rows = InstanceRows()
+        self.batches: tuple[Batch, ...] = ()
         self.scene_version = 0
         self.pose_version = 0
+        self.value_version = 0
         self._tables = tables_of([], [], [])
         self._bodies = self._animated = np.zeros(0, np.uint32)
         self._assets_version = -1
@@ -91,20 +96,21 @@ class RenderWorld:
 
     # --- feeding ---------------------------------------------------------------------------------------------------
 
-    def set_scene(self, tables: SceneTables, *, only_moved: bool = False) -> None:
-        """Takes the scene as it is now; `only_moved` says that nothing but transforms differs from the one before."""
-        before, self._tables = self._tables, tables
-        if only_moved and np.array_equal(is_mirrored(before), is_mirrored(tables)):
-            self._place_anew()
-        else:
+    def set_scene(self, tables: SceneTables, edits: SceneEdits | None = None) -> None:
+        """Takes the scene as it is now; with `edits` nothing but what these say, and settings, differs from the one before."""
+        self._tables = tables
+        if edits is None:
             self._rebuild()
+        else:
+            self._take_settings()
+            self._edit(edits)
 
     def read_scene(self, reader: SceneReader) -> bool:
         """Takes what a reader has that is new; False if that is nothing."""
         read = reader.read()
         if read is None:
             return False
-        self.set_scene(read[0], only_moved=read[1])
+        self.set_scene(read.tables, read.edits)
         return True
 
     def take_state(self, frame: StateFrame, now: float = 0.0, *, first: float | None = None) -> bool:
@@ -277,29 +283,30 @@ class RenderWorld:
 
     def lights(self) -> list[PlacedLight]:
         """All lamps that are on."""
-        return [self._placed_light(light, number) for number, light in enumerate(self._lights)]
+        return [self._placed_light(light, number) for number, light in enumerate(self._fixtures.lights)]
 
     def surroundings(self, to_sun: NDArray[np.float64] | None) -> Surroundings:
         """What is all around, under a sun in that direction."""
-        rotation = UNTURNED
-        if self._environment is not None:
-            _, linear = self.standing.fixture(len(self._lights) + (self._camera is not None))
+        rotation, fixtures = UNTURNED, self._fixtures
+        if fixtures.environment is not None:
+            _, linear = self.standing.fixture(len(fixtures.lights) + (fixtures.camera is not None))
             turned = _axes(linear.astype(np.float64))
             rotation = np.asarray(quaternion.from_matrix(turned), np.float64)
-        return surroundings_of(self._settings, self._environment, rotation, to_sun, self.assets)
+        return surroundings_of(self._settings, fixtures.environment, rotation, to_sun, self.assets)
 
     def camera(self, aspect: float = 16 / 9) -> ViewCamera:
         """The view of the scene's enabled camera of highest priority, a player's own first; or one that shows everything."""
-        if self._camera is None:
+        fixtures = self._fixtures
+        if fixtures.camera is None:
             return framing_camera(*self.bounds(), aspect=aspect)
-        position, linear = self.standing.fixture(len(self._lights))
+        position, linear = self.standing.fixture(len(fixtures.lights))
         rotation = quaternion.from_matrix(_axes(linear.astype(np.float64)))
-        return camera_of(self._camera, tuple(position.tolist()), tuple(rotation.tolist()))
+        return camera_of(fixtures.camera, tuple(position.tolist()), tuple(rotation.tolist()))
 
     @property
     def has_camera(self) -> bool:
         """Whether the scene says from where it wants to be seen."""
-        return self._camera is not None
+        return self._fixtures.camera is not None
 
     def bounds(self, rows: Rows | None = None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Corners (3,) of a box around instances, all by default, but without what dwarfs the others, as a floor does."""
@@ -319,40 +326,49 @@ class RenderWorld:
     # --- inside ----------------------------------------------------------------------------------------------------
 
     def _rebuild(self) -> None:
-        tables = self._tables
-        self._settings = tables.settings if self._has_environment else _without_environment(tables.settings)
         self._assets_version = self.assets.version
-        self.instances = Instances(tables, self.assets)
-        lights = [row for row in tables.lights if tables.enabled[row]]
-        cameras = [row for row in tables.cameras if tables.enabled[row]]
-        # max keeps the first of equals: the one that stands first in the scene.
-        chosen = [max(cameras, key=self._camera_rank)] if cameras else []
-        around = [row for row in tables.environments if tables.enabled[row] and self._has_environment][:1]
-        self._environment: Environment | None = tables.environments[around[0]] if around else None
-        self._lights = [tables.lights[row] for row in lights]
-        self._camera: Camera | None = tables.cameras[chosen[0]] if chosen else None
-        self._fixtures: Rows = np.array(lights + chosen + around, np.intp)
+        self._take_settings()
+        self.instances = Instances(self._tables, self.assets)
         self.scene_version += 1
         self._place_anew()
 
-    def _camera_rank(self, row: int) -> tuple[bool, bool, bool, float]:
-        camera = self._tables.cameras[row]
-        is_preferred = int(self._tables.entity[row]) == self._preferred_camera
-        return is_preferred, camera.player in (0, self.player), camera.player == self.player, camera.priority
+    def _edit(self, edits: SceneEdits) -> None:
+        """Takes an edit at the cost of what it touches, as far as batches stay what they are and nothing intricate moves."""
+        tables, instances = self._tables, self.instances
+        self.value_version += 1
+        painted = instances.paint(tables, edits.materials)
+        if painted is None or not instances.keeps_batches(tables, edits.moved):
+            self._rebuild()
+            return
+        moved = self.standing.move(tables, edits.moved) if self._fixtures.follow(tables, edits) else None
+        if moved is None:
+            self._place_anew()
+            return
+        if len(painted):
+            self._instance_rows.paint(instances, painted)
+        self.batches = instances.with_terms_of(np.concatenate([painted, moved]), self.batches, self.extents.is_even)
+        if len(moved) or any(self.batches[batch].look.alpha_mode == "mask" for batch in instances.batch_of[painted]):
+            self.pose_version += 1
+
+    def _take_settings(self) -> None:
+        settings = self._tables.settings
+        self._settings = settings if self._has_environment else _without_environment(settings)
 
     def _place_anew(self) -> None:
         instances, newest = self.instances, self.timeline.newest
         nobody = np.zeros(0, np.uint32)
         self._bodies = newest.entity if newest is not None else nobody
         self._animated = newest.local_entity if newest is not None else nobody
+        self._fixtures = Fixtures(
+            self._tables,
+            player=self.player,
+            preferred=self._preferred_camera,
+            has_environment=self._has_environment,
+        )
         self.standing = Standing(
-            self._tables, instances, self._fixtures, self.timeline, self.assets, self._instance_rows
+            self._tables, instances, self._fixtures.rows, self.timeline, self.assets, self._instance_rows
         )
-        first = np.array([batch.first for batch in instances.batches], np.intp)
-        terms = terms_of_batches(first, instances.surface, self.extents.is_even)
-        self.batches: tuple[Batch, ...] = tuple(
-            batch._replace(terms=found) for batch, found in zip(instances.batches, terms, strict=True)
-        )
+        self.batches = instances.with_terms(self.extents.is_even)
         self._placed, self._rests = (-1, -1.0), False
         self.pose_version += 1
 

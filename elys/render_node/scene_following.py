@@ -26,7 +26,7 @@ from elys.render_node.drawable_assets import DrawableAssets
 from elys.render_node.ghost_worlds import GhostWorlds, ShownGhost
 from elys.render_node.overlays import OverlayBoard
 from elys.render_node.render_world import RenderWorld
-from elys.render_node.scene_tables import SceneReader
+from elys.render_node.scene_reader import SceneReader
 
 _log = logging.getLogger(__name__)
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from elys.bus.messages.scene import ComponentRemoved, ComponentSet, Renamed
-from elys.bus.mirror import MirrorEntity, MirrorUpdate, SceneMirror
+from elys.bus.mirror import SceneMirror
 from elys.common.components import Camera, Component, Environment, Light, Material, MeshRenderer, Morph, Skin, Transform
 from elys.common.math import quaternion
 from elys.common.math.matrix import compose_affine, depth_levels, propagate_affine
@@ -19,12 +18,11 @@ from elys.common.scene import SceneSettings
 Rows = NDArray[np.intp]
 C = TypeVar("C", bound=Component)
 _STILL: Final = Transform()
-_DRAWN: Final = frozenset(kind.__name__ for kind in (MeshRenderer, Material, Light, Camera, Environment, Skin, Morph))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SceneTables:
-    """N entities as they stand in the scene.
+    """N entities as they stand in the scene. A `SceneReader` writes to the columns of those that it made.
 
     Attributes:
         entity: [N] u32. parent: [N] row of the parent, -1 for none. enabled: [N] switched on with all above.
@@ -63,51 +61,6 @@ class SceneTables:
         for rows in self.levels[1:]:
             chosen[rows] |= chosen[self.parent[rows]]
         return chosen
-
-
-class SceneReader:
-    """Makes tables of a mirror, again when it has changed; only what has moved where that is all."""
-
-    def __init__(self, mirror: SceneMirror) -> None:
-        self._mirror = mirror
-        self._tables: SceneTables | None = None
-        self._moved: set[int] = set()
-        self._unlisten = mirror.listen(self._note)
-
-    def read(self) -> tuple[SceneTables, bool] | None:
-        """The tables and whether nothing but transforms changed since the last call; None when nothing changed at all."""
-        if self._tables is None:
-            self._tables = tables_of_mirror(self._mirror)
-            self._moved.clear()
-            return self._tables, False
-        if self._moved:
-            self._tables = _moved(self._tables, [self._mirror.entities[entity] for entity in sorted(self._moved)])
-            self._moved.clear()
-            return self._tables, True
-        return None
-
-    def close(self) -> None:
-        """Stops listening to the mirror."""
-        self._unlisten()
-
-    def _note(self, update: MirrorUpdate) -> None:
-        if update.reset:
-            self._tables = None
-        for change in update.changes:
-            match change:
-                case Renamed():
-                    if self._tables is not None and self._tables.skins:
-                        self._tables = None
-                case ComponentSet(component="Transform", entity=entity) if self._has_transform(entity):
-                    self._moved.add(entity)
-                case ComponentSet(component=component) | ComponentRemoved(component=component):
-                    if component in _DRAWN or component == "Transform":
-                        self._tables = None
-                case _:
-                    self._tables = None
-
-    def _has_transform(self, entity: int) -> bool:
-        return self._tables is not None and entity in self._tables.row_of
 
 
 def tables_of_mirror(mirror: SceneMirror) -> SceneTables:
@@ -172,22 +125,6 @@ def tables_of(
     )
 
 
-def _moved(tables: SceneTables, entities: Sequence[MirrorEntity]) -> SceneTables:
-    """The same tables, these entities elsewhere."""
-    position, rotation, scale = (column.copy() for column in tables.local)
-    pose_sequence = tables.pose_sequence.copy()
-    for entity in entities:
-        row = tables.row_of[entity.id]
-        transform: Any = entity.components["Transform"]
-        position[row], rotation[row], scale[row] = transform.position, transform.rotation, transform.scale
-        pose_sequence[row] = entity.pose_sequence
-    local = (position, rotation, scale)
-    world_from_local, world_rotation = _placed(tables.parent, tables.levels, local)
-    return replace(
-        tables, local=local, world_from_local=world_from_local, rotation=world_rotation, pose_sequence=pose_sequence
-    )
-
-
 def _placed(
     parent: Rows, levels: list[Rows], local: tuple[NDArray[np.float64], ...]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -206,3 +143,17 @@ def _column(values: list[tuple[float, ...]], width: int) -> NDArray[np.float64]:
 def _having(components: Sequence[Mapping[str, Component]], kind: type[C]) -> dict[int, C]:
     name = kind.__name__
     return {row: found[name] for row, found in enumerate(components) if name in found}  # type: ignore[misc]
+
+
+def ranges(first: Rows, end: Rows) -> Rows:
+    """The numbers from each of some (N,) up to another, one behind the other."""
+    size = end - first
+    return np.repeat(end - np.cumsum(size), size) + np.arange(int(size.sum()))
+
+
+def places_in(table: Rows, wanted: Rows) -> tuple[Rows, NDArray[np.bool_]]:
+    """Where in an ascending table those of some numbers stand that are in it, and which of them these are."""
+    places = np.searchsorted(table, wanted)
+    is_there = places < len(table)
+    is_there[is_there] = table[places[is_there]] == wanted[is_there]
+    return places[is_there], is_there

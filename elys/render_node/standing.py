@@ -21,9 +21,10 @@ from elys.render_node.extents import Extents
 from elys.render_node.instance_rows import InstanceRows, led_texels
 from elys.render_node.instances import Instances
 from elys.render_node.placement import Placement
-from elys.render_node.scene_tables import Rows, SceneTables
+from elys.render_node.scene_tables import Rows, SceneTables, places_in
 from elys.render_node.timeline import Timeline
 
+STRAYED: Final = 1 / 16  # of all instances, that may be edited away from their neighbours before these are found anew
 SLACK_STEPS: Final = 4  # by which bounds are widened until things are measured anew
 
 
@@ -62,8 +63,13 @@ class Standing:
         self._led = Placement(tables, led_rows, bodies, animated)
         self.extents = Extents(instances, tables.world_from_local[instances.rows, :, :3], assets)
         self.extents.is_even[self._stretching] = False  # their scale may be animated
+        bent = deformation.bent
+        intricate = (self._all.limb_rows, deformation.joint_rows, instances.rows[bent], instances.stand_rows[bent])
+        self._intricate = np.unique(np.concatenate(intricate))
         rows.rest(instances, tables.world_from_local[instances.stand_rows], self._taken_along)
         self._drift = Drift()
+        self._arm = 0.0  # [m] how far from its body anything that rides may be
+        self._untold_in: StateFrame | None = None  # the frame that did not know where somebody was put by hand
         self.fraction = 1.0
         self.lead(1.0)
         self._gather()
@@ -80,6 +86,48 @@ class Standing:
         if len(self._stretching):
             self.extents.stretch(self._stretching, linear[np.searchsorted(self.led, self._stretching)])
         self.led_centre = self.extents.middles(self.led, position, linear)
+
+    def move(self, tables: SceneTables, moved: Rows) -> Rows | None:
+        """Lets some rows of the tables, ascending, and all below them stand where these say now; returns which instances that
+        are. None where joints or what is animated are among them: all has to be made anew.
+        """
+        if not len(moved):
+            return moved
+        if places_in(self._intricate, moved)[1].any():
+            return None
+        self._all.move(tables, moved)
+        self._led.move(tables, moved)
+        items = np.sort(self._instances.of_rows(moved))
+        if len(items):
+            world_from_instance = tables.world_from_local[self._instances.rows[items]]
+            self.extents.rest(items, world_from_instance[:, :, :3])
+            self._rows.move(self._all, items, world_from_instance)
+        self.lead(self.fraction)
+        if len(items):
+            self._move_crowd(items)
+        return items
+
+    def _move_crowd(self, items: Rows) -> None:
+        everybody, crowd = self._all, self._crowd
+        riders = everybody.riding(items)
+        if len(riders):
+            self._arm = max(self._arm, self._reach_of(riders))
+            self._placed = None  # bodies take them along from where they were put
+        self._moved_count += len(items)
+        if crowd.is_grouped and self._moved_count > len(self._instances.rows) * STRAYED:
+            self._gather()
+        elif len(riders) > len(everybody.untold(riders, self._timeline)):
+            self._measure()
+        else:
+            self._untold_in = self._timeline.newest if len(riders) else self._untold_in
+            position, linear = everybody.position[items], everybody.linear[items]
+            crowd.move(items, position, linear, self.extents.middles(items, position, linear))
+
+    def _reach_of(self, riders: Rows) -> float:
+        """How far [m] from the bodies on which they ride the middles of some instances may be."""
+        affine = self._all.on_carriers(riders)
+        arms = self.extents.middles(riders, affine[:, :, 3].astype(np.float64), affine[:, :, :3])
+        return float(np.linalg.norm(arms, axis=1).max(initial=0.0))
 
     def fixture(self, number: int) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
         """Position (3,) [m], and rotation and scale (3, 3), of a fixture."""
@@ -102,12 +150,16 @@ class Standing:
 
     def crowd(self, *, exact: bool) -> Crowd:
         """The solid instances in groups, with bounds that hold for where they are; `exact` ones are no wider than needed."""
+        if exact and self._moved_count:
+            self._gather()
         crowd, timeline = self._crowd, self._timeline
         if not self._is_spread:
             self._is_spread = True
             slack = self._drift.at(timeline, self.fraction)
             is_at_rest = timeline.is_still or timeline.previous is None
             is_loose = slack > crowd.limit or (slack > 0.0 and (exact or is_at_rest))
+            # Who was put elsewhere by hand leaps to where a frame says that knows of it.
+            is_loose = is_loose or (self._untold_in is not None and self._untold_in is not timeline.newest)
             if is_loose and self._drift.origin is not timeline.newest:
                 slack = self._measure()
             if not exact and 0.0 < slack <= crowd.limit:
@@ -162,14 +214,14 @@ class Standing:
         """Puts neighbours together, where they are in the newest frame."""
         known = self.led[self.led < self._instances.first_blended]
         self._crowd = Crowd(self._instances, known, self.middles(self._at(1.0)))
-        moving, affine = self._all.carrier_from_item
-        arms = self.extents.middles(moving, affine[:, :, 3].astype(np.float64), affine[:, :, :3])
-        arms[np.isin(moving, self.led)] = 0.0
-        self._arm = float(np.linalg.norm(arms, axis=1).max(initial=0.0))
+        self._moved_count = 0
+        self._arm = self._reach_of(np.setdiff1d(self._all.moving, self.led, assume_unique=True))
         self._measure()
 
     def _measure(self) -> float:
         """Measures the crowd where it is in the newest frame; returns how far [m] it may be from there."""
+        untold = self._all.untold(self._all.moving, self._timeline)
+        self._untold_in = self._timeline.newest if len(untold) else None
         newest = self._at(1.0)
         self._crowd.measure(newest.position, newest.linear, self.middles(newest), self.extents)
         self._drift.start(self._timeline.newest, self._arm)

@@ -21,7 +21,7 @@ from elys.render_node.gpu import Context
 from elys.render_node.quality import interactive_quality
 from elys.render_node.render_world import RenderWorld
 from elys.render_node.renderer import Renderer
-from elys.render_node.scene_tables import SceneReader
+from elys.render_node.scene_reader import SceneReader
 
 MAX_SIZE: Final = 512  # [pixels] of an edge
 MAX_RECORDS: Final = 20_000

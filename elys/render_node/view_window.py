@@ -210,7 +210,8 @@ class _Viewer:
             self._follower.overlays.version,
             int(now / RETRY_TIME) if self._trouble else 0,
         )
-        what = (world.scene_version, world.pose_version, self._follower.arrived_count, width, height, *told)
+        versions = (world.scene_version, world.pose_version, world.value_version)
+        what = (*versions, self._follower.arrived_count, width, height, *told)
         if not (self._is_dirty or what != self._drawn or always):
             return False
         self._drawn, self._is_dirty = what, False

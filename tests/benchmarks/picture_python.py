@@ -1,4 +1,5 @@
-"""What a frame costs before the driver draws: Python and numpy on the drawing thread, from poses of moving cubes to draw calls.
+"""What a frame costs before the driver draws: Python and numpy on the drawing thread, from poses of moving cubes, or an edit of a
+still one, to draw calls.
 
 Measured in a process of its own with Mesa's driver that takes all calls and draws nothing (GALLIUM_NOOP); what is handed over to
 it is copied, and counts.
@@ -22,6 +23,7 @@ from elys.render_node.gpu import offscreen_context
 from elys.render_node.quality import FAST
 from elys.render_node.render_world import RenderWorld
 from elys.render_node.renderer import Renderer
+from tests.benchmarks.picture_edits import edit_times
 
 Row = tuple[str, str]
 
@@ -38,26 +40,30 @@ def measure() -> list[Row]:
     command = [sys.executable, "-m", "tests.benchmarks.picture_python"]
     done = subprocess.run(command, env={**os.environ, "GALLIUM_NOOP": "1"}, stdout=subprocess.PIPE, check=True)
     found = json.loads(done.stdout)
-    what = f"Python and numpy of a frame of {' / '.join(map(str, COUNTS))} moving cubes, a driver that draws nothing"
+    what = f"Python and numpy of a frame of {' / '.join(map(str, COUNTS))}"
     if not found:
-        return [(what, "not measured: the driver is not Mesa's")]
+        return [(f"{what} cubes", "not measured: the driver is not Mesa's")]
     return [
-        (f"{what}: {words}", f"{' / '.join(f'{value:.2f}' for value in values)} ms") for words, values in found.items()
+        (f"{what} {words}", f"{' / '.join(f'{value:.2f}' for value in values)} ms") for words, values in found.items()
     ]
 
 
 def times() -> dict[str, list[float]]:
     """[ms] of the drawing thread's processor time, one value a count; nothing where the driver draws."""
+    from tests.benchmarks.pictures import SIZE
+
     context = offscreen_context()
     if "NOOP" not in context.info["GL_RENDERER"]:
         return {}
     spent = [frame_times(Renderer(context, quality=FAST), count) for count in COUNTS]
+    edited = [edit_times(Renderer(context, quality=FAST), count, SIZE) for count in COUNTS]
     news, between = zip(*spent, strict=True)
+    moving, still = (f"{how} cubes, a driver that draws nothing" for how in ("moving", "still"))
     return {
-        "median with a new state": [float(np.median(values)) for values in news],
-        "mean with a new state": [float(np.mean(values)) for values in news],
-        "median between two states": [float(np.median(values)) for values in between],
-    }
+        f"{moving}: median with a new state": [float(np.median(values)) for values in news],
+        f"{moving}: mean with a new state": [float(np.mean(values)) for values in news],
+        f"{moving}: median between two states": [float(np.median(values)) for values in between],
+    } | {f"{still}: {words}": [float(np.median(of[words])) for of in edited] for words in edited[0]}
 
 
 def frame_times(renderer: Renderer, count: int) -> tuple[list[float], list[float]]:

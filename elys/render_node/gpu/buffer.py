@@ -75,6 +75,10 @@ class Buffer:
         if data.nbytes:
             self.raw.write(data)
 
+    def write_part(self, data: NDArray[Any], offset: int) -> None:
+        """Replaces the content from `offset` [bytes] on, as far as the data goes, which must be within."""
+        self.raw.write(data, offset=offset)
+
     def reserve(self, size: int) -> None:
         """Makes room for so many bytes; the content is lost where there was less."""
         if size > self.size:

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from elys.common.assets import AssetStore
 from elys.common.components import Component, Light, Material, MeshRenderer, Transform
 from elys.render_node.batch_terms import EVEN_SCALE, GLOWING, METALLIC, evenly_scaled
+from elys.render_node.scene_reader import SceneEdits
 from tests.reference.truth_scenes import staged
 
 TURNED = (0.5, 0.5, -0.5, 0.5)
@@ -35,7 +36,7 @@ def test_moving_by_hand_tells_anew() -> None:
     world = staged([(Transform(), MeshRenderer())], AssetStore())
     assert EVEN_SCALE in world.batches[0].terms
     stretched = staged([(Transform(scale=(1.0, 2.0, 1.0)), MeshRenderer())], AssetStore())
-    world.set_scene(stretched._tables, only_moved=True)
+    world.set_scene(stretched._tables, SceneEdits(np.array([0])))
     assert EVEN_SCALE not in world.batches[0].terms
 
 

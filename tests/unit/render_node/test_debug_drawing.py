@@ -23,7 +23,7 @@ from elys.render_node.passes.marks import placed_labels
 from elys.render_node.quality import FAST, FULL
 from elys.render_node.render_world import RenderWorld
 from elys.render_node.renderer import Renderer
-from elys.render_node.scene_tables import SceneReader
+from elys.render_node.scene_reader import SceneReader
 from elys.render_node.trails import TRAIL_SECONDS
 
 CAMERA = ViewCamera(position=(0.0, 0.0, 5.0), rotation=(0.0, 0.0, 0.0, 1.0))

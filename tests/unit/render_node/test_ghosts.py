@@ -31,7 +31,7 @@ from elys.render_node.parting_marks import length_text
 from elys.render_node.pass_plan import told_passes
 from elys.render_node.passes.ghosts import OPACITY
 from elys.render_node.render_world import RenderWorld
-from elys.render_node.scene_tables import SceneReader
+from elys.render_node.scene_reader import SceneReader
 from tests.unit.render_node.test_view_service import BOX, Play, play
 
 BODY, OTHER, STILL = 1, 2, 3

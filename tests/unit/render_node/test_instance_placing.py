@@ -17,6 +17,7 @@ from elys.render_node.gpu import INSTANCE_DTYPE
 from elys.render_node.picture_plan import plan_picture
 from elys.render_node.render_world import RenderWorld
 from elys.render_node.renderer import Renderer
+from elys.render_node.scene_reader import SceneEdits
 
 pytestmark = pytest.mark.gl
 GAP = 0.1  # [s] between two frames
@@ -156,7 +157,7 @@ def test_who_came_with_the_newest_frame_stands_where_it_says(stage: Any, rendere
 def test_an_edit_that_frames_do_not_contain_yet_holds_on_the_card(stage: Any, renderer: Renderer, make_frame) -> None:
     body = stage.add(Transform(position=(1.0, 2.0, -3.0)), MeshRenderer())
     world = stage.world()
-    world.set_scene(replace(stage.tables(), pose_sequence=np.array([5])), only_moved=True)
+    world.set_scene(replace(stage.tables(), pose_sequence=np.array([5])), SceneEdits(np.array([0])))
     camera = watching(np.zeros(3))
     for sequence, expected in ((4, (1.0, 2.0, -3.0)), (5, (0.5, 0.0, 0.0)), (6, (0.5, 0.0, 0.0))):
         frame = make_frame({body: (0.5, 0.0, 0.0)}, delta_sequence=sequence, tick=sequence, published_at=sequence)

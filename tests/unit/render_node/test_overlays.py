@@ -43,7 +43,7 @@ from elys.render_node.overlays import NO_OVERLAYS, OverlayBoard
 from elys.render_node.pass_plan import scene_passes
 from elys.render_node.render_world import RenderWorld
 from elys.render_node.renderer import Renderer
-from elys.render_node.scene_tables import SceneReader
+from elys.render_node.scene_reader import SceneReader
 
 WHITE_PANEL = OverlayPanel(color=(1.0, 1.0, 1.0), opacity=1.0, radius=0.0)
 

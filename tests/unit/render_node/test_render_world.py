@@ -13,6 +13,7 @@ from elys.common.components import Camera, Light, Material, MeshRenderer, Transf
 from elys.render_node.camera import View, framing_camera
 from elys.render_node.crowd import without_giants
 from elys.render_node.picture_plan import plan_picture
+from elys.render_node.scene_reader import SceneEdits
 
 TURN = (0.0, float(np.sin(0.4)), 0.0, float(np.cos(0.4)))
 
@@ -105,7 +106,7 @@ def test_an_edit_is_not_undone_by_an_older_frame(stage, make_frame) -> None:
     body = stage.add(Transform(position=(7.0, 0.0, 0.0)), MeshRenderer())
     tables = replace(stage.tables(), pose_sequence=np.array([5]))
     world = stage.world()
-    world.set_scene(tables, only_moved=True)
+    world.set_scene(tables, SceneEdits(np.array([0])))
     world.take_state(make_frame({body: (1.0, 0.0, 0.0)}, delta_sequence=4))
     world.place()
     assert world.position[0][0] == 7.0
