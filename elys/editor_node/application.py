@@ -41,12 +41,16 @@ class Application:
         self.layers: list[Layer] = []
         self.frame_count = 0
         self.frame_time = 0.0  # [s] that the last frame took to build
+        self.listened = (
+            0.0  # [s] in which whoever types or clicks was heard: without the work that took long in between
+        )
         self.on_close: Callable[[], bool] = lambda: True  # False: not yet, something is to be asked first
         self._clock = clock
         self._wake = asyncio.Event()
         self._redraw_at = 0.0
         self._awake_until = 0.0
         self._last_frame = -math.inf
+        self._looked_at = clock()
         self.is_closing = False  # `run` ends before the next frame
         window.on_event = self.offer
 
@@ -83,7 +87,7 @@ class Application:
         """Draws until the window is closed, or exactly `frames` frames without waiting for a reason."""
         drawn = 0
         while not self._is_closed() and (frames is None or drawn < frames):
-            self.window.poll()
+            self._look()
             if frames is not None or self._is_due():
                 self.draw_frame()
                 drawn += 1
@@ -100,6 +104,14 @@ class Application:
         self.window.swap()
         self.frame_time = self._clock() - start
         self.frame_count += 1
+
+    def _look(self) -> None:
+        """Hears what happened at the window since the last look."""
+        now = self._clock()
+        # No two looks are meant to be further apart: what is beyond that was spent on a frame, or by other programs.
+        self.listened += min(now - self._looked_at, POLL_INTERVAL_UNFOCUSED)
+        self._looked_at = now
+        self.window.poll()
 
     def _is_due(self) -> bool:
         return self.window.is_visible and self._clock() >= max(self._redraw_at, self._last_frame + FRAME_INTERVAL)

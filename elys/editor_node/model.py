@@ -68,7 +68,9 @@ class EditorModel:
         request_redraw: Callable[[float], None] = lambda within: None,
         recovery: Recovery | None = None,
         clock: Callable[[], float] = time.monotonic,
+        listened: Callable[[], float] | None = None,
     ) -> None:
+        """`listened` is the clock by which pauses in typing are measured; the other one if there is none of its own."""
         self.session = session
         self.request_redraw = request_redraw
         self.console = ConsoleLog()
@@ -96,7 +98,7 @@ class EditorModel:
         self.edit = Operations(self.scene, self.selection, self.history)
         self.documents = SceneDocuments(session, self.scene, self._ask_plainly, recovery=recovery, clock=clock)
         self.file = self.documents.file
-        self.walk = TreeWalk(self.scene.mirror, self.scene.tree, self.selection, clock=clock)
+        self.walk = TreeWalk(self.scene.mirror, self.scene.tree, self.selection, clock=listened or clock)
         self.tree = TreeEdits(
             self.scene, self.selection, self.history, self.edit, offer=AssetOffer(session), say=self.say
         )

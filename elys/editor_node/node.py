@@ -111,7 +111,9 @@ class Editor:
         )
         # As with preferences: tests and pictures leave nothing behind and find nothing.
         recovery = None if self._directory is None else Recovery(state_directory())
-        self.model = EditorModel(self.seat, request_redraw=redraw, recovery=recovery)
+        self.model = EditorModel(
+            self.seat, request_redraw=redraw, recovery=recovery, listened=lambda: self.application.listened
+        )
         self.model.tree.clipboard = self.window
         self.viewports = Viewports(self.seat, self.context, on_frame=redraw)
         self.camera_views = CameraViews(self.model, lambda: self.viewports.current.camera)

@@ -19,10 +19,10 @@ pytestmark = [pytest.mark.process, pytest.mark.gl]
 
 
 @contextlib.asynccontextmanager
-async def editor_at(endpoint: str) -> AsyncIterator[Editor]:
+async def editor_at(endpoint: str, *, size: tuple[int, int] = (960, 600)) -> AsyncIterator[Editor]:
     session = await join_session(endpoint, kind="editor", timeout=30)
     try:
-        with Editor(session, null_platform=True, size=(960, 600)) as editor:
+        with Editor(session, null_platform=True, size=size) as editor:
             editor.ui.landmarks.is_wanted = True
             running = asyncio.create_task(editor.run())
             try:

@@ -115,12 +115,14 @@ class AssetsPanel:
     def _draw_view_choice(self, ui: Ui) -> None:
         imgui.same_line()
         imgui.set_next_item_width(imgui.get_font_size() * 5.0)
-        chosen, place = imgui.combo(
-            "###order", ORDERS.index(self.browsing.order), [tr(order.capitalize()) for order in ORDERS]
-        )
-        if chosen:
-            self.browsing.order = ORDERS[place]
-        ui.landmarks.note("assets/order")
+        if imgui.begin_combo("###order", tr(self.browsing.order.capitalize())):
+            for order in ORDERS:
+                if imgui.selectable(f"{tr(order.capitalize())}###{order}", order == self.browsing.order)[0]:
+                    self.browsing.order = order
+                ui.landmarks.note(f"assets/order/{order}")
+            imgui.end_combo()
+        else:
+            ui.landmarks.note("assets/order")
         imgui.same_line()
         imgui.set_next_item_width(imgui.get_font_size() * 6.0)
         size = min(max(ui.preferences.asset_size, _SMALLEST), _LARGEST)

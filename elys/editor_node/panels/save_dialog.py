@@ -84,7 +84,8 @@ class SaveDialog:
         """Whether the window may close now; if not, the person is asked."""
         if not ui.model.file.is_dirty or ui.model.is_replay:
             return True
-        self._asks = _CLOSE
+        # Whatever another question was about is given up: else a save an hour later would still do it.
+        self._asks, self._afterwards = _CLOSE, None
         return False
 
     # --- drawing -----------------------------------------------------------------------------------------------------
@@ -189,6 +190,7 @@ class SaveDialog:
         imgui.same_line()
         if imgui.button(tr_label("Cancel")) or imgui.is_key_pressed(imgui.Key.escape):
             imgui.close_current_popup()
+        ui.landmarks.note("close/cancel")
 
     def _draw_lose(self, ui: Ui) -> None:
         imgui.text_unformatted(tr("There are edits that were not saved. They will be lost."))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import time
 
 import pytest
 
@@ -21,6 +22,7 @@ from elys.editor_node.events import (
 )
 from elys.editor_node.keys import Key
 from elys.editor_node.model import EditorModel
+from elys.editor_node.tree_walk import TYPE_AHEAD_PAUSE
 from tests.unit.editor_node.person import ALT, CTRL, SHIFT
 from tests.unit.editor_node.scene_host import tree_of
 
@@ -159,6 +161,47 @@ def test_walking_with_keys(at_the_editor):
         selected = names_of(person)
         await person.press(Key.DOWN_ARROW)
         assert names_of(person) in (selected, [])
+
+    at_the_editor(scenario)
+
+
+class Hitch:
+    """A layer that makes the next frame take long, once."""
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
+
+    def on_event(self, event) -> bool:
+        return False
+
+    def update(self, elapsed: float) -> None:
+        time.sleep(self.seconds)
+        self.seconds = 0.0
+
+
+def test_a_frame_that_takes_long_is_no_pause_in_a_name(at_the_editor):
+    """Who types on was not heard meanwhile: on a slow machine every frame is like that."""
+
+    async def scenario(person):
+        hitch = Hitch()
+        person.application.push_layer(hitch)
+
+        async def type_ahead(text: str) -> None:
+            for letter in text:
+                key = ord(letter.upper())
+                await person.do(KeyPressed(key), CharacterTyped(ord(letter)), KeyReleased(key))
+
+        await person.click("hierarchy/Ground")
+        await type_ahead("bo")
+        hitch.seconds = TYPE_AHEAD_PAUSE + 0.2
+        await person.frames(2)
+        assert person.editor.model.walk.is_typing
+        await type_ahead("x 4")
+        assert names_of(person) == ["Box 4"]
+        person.application.listened += TYPE_AHEAD_PAUSE  # and this is one
+        assert not person.editor.model.walk.is_typing
+        await type_ahead("c")
+        assert names_of(person) == ["Crate"]
 
     at_the_editor(scenario)
 
