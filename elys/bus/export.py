@@ -45,7 +45,7 @@ def export_npz(
     Raises:
         RecordingError: the source is no recording, or the target cannot be written.
     """
-    with Recording(source) as recording:
+    with Recording(source, checked=True) as recording:
         arrays = motion_arrays(recording, selection, progress)
     with whole_file(target) as part, part.open("wb") as file:
         np.savez_compressed(file, **arrays)  # type: ignore[arg-type]

@@ -264,7 +264,7 @@ class Referee:
         """Lets those who were fast run along, from the start that all have in common."""
         for number, entry in enumerate(self.board.ghosts(self._person)) if self._wants_ghosts else ():
             try:
-                recording = Recording(self.board.path_of(entry))
+                recording = Recording(self.board.path_of(entry), checked=True)
             except ElysError as error:
                 _log.warning("no ghost of %s: %s", entry.player, error)
                 continue

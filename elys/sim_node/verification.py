@@ -2,6 +2,9 @@
 
 Where it does not, one of three things is so: another build or another kind of machine runs it now; it does not even come out
 twice the same here; or the file was altered, or the machine that recorded it erred.
+
+Ticks that are not in the file are run through like all others and cannot be compared: they are counted. What comes out equal
+after them has come out of them.
 """
 
 from __future__ import annotations
@@ -10,7 +13,7 @@ import math
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
+from typing import Final, Literal
 
 import msgspec
 
@@ -22,9 +25,11 @@ from elys.sim_node.build_facts import build_facts, differences
 from elys.sim_node.frame_comparison import Difference, compared, of_hash
 from elys.sim_node.reexecution import Reexecution, simulation_for
 
-Cause = Literal["equal", "altered", "other build", "not deterministic"]
+# "incomplete": equal as far as it could be compared, which is not everything from the first tick to the last.
+Cause = Literal["equal", "incomplete", "altered", "other build", "not deterministic"]
 Progress = Callable[[float, float], None]  # seconds of simulation done, and in all
-_REPORT = 30  # frames between two tellings of progress
+_REPORT: Final = 30  # frames between two tellings of progress
+GAPS_TOLD: Final = 20
 
 
 class Verdict(msgspec.Struct, frozen=True, kw_only=True):
@@ -37,6 +42,10 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     last_time: float  # [s] of the last
     wall_time: float  # [s]
     realtime_factor: float
+    missing_ticks: int = 0  # between those, that are not in the file or could not be compared
+    gaps: list[tuple[int, int]] = []  # the first and the last tick of each place where some are missing; the first GAPS_TOLD
+    damage: list[str] = []  # which parts of the file cannot be read
+    jumps: list[int] = []  # ticks at which it went on from a state in the file that nothing in the file leads to
     difference: Difference | None = None
     other: list[str] = []  # what of build and machine differs
     notes: list[str] = []
@@ -56,14 +65,18 @@ def verify(
         RecordingError, StateError: it cannot be run again.
     """
     began = time.perf_counter()
-    with Recording(path) as recording:
+    with Recording(path, checked=True) as recording:
         course = read_course(recording)
         other = differences(build_of(recording), build_facts())
         run = _Run(recording, course, first, last, threads)
+        if recording.reader.mended:
+            run.notes.append("the recording was never finished: it is verified as far as it goes")
         run.through(progress)
         cause: Cause = "equal"
         if run.difference is not None:
             cause = _cause_of(run, recording, course, other, threads)
+        elif run.gaps or recording.lost or not run.ticks:
+            cause = "incomplete"
     wall = time.perf_counter() - began
     seconds = run.last_time - run.first_time
     return Verdict(
@@ -74,6 +87,10 @@ def verify(
         last_time=run.last_time,
         wall_time=wall,
         realtime_factor=max(0.0, seconds) / wall,
+        missing_ticks=sum(last - first + 1 for first, last in run.gaps),
+        gaps=run.gaps[:GAPS_TOLD],
+        damage=[lost.sentence for lost in recording.lost],
+        jumps=run.jumps,
         difference=run.difference,
         other=other,
         notes=run.notes,
@@ -86,7 +103,11 @@ class _Run:
     def __init__(self, recording: Recording, course: Course, first: float, last: float, threads: int) -> None:
         self.ticks = 0
         self.notes: list[str] = []
+        self.gaps: list[tuple[int, int]] = []  # first and last tick of what is missing
+        self.jumps: list[int] = []
         self.difference: Difference | None = None
+        self._tick = -1  # the last that was compared
+        self._passed: list[tuple[int, int]] = []  # first and last of ticks that it went through since then
         self._recording, self._course = recording, course
         self._first, self._last = first, last
         self.again = Reexecution(recording, course, simulation_for(recording, threads=threads))
@@ -99,9 +120,9 @@ class _Run:
     def through(self, progress: Progress | None) -> None:
         """Compares frame after frame."""
         for number in range(self._recording.run_count):
-            with Recording(self._recording.path, run=number) as run:
-                if run.epoch == self._course.epoch:
-                    self._through_run(run, progress)
+            run = self._recording.other_run(number)
+            if run.epoch == self._course.epoch:
+                self._through_run(run, progress)
             if self.difference is not None:
                 return
         unplaced = self._missing.get(-1)
@@ -111,22 +132,44 @@ class _Run:
     def _through_run(self, run: Recording, progress: Progress | None) -> None:
         start = self.first_time
         end = min(self._last, float(run.time[-1]))
+        self._tick = -1
         for position in range(len(run)):
             when = float(run.time[position])
             if when > self._last:
                 return
             if when < self._begun.head.time:
+                self._pass(int(run.tick[position]), when)
                 continue
             frame = run.frame(position)
             if self.again.instant == self._begun.head.instant and self._ahead(frame) < 0:
+                self._pass(frame.tick, when)
                 continue  # from before the state with which it begins
             if not self._follow(frame):
                 return
             if when >= self._first:
-                self.ticks += int(position == 0 or run.tick[position] != run.tick[position - 1])
-                self.last_time = when
+                self._note(frame.tick, when)
             if progress is not None and position % _REPORT == 0:
                 progress(when - start, end - start)
+
+    def _note(self, tick: int, when: float) -> None:
+        """A frame came out as it is in the file."""
+        passed, self._passed = self._passed, []
+        if passed and passed[-1][1] == tick:
+            passed[-1] = (passed[-1][0], tick - 1)
+        if self.ticks:  # a state may be older than the first frame, as in one of several files
+            self.gaps += [(first, last) for first, last in passed if first <= last]
+        self.ticks += tick != self._tick
+        self._tick, self.last_time = tick, when
+
+    def _pass(self, tick: int, when: float) -> None:
+        """It is at a tick, or has left it out. Numbers of ticks may leap: another rate of ticks counts them anew."""
+        passed = self._passed
+        if when < self._first or (passed and passed[-1][1] == tick):
+            return
+        if passed and passed[-1][1] == tick - 1:
+            passed[-1] = (passed[-1][0], tick)
+        else:
+            passed.append((tick, tick))
 
     def _follow(self, frame: StateFrame) -> bool:
         """Goes on to the instant that a frame shows; returns whether it is as recorded, and the frames after it can be."""
@@ -162,8 +205,10 @@ class _Run:
         if missing is not None:
             self.difference = self._lacks(missing)
             return False
+        before = again.simulation.time
         try:
-            again.advance()
+            if again.advance():
+                self.jumps.append(again.simulation.tick)
         except RecordingError as error:
             self.notes.append(str(error))
             later = self._course.state_after(again.instant)
@@ -171,7 +216,10 @@ class _Run:
                 self._last = -math.inf
                 return False
             self._begin(later)
+            self.jumps.append(later.head.tick)
             return True
+        if again.simulation.time > before:
+            self._pass(again.simulation.tick, again.simulation.time)
         if again.problem:
             self.notes.append(again.problem)
             again.problem = ""
@@ -214,12 +262,15 @@ class _Run:
     def _lacks(self, missing: Missing) -> Difference:
         simulation = self.again.simulation
         where = "that was made there" if missing.beat >= 0 else "that was made before the end"
+        why = "its command was taken out, or lost by a recorder that could not keep up"
+        if self._recording.lost:
+            why = "its command stood in a part of the file that is damaged, or was taken out"
         return Difference(
             tick=simulation.tick,
             time=simulation.time,
             text=(
-                f"tick {simulation.tick} ({simulation.time:.3f} s): change {missing.number} {where} is not in the recording: its "
-                "command was taken out, or lost by a recorder that could not keep up"
+                f"tick {simulation.tick} ({simulation.time:.3f} s): change {missing.number} {where} is not in the "
+                f"recording: {why}"
             ),
             missing_command=missing.number,
         )
@@ -236,7 +287,7 @@ def _cause_of(run: _Run, recording: Recording, course: Course, other: list[str],
     """Why a run differs from its recording."""
     assert run.difference is not None
     if run.difference.missing_command:
-        return "altered"
+        return "incomplete" if recording.lost else "altered"
     if other:
         return "other build"
     again = Reexecution(recording, course, simulation_for(recording, threads=threads))
