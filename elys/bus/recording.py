@@ -4,8 +4,8 @@ Opening reads where the state frames stand, not the frames. If the recorded host
 was wound back, the file holds several runs; the timeline is the longest. A simulation that was rewound and went on as a fork
 left two futures in the file: the index names the one that it kept, and nothing of what it showed of its past meanwhile.
 
-What is damaged is left out, with one warning, by who opens it `checked`, which reads the whole file: all that read it anyway do. A
-player opens at once, and anew where it comes upon damage.
+What is damaged is left out, with one warning, by who opens it `checked`, which reads the whole file: all that read it anyway do.
+A player opens at once, and anew where it comes upon damage.
 """
 
 from __future__ import annotations

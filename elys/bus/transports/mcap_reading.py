@@ -1,7 +1,7 @@
 """Reading a recording: through its summary, or, where a kill left none, through what can be found from its beginning.
 
-A chunk that is damaged is as if it were not there: who reads messages reads around it, and `damaged` tells of it. Which chunks are
-is seen when they are read, or of all of them with `check`.
+A chunk that is damaged is as if it were not there: who reads messages reads around it, and `damaged` tells of it. Which chunks
+are is seen when they are read, or of all of them with `check`.
 
 Nothing in the file is believed before it has been compared with the file: offsets, lengths and sizes of chunks are checked,
 so that a damaged or a hostile file costs a sentence, not the memory or the process. State frames come out as they were on the

@@ -1,4 +1,4 @@
-"""A flipped bit in a whole file costs what stood there, not the file: it is read around, and what is missing is told with its ticks."""
+"""A flipped bit in a whole file costs what stood there, not the file: the rest is read, and which ticks are missing is told."""
 
 from __future__ import annotations
 
