@@ -37,7 +37,9 @@ def readable_frames(
     stranded = _stranded(reader, parts) if reader.packs_frames else set()
     is_lost = np.isin(frames["chunk"], list(reader.damaged))
     if stranded:
-        is_lost |= [place in stranded for place in zip(frames["chunk"].tolist(), frames["message"].tolist(), strict=True)]
+        is_lost |= [
+            place in stranded for place in zip(frames["chunk"].tolist(), frames["message"].tolist(), strict=True)
+        ]
     lost = []
     for number, part in enumerate(parts):
         until = parts[number + 1].chunk if number + 1 < len(parts) else reader.chunk_count

@@ -43,7 +43,9 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     wall_time: float  # [s]
     realtime_factor: float
     missing_ticks: int = 0  # between those, that are not in the file or could not be compared
-    gaps: list[tuple[int, int]] = []  # the first and the last tick of each place where some are missing; the first GAPS_TOLD
+    gaps: list[
+        tuple[int, int]
+    ] = []  # the first and the last tick of each place where some are missing; the first GAPS_TOLD
     damage: list[str] = []  # which parts of the file cannot be read
     jumps: list[int] = []  # ticks at which it went on from a state in the file that nothing in the file leads to
     difference: Difference | None = None

@@ -56,14 +56,18 @@ def describe(verdict: Verdict) -> str:
         first, last = verdict.gaps[0]
         where = f"tick {first}" if first == last else f"ticks {first}-{last}"
         are = "1 is" if verdict.missing_ticks == 1 else f"{verdict.missing_ticks} are"
-        count = f"{verdict.ticks} of {verdict.ticks + verdict.missing_ticks} ticks compared, {are} missing (first: {where})"
+        count = (
+            f"{verdict.ticks} of {verdict.ticks + verdict.missing_ticks} ticks compared, {are} missing (first: {where})"
+        )
     span = f"{count} ({verdict.first_time:.2f} s to {verdict.last_time:.2f} s)"
     speed = f"{verdict.realtime_factor:.1f} times real time"
     lines = [f"note: {note}" for note in verdict.notes]
     lines += [f"damaged: {part}" for part in verdict.damage]
     if verdict.jumps:
         more = f" and at {len(verdict.jumps) - 1} more" * (len(verdict.jumps) > 1)
-        lines.append(f"note: at tick {verdict.jumps[0]}{more} it goes on from a state in the file that nothing in it leads to")
+        lines.append(
+            f"note: at tick {verdict.jumps[0]}{more} it goes on from a state in the file that nothing in it leads to"
+        )
     if verdict.difference is None and not verdict.ticks:
         lines.append("nothing was compared: of that time no tick is in the recording")
         return "\n".join(lines)

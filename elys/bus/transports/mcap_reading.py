@@ -198,7 +198,8 @@ class McapReader:
     def damaged_parts(self) -> list[DamagedPart]:
         """All that is known to be damaged, in the order of the file."""
         chunks = [
-            DamagedPart(number, True, *self.chunk_place(number), self.damaged[number]) for number in sorted(self.damaged)
+            DamagedPart(number, True, *self.chunk_place(number), self.damaged[number])
+            for number in sorted(self.damaged)
         ]
         return [*self.damage, *chunks]
 

@@ -88,12 +88,17 @@ def test_only_what_needs_the_damaged_part_is_missing(hole: Hole, whole: Path, ca
 def test_info_says_it_under_health(hole: Hole) -> None:
     info = recording_info(hole.path)
     assert not info.complete and not info.health.complete
-    assert hole.named in info.health.damage[0] and f"{hole.length} bytes from byte {hole.offset} on" in info.health.damage[0]
+    assert (
+        hole.named in info.health.damage[0]
+        and f"{hole.length} bytes from byte {hole.offset} on" in info.health.damage[0]
+    )
     assert hole.named in info.health.sentence and "elys recover" in info.health.sentence
     assert info.health.missing_ticks == hole.last - hole.first + 1
 
 
-def test_it_is_exported_compared_cut_and_merged_without_it(hole: Hole, whole: Path, tmp_path: Path, caplog: Any) -> None:
+def test_it_is_exported_compared_cut_and_merged_without_it(
+    hole: Hole, whole: Path, tmp_path: Path, caplog: Any
+) -> None:
     export_npz(hole.path, tmp_path / "o.npz")
     assert np.load(tmp_path / "o.npz")["tick"].tolist() == hole.left
     export_csv(hole.path, tmp_path / "o.csv")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import dataclasses
-from collections.abc import Callable, Container, Coroutine, Sequence
+from collections.abc import Callable, Container, Coroutine
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,6 @@ import pytest
 
 from elys.bus import codec, topics
 from elys.bus.course import read_course
-from elys.bus.exact_keeping import BUILD_FACTS
 from elys.bus.messages.commands import (
     Batch,
     CommandRecord,
@@ -38,9 +37,6 @@ from elys.bus.messages.state_frame import StateFrame, pack_frame, unpack_frame
 from elys.bus.recording import Recording
 from elys.bus.recording_recovery import recover
 from elys.bus.topics import Encoding
-from elys.bus.transports.mcap import METADATA_NAME, McapWriter
-from elys.bus.transports.mcap_reading import McapReader
-from elys.common.assets.store import is_reference
 from elys.common.errors import RecordingError, StateError
 from elys.common.scene import EntityRecord, SceneSettings
 from elys.sim_node import verification
@@ -49,7 +45,7 @@ from elys.sim_node.scene.loading import records_of
 from elys.sim_node.simulation import Simulation
 from elys.sim_node.verification import verify
 from elys.verbs import verify as verb
-from tests.recorded_sessions import Stage, altered, recorded, recorded_outside
+from tests.recorded_sessions import Stage, altered, in_short_chunks, recorded, recorded_outside
 
 BOX = EntityRecord(
     name="Late", components={"Transform": {"position": [0.1, 9.0, 0.0]}, "RigidBody": {}, "Collider": {}}
@@ -404,23 +400,6 @@ def chunk_with(path: Path, tick: int) -> tuple[int, int, list[int]]:
         number = recording.place(recording.position_at(tick / 60)).chunk
         ticks = {int(recording.tick[k]) for k in range(len(recording)) if recording.place(k).chunk == number}
         return *recording.reader.chunk_place(number), sorted(ticks)
-
-
-def in_short_chunks(session: Path, target: Path, more: Sequence[tuple[str, bytes]] = ()) -> Path:
-    """The same messages and `more`, a chunk for every few of them."""
-    with McapReader(session) as reader:
-        writer = McapWriter(target, session=reader.metadata[METADATA_NAME]["session"])
-        writer.add_metadata(BUILD_FACTS, reader.metadata[BUILD_FACTS])
-        for name in filter(is_reference, reader.attachments):
-            writer.attach(name, reader.attachment(name), media_type="application/octet-stream")
-        for number, message in enumerate(reader.messages()):
-            writer.write(message.channel, message.body, log_time=message.log_time)
-            if number % 20 == 19:
-                writer._flush()
-        for channel, body in more:
-            writer.write(channel, body, log_time=message.log_time)
-        writer.close()
-    return target
 
 
 def flip(path: Path, place: int) -> None:
