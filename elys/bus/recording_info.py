@@ -46,8 +46,8 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
         """The same for a person; "" where there is nothing to say."""
         told = []
         if self.damage:
-            more = f", and {len(self.damage) - 1} more parts" * (len(self.damage) > 1)
-            told.append(f"{self.damage[0]}{more}: `elys recover` writes a whole file of the rest")
+            parts = f", and {len(self.damage) - 1} more parts" * (len(self.damage) > 1)
+            told.append(f"{self.damage[0]}{parts}: `elys recover` writes a whole file of the rest")
         elif not self.complete:
             told.append("it was cut off and is read as far as it goes: `elys recover` mends it")
         if self.missing_ticks:

@@ -1,8 +1,8 @@
 """What the verdict on a race's recording is worth on the board.
 
 Ticks that are missing hide nothing of the states after them, which come out of the same commands. Still a race counts as proven
-only where nothing is missing at all: the whole way from the countdown to behind the finish was compared, and it was run again from
-the beginning, not from a state that somebody put into the file on the way.
+only where nothing is missing at all: the whole way from the countdown to behind the finish was compared, and it was run again
+from the beginning, not from a state that somebody put into the file on the way.
 """
 
 from __future__ import annotations

@@ -59,7 +59,8 @@ def describe(verdict: Verdict) -> str:
         count = (
             f"{verdict.ticks} of {verdict.ticks + verdict.missing_ticks} ticks compared, {are} missing (first: {where})"
         )
-    span = f"{count} ({verdict.first_time:.2f} s to {verdict.last_time:.2f} s)"
+    times = f"{verdict.first_time:.2f} s to {verdict.last_time:.2f} s"
+    span = f"{count}; {times}" if verdict.missing_ticks else f"{count} ({times})"
     speed = f"{verdict.realtime_factor:.1f} times real time"
     lines = [f"note: {note}" for note in verdict.notes]
     lines += [f"damaged: {part}" for part in verdict.damage]
