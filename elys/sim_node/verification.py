@@ -20,6 +20,7 @@ import msgspec
 from elys.bus.course import Course, KeptState, Missing, build_of, read_course
 from elys.bus.messages.state_frame import INSTANTS, StateFrame
 from elys.bus.recording import Recording
+from elys.bus.recording_damage import LostPart
 from elys.common.errors import ElysError, RecordingError
 from elys.sim_node.build_facts import build_facts, differences
 from elys.sim_node.frame_comparison import Difference, compared, of_hash
@@ -38,11 +39,14 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     recording: str
     cause: Cause
     ticks: int  # that were compared and are equal
-    first_time: float  # [s] of the first
+    first_time: float  # [s] of the first of them
     last_time: float  # [s] of the last
     wall_time: float  # [s]
     realtime_factor: float
     missing_ticks: int = 0  # between those, that are not in the file or could not be compared
+    lead_ticks: int = (
+        0  # before the first that was compared: the state from which it was run again is older than all states to see
+    )
     gaps: list[
         tuple[int, int]
     ] = []  # the first and the last tick of each place where some are missing; the first GAPS_TOLD
@@ -77,10 +81,10 @@ def verify(
         cause: Cause = "equal"
         if run.difference is not None:
             cause = _cause_of(run, recording, course, other, threads)
-        elif run.gaps or recording.lost or not run.ticks:
+        elif run.gaps or not run.ticks or any(_is_within(lost, first, last) for lost in recording.lost):
             cause = "incomplete"
     wall = time.perf_counter() - began
-    seconds = run.last_time - run.first_time
+    seconds = run.last_time - run.begun_time
     return Verdict(
         recording=str(path),
         cause=cause,
@@ -89,7 +93,8 @@ def verify(
         last_time=run.last_time,
         wall_time=wall,
         realtime_factor=max(0.0, seconds) / wall,
-        missing_ticks=sum(last - first + 1 for first, last in run.gaps),
+        missing_ticks=_count(run.gaps),
+        lead_ticks=run.lead_ticks,
         gaps=run.gaps[:GAPS_TOLD],
         damage=[lost.sentence for lost in recording.lost],
         jumps=run.jumps,
@@ -117,7 +122,8 @@ class _Run:
         self._begin(self.trusted)
         changes = self.trusted.head.changes
         self._missing = {one.beat: one for one in reversed(course.missing) if one.number > changes}
-        self.first_time = self.last_time = max(first, self.trusted.head.time)
+        self.begun_time = self.first_time = self.last_time = max(first, self.trusted.head.time)
+        self.lead_ticks = 0
 
     def through(self, progress: Progress | None) -> None:
         """Compares frame after frame."""
@@ -132,7 +138,7 @@ class _Run:
             self.difference = self._lacks(unplaced)
 
     def _through_run(self, run: Recording, progress: Progress | None) -> None:
-        start = self.first_time
+        start = self.begun_time
         end = min(self._last, float(run.time[-1]))
         self._tick = -1
         for position in range(len(run)):
@@ -158,8 +164,11 @@ class _Run:
         passed, self._passed = self._passed, []
         if passed and passed[-1][1] == tick:
             passed[-1] = (passed[-1][0], tick - 1)
-        if self.ticks:  # a state may be older than the first frame, as in one of several files
-            self.gaps += [(first, last) for first, last in passed if first <= last]
+        passed = [(first, last) for first, last in passed if first <= last]
+        if self.ticks:
+            self.gaps += passed
+        else:  # a state may be older than the first frame, as in one of several files
+            self.first_time, self.lead_ticks = when, _count(passed)
         self.ticks += tick != self._tick
         self._tick, self.last_time = tick, when
 
@@ -276,6 +285,15 @@ class _Run:
             ),
             missing_command=missing.number,
         )
+
+
+def _count(ranges: list[tuple[int, int]]) -> int:
+    return sum(last - first + 1 for first, last in ranges)
+
+
+def _is_within(lost: LostPart, first: float, last: float) -> bool:
+    """Whether a damaged part is, or may be, of a time."""
+    return lost.times is None or (lost.times[1] >= first and lost.times[0] <= last)
 
 
 def _lacking(frame: StateFrame) -> Difference:

@@ -64,6 +64,9 @@ def describe(verdict: Verdict) -> str:
     speed = f"{verdict.realtime_factor:.1f} times real time"
     lines = [f"note: {note}" for note in verdict.notes]
     lines += [f"damaged: {part}" for part in verdict.damage]
+    if verdict.lead_ticks:
+        older = f"older by {verdict.lead_ticks} tick{'s' if verdict.lead_ticks > 1 else ''}"
+        lines.append(f"note: the state from which it was run again is {older} than the first that can be compared")
     if verdict.jumps:
         more = f" and at {len(verdict.jumps) - 1} more" * (len(verdict.jumps) > 1)
         lines.append(

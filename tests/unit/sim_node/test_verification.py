@@ -340,7 +340,15 @@ def test_ticks_that_were_taken_out_are_counted_and_named(session: Path, tmp_path
     assert f"equal: {whole.ticks - 41} of {whole.ticks} ticks compared, 41 are missing (first: ticks 20-59)" in said
     assert verb.EXIT_CODES[verdict.cause] == 5
     part = verify(without_ticks(session, tmp_path / "b.mcap", range(20, 60)), first=1.2)
-    assert (part.cause, part.missing_ticks) == ("equal", 0)  # of that time nothing is missing
+    assert (part.cause, part.missing_ticks, part.lead_ticks) == ("equal", 0, 0)  # of that time nothing is missing
+
+
+def test_a_beginning_that_was_taken_out_is_told(session: Path, tmp_path: Path) -> None:
+    """It is no error: each of several files of a session may begin so."""
+    verdict = verify(without_ticks(session, tmp_path / "a.mcap", range(20)))
+    assert (verdict.cause, verdict.missing_ticks, verdict.lead_ticks) == ("equal", 0, 19)  # the state is at tick 0
+    assert verdict.first_time == pytest.approx(20 / 60)
+    assert "older by 19 ticks" in verb.describe(verdict)
 
 
 def test_what_was_done_in_a_gap_is_found_behind_it(session: Path, tmp_path: Path) -> None:
@@ -428,6 +436,7 @@ def test_a_flipped_bit_of_the_file_costs_its_ticks_and_is_said(
     assert f"{length} bytes from byte {offset} on" in verdict.damage[0]
     warnings = [record.getMessage() for record in caplog.records if "elys recover" in record.getMessage()]
     assert len(warnings) == 1 and f"ticks {gap[0]} to {gap[1]}" in warnings[0]
+    assert verify(path, first=1.5).cause == "equal"  # of that time nothing is damaged
     report = recover(path, tmp_path / "mended.mcap")
     assert report.missing == (gap,)
     mended = verify(report.path)
