@@ -15,11 +15,10 @@ import logging
 import os
 import struct
 import zlib
-from collections import Counter, OrderedDict
+from collections import OrderedDict
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 import zstandard
@@ -43,7 +42,15 @@ from elys.bus.state_packing.frames import STATE_ENCODING, Kind, head_of
 from elys.bus.topics import STATE
 from elys.bus.transports.mcap_frames import STATE_KEYS, STATE_KEYS_NAME, FrameReader, StoredFrames
 from elys.bus.transports.mcap_records import BEGINNING as BEGINNING
-from elys.bus.transports.mcap_records import RECORD, channels_in, messages_in, unpacked_chunk
+from elys.bus.transports.mcap_records import (
+    RECORD,
+    ChunkFacts,
+    Contents,
+    channels_in,
+    messages_in,
+    unpacked_chunk,
+)
+from elys.bus.transports.mcap_records import DamagedPart as DamagedPart
 from elys.bus.transports.mcap_records import Place as Place
 from elys.bus.transports.mcap_records import RecordedMessage as RecordedMessage
 from elys.common.errors import RecordingError
@@ -65,45 +72,6 @@ UNREADABLE: Final = (
     RuntimeError,
 )
 _log = logging.getLogger(__name__)
-
-
-class DamagedPart(NamedTuple):
-    """Bytes of a file that cannot be read."""
-
-    chunk: int  # the number of the chunk that they are, or that follows where they have none
-    is_chunk: bool
-    offset: int
-    length: int
-    why: str
-
-    @property
-    def sentence(self) -> str:
-        """The same for a person."""
-        return f"{self.length} bytes from byte {self.offset} on ({self.why})"
-
-
-@dataclass(slots=True)
-class _Chunk:
-    offset: int
-    length: int
-    channels: frozenset[int] | None  # None: not known
-
-
-@dataclass(slots=True)
-class _Contents:
-    """What a file holds, from its summary or found record by record."""
-
-    channels: dict[int, str] = field(default_factory=dict)
-    encodings: dict[str, str] = field(default_factory=dict)  # of messages, by channel
-    chunks: list[_Chunk] = field(default_factory=list)
-    counts: Counter[int] = field(default_factory=Counter)
-    attachments: dict[str, tuple[int, int]] = field(default_factory=dict)
-    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
-    start_time: int = 0
-    end_time: int = 0
-    definitions: list[Any] = field(default_factory=list)  # schemas and channels as the summary repeats them
-    damage: list[DamagedPart] = field(default_factory=list)  # what could not be read
-    whole_size: int = 0  # [bytes] up to the end of the last whole record
 
 
 class McapReader:
@@ -327,7 +295,7 @@ class McapReader:
             data += more
         return data
 
-    def _read_summary(self) -> _Contents | None:
+    def _read_summary(self) -> Contents | None:
         """The summary at the end of the file; None if there is none that can be used."""
         tail = _FOOTER.size + len(_MAGIC)
         if self.size < len(_MAGIC) + tail or os.pread(self._file.fileno(), len(_MAGIC), self.size - 8) != _MAGIC:
@@ -344,8 +312,8 @@ class McapReader:
             _log.debug("the summary of %s cannot be used: %s", self.path, error)
             return None
 
-    def _collect(self, summary: bytes) -> _Contents:
-        contents = _Contents()
+    def _collect(self, summary: bytes) -> Contents:
+        contents = Contents()
         for record in StreamReader(
             io.BytesIO(summary + _MAGIC), skip_magic=True, record_size_limit=len(summary)
         ).records:
@@ -356,7 +324,7 @@ class McapReader:
                 contents.encodings[record.topic] = record.message_encoding
             elif isinstance(record, ChunkIndex):
                 known = frozenset(record.message_index_offsets) or None
-                contents.chunks.append(_Chunk(record.chunk_start_offset, record.chunk_length, known))
+                contents.chunks.append(ChunkFacts(record.chunk_start_offset, record.chunk_length, known))
             elif isinstance(record, AttachmentIndex):
                 contents.attachments[record.name] = (record.offset, record.length)
             elif isinstance(record, MetadataIndex):
@@ -371,9 +339,9 @@ class McapReader:
                 raise RecordingError(f"a chunk at {chunk.offset} lies outside the file")
         return contents
 
-    def _find_contents(self) -> _Contents:
+    def _find_contents(self) -> Contents:
         """What can be read from the beginning on, up to where the file was cut or is damaged."""
-        contents = _Contents()
+        contents = Contents()
         for opcode, offset, length in self._records():
             contents.whole_size = offset + length
             if opcode == Opcode.DATA_END:
@@ -401,7 +369,7 @@ class McapReader:
             yield opcode, offset, RECORD.size + length
             offset += RECORD.size + length
 
-    def _find(self, contents: _Contents, opcode: int, offset: int, length: int) -> None:
+    def _find(self, contents: Contents, opcode: int, offset: int, length: int) -> None:
         if opcode not in (Opcode.CHUNK, Opcode.ATTACHMENT, Opcode.METADATA, Opcode.HEADER):
             return
         raw = self._read(offset, length)
@@ -413,7 +381,7 @@ class McapReader:
             messages = list(messages_in(data, len(contents.chunks), contents.channels))
             numbers = {name: number for number, name in contents.channels.items()}
             contents.counts.update(numbers[message.channel] for message in messages)
-            contents.chunks.append(_Chunk(offset, length, frozenset(numbers[m.channel] for m in messages)))
+            contents.chunks.append(ChunkFacts(offset, length, frozenset(numbers[m.channel] for m in messages)))
             if times := [message.log_time for message in messages]:
                 contents.start_time = min(times) if not contents.start_time else min(contents.start_time, *times)
                 contents.end_time = max(contents.end_time, *times)
