@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import os
 import threading
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 from pathlib import Path
 
 from elys.bus import topics
@@ -161,5 +161,22 @@ def altered(source: Path, target: Path, alter: Alter, *, compact: bool = False) 
             body = alter(message)
             if body is not None:
                 writer.write(message.channel, body, log_time=message.log_time)
+        writer.close()
+    return target
+
+
+def in_short_chunks(session: Path, target: Path, more: Sequence[tuple[str, bytes]] = ()) -> Path:
+    """The same messages and `more`, a chunk for every few of them."""
+    with McapReader(session) as reader:
+        writer = McapWriter(target, session=reader.metadata[METADATA_NAME]["session"])
+        writer.add_metadata(BUILD_FACTS, reader.metadata[BUILD_FACTS])
+        for name in filter(is_reference, reader.attachments):
+            writer.attach(name, reader.attachment(name), media_type="application/octet-stream")
+        for number, message in enumerate(reader.messages()):
+            writer.write(message.channel, message.body, log_time=message.log_time)
+            if number % 20 == 19:
+                writer._flush()
+        for channel, body in more:
+            writer.write(channel, body, log_time=message.log_time)
         writer.close()
     return target

@@ -109,6 +109,7 @@ def read_course(recording: Recording) -> Course:
         raise RecordingError(
             f"{recording.path} holds no exact state of the simulation, so it cannot be run again: it was recorded by "
             "an earlier ELYS, of a replay, or was cut before the first was written"
+            + (f", or it is in what is damaged ({recording.lost[0].part.sentence})" if recording.lost else "")
         )
     records = [record for record in _records(reader, recording.path) if record.epoch == epoch and record.beat >= 0]
     limits = _limits(records, states)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,7 +23,7 @@ from elys.bus.exports.selection import (
 from elys.bus.messages.physics import Diagnostics
 from elys.bus.recording import Recording
 from elys.bus.topics import Encoding
-from elys.common.errors import RecordingError
+from elys.common.errors import MessageError, RecordingError
 
 _COLUMNS: Final = {
     "position": (3, "f8"),
@@ -30,6 +31,7 @@ _COLUMNS: Final = {
     "linear_velocity": (3, "f4"),
     "angular_velocity": (3, "f4"),
 }
+_log = logging.getLogger(__name__)
 
 
 def export_npz(
@@ -45,7 +47,7 @@ def export_npz(
     Raises:
         RecordingError: the source is no recording, or the target cannot be written.
     """
-    with Recording(source) as recording:
+    with Recording(source, checked=True) as recording:
         arrays = motion_arrays(recording, selection, progress)
     with whole_file(target) as part, part.open("wb") as file:
         np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
@@ -107,9 +109,14 @@ def _diagnostics(recording: Recording, ticks: NDArray[Any]) -> dict[str, NDArray
     """What was measured in each tick [T], NaN where nothing was; no arrays where nothing was at all."""
     found: dict[int, Diagnostics] = {}
     for message in recording.reader.messages((topics.DIAGNOSTICS.name,)):
-        if recording.is_within(message):
+        if not recording.is_within(message):
+            continue
+        try:
             measured = codec.decode_body(message.body, Diagnostics, Encoding.JSON)
-            found[measured.tick] = measured
+        except MessageError as error:
+            _log.warning("diagnostics in %s are left out: %s", recording.path, error)
+            continue
+        found[measured.tick] = measured
     if not found:
         return {}
     told = sorted(found)

@@ -165,7 +165,7 @@ def opened_ghosts(files: list[Path]) -> list[Recording]:
     if len(files) > MOST_GHOSTS:
         raise RecordingError(f"{len(files)} ghosts are too many: a session shows {MOST_GHOSTS} at most")
     with contextlib.ExitStack() as stack:
-        opened = [stack.enter_context(Recording(file)) for file in files]
+        opened = [stack.enter_context(Recording(file, checked=True)) for file in files]
         stack.pop_all()
         return opened
 

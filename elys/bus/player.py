@@ -11,14 +11,13 @@ import contextlib
 import logging
 import math
 import time
-from collections.abc import Callable
 from typing import Any, Final
 
 import msgspec
 import numpy as np
 
 from elys.bus import codec, topics
-from elys.bus.marker_log import MarkerLog, markers_of_command, markers_of_contacts, markers_of_events
+from elys.bus.marker_log import MarkerLog
 from elys.bus.messages.commands import (
     Command,
     CommandReply,
@@ -36,8 +35,9 @@ from elys.bus.messages.plan import PhysicsPlan, PlanRequest
 from elys.bus.messages.scene import SceneDelta, Snapshot, SnapshotRequest
 from elys.bus.messages.session import SessionStatus
 from elys.bus.messages.state_frame import HEADER, PLAYING
-from elys.bus.messages.timeline import Marker, Markers, MarkersRequest
+from elys.bus.messages.timeline import Markers, MarkersRequest
 from elys.bus.prefab_service import serve_prefabs
+from elys.bus.recorded_markers import read_markers
 from elys.bus.recording import Recording
 from elys.bus.session import Session
 from elys.bus.topics import Encoding
@@ -52,12 +52,6 @@ _SHOWN_IN_A_ROW: Final = 4  # frames published one by one; of more that are due 
 _TOLD_ONE_BY_ONE: Final = 100  # deltas after a seek; more are said with one resync
 END_MARGIN: Final = 0.1  # [s]
 _NOT_EDITABLE: Final = "this is a recording: it cannot be edited; run its scene with `elys run` to change it"
-_READ_IN_A_ROW: Final = 240  # frames whose messages are looked through for markers before others have their turn
-_MARKED: Final[dict[str, Callable[[Any, float], list[Marker]]]] = {
-    topics.EVENTS.name: markers_of_events,
-    topics.CONTACTS.name: markers_of_contacts,
-    topics.COMMANDS.name: markers_of_command,
-}
 _REPLAYED: Final = frozenset(topic.name for topic in topics.TOPICS if topic.recorded) - {topics.STATUS.name}
 WHOLE: Final = SetRange()
 _log = logging.getLogger(__name__)
@@ -66,6 +60,7 @@ _log = logging.getLogger(__name__)
 class Player:
     """Plays a recording in a session that it hosts (`kind` "replay"). `run` goes on until it is cancelled.
 
+    Where it comes upon damage in a recording that was not `checked`, it opens that once more, and plays on behind the damage.
     Its clock is that of the running loop.
     """
 
@@ -80,12 +75,13 @@ class Player:
         part: SetRange = WHOLE,
     ) -> None:
         """Plays `part` of it. Raises RequestError if that or `rate` is none, RecordingError if the first frame cannot be read."""
-        self.recording = recording
+        self.recording = self._given = recording
         self.session = session
         self.playing = playing
         self.loop = loop
         self.rate = _checked_rate(rate)
         self._clock = asyncio.get_running_loop().time
+        self._part = part
         self._first, self._last = self._checked_range(part)  # what is played
         self.position = self._first
         self._mirror = recording.mirror_at(self.position)
@@ -97,6 +93,7 @@ class Player:
         self._wake = asyncio.Event()
         self._markers = MarkerLog()
         self._reading_markers: asyncio.Task[None] | None = None  # begun when somebody asks
+        self._checking = asyncio.Lock()
 
     @property
     def tick(self) -> int:
@@ -120,9 +117,13 @@ class Player:
         self.session.serve(topics.HISTORY, self._give_history)
         self._set_anchor()
         self._publish_frame()
-        async with asyncio.TaskGroup() as group:
-            group.create_task(self._heartbeat())
-            group.create_task(self._play())
+        try:
+            async with asyncio.TaskGroup() as group:
+                group.create_task(self._heartbeat())
+                group.create_task(self._play())
+        finally:
+            if self.recording is not self._given:
+                self.recording.close()
 
     async def _play(self) -> None:
         while True:
@@ -130,6 +131,8 @@ class Player:
                 try:
                     self._catch_up()
                 except RecordingError as error:
+                    if await self._leave_out_damage():
+                        continue
                     _log.error("the replay stops here: %s", error)
                     self._set_playing(False)
             with contextlib.suppress(TimeoutError):
@@ -142,6 +145,35 @@ class Player:
             if not self.playing:
                 self._publish_frame()  # for who has joined meanwhile
             await asyncio.sleep(STATUS_INTERVAL)
+
+    async def _leave_out_damage(self) -> bool:
+        """Goes on with what of the recording can be read; returns whether that is another than before."""
+        before = self.recording
+        async with self._checking:
+            if self.recording is not before:
+                return True  # somebody else came upon it meanwhile
+            if before.is_checked:
+                return False
+            try:
+                checked = await asyncio.to_thread(Recording, before.path, checked=True)
+            except RecordingError as error:
+                _log.error("%s", error)
+                return False
+            self._become(checked)
+            return True
+
+    def _become(self, checked: Recording) -> None:
+        """Shows the same tick of the recording without its damaged parts."""
+        self.recording, time = checked, self.time
+        self._ticks = np.unique(checked.tick)
+        try:
+            self._first, self._last = self._checked_range(self._part)
+        except RequestError:  # of what was asked for nothing is left
+            self._first, self._last = self._checked_range(WHOLE)
+        self.position = max(int(np.searchsorted(checked.time, time, side="right")) - 1, 0)
+        self._mirror = checked.mirror_at(self.position)
+        self._tell_scene(None)
+        self._set_anchor()
 
     # --- time ------------------------------------------------------------------------------------------------------
 
@@ -195,6 +227,7 @@ class Player:
 
     def _go_on(self, position: int) -> None:
         """Forward, with everything that was said on the way."""
+        self.recording.frame_body(position)  # raises before anything has changed
         self._tell_scene(self.recording.advance(self._mirror, position), one_by_one=True)
         first, self.position = self.position + 1, position
         self._publish_frame()
@@ -203,6 +236,7 @@ class Player:
 
     def _jump(self, position: int) -> None:
         """Anywhere, with nothing but the scene and the frame that are there."""
+        self.recording.frame_body(position)  # raises before anything has changed
         if self.recording.needs_rebuilding(self._mirror, position):
             self._mirror = self.recording.mirror_at(position)
             self._tell_scene(None)
@@ -299,32 +333,8 @@ class Player:
 
     async def _give_markers(self, request: MarkersRequest, key: str) -> Markers:
         if self._reading_markers is None:
-            self._reading_markers = self.session.start(self._read_markers())
+            self._reading_markers = self.session.start(read_markers(self.recording, self._markers))
         return self._markers.reply(request)
-
-    async def _read_markers(self) -> None:
-        """Reads what was said in the whole recording, a piece at a time; who asks meanwhile gets what was found so far."""
-        for first in range(0, len(self.recording), _READ_IN_A_ROW):
-            last = min(first + _READ_IN_A_ROW, len(self.recording)) - 1
-            try:
-                self._markers.add(marker for m in self.recording.messages_of(first, last) for marker in self._marked(m))
-            except RecordingError as error:
-                _log.warning("markers end at tick %d: %s", self.recording.tick[first], error)
-                return
-            await asyncio.sleep(0.001)
-
-    def _marked(self, message: RecordedMessage) -> list[Marker]:
-        """The markers of a message."""
-        make = _MARKED.get(message.channel)
-        if make is None:
-            return []
-        topic = topics.topic_named(message.channel)
-        try:
-            content = codec.decode_body(message.body, topic.message, topic.encoding)
-        except MessageError:
-            return []  # it is told when it is played
-        place = min(int(np.searchsorted(self.recording.tick, content.tick)), len(self.recording) - 1)
-        return make(content, float(self.recording.time[place]))
 
     async def _give_asset(self, request: bytes, key: str) -> bytes:
         return self.recording.asset(PREFIX + key)
@@ -337,7 +347,12 @@ class Player:
 
     async def _take_command(self, request: CommandRequest, key: str) -> CommandReply:
         try:
-            self._apply(request.command)
+            try:
+                self._apply(request.command)
+            except RecordingError:
+                if not await self._leave_out_damage():
+                    raise
+                self._apply(request.command)
         except (RequestError, RecordingError) as error:
             return CommandReply(accepted=False, tick=self.tick, reason=str(error))
         return CommandReply(accepted=True, tick=self.tick)
@@ -363,6 +378,7 @@ class Player:
                 self.loop = loop
             case SetRange():
                 self._first, self._last = self._checked_range(command)
+                self._part = command
             case _:
                 raise RequestError(_NOT_EDITABLE)
         self._publish_status()

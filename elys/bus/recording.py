@@ -3,11 +3,15 @@
 Opening reads where the state frames stand, not the frames. If the recorded host started anew, or was itself a replay that
 was wound back, the file holds several runs; the timeline is the longest. A simulation that was rewound and went on as a fork
 left two futures in the file: the index names the one that it kept, and nothing of what it showed of its past meanwhile.
+
+What is damaged is left out, with one warning, by who opens it `checked`, which reads the whole file: all that read it anyway do.
+A player opens at once, and anew where it comes upon damage.
 """
 
 from __future__ import annotations
 
 import contextlib
+import copy
 import logging
 import math
 from collections.abc import Iterator, Mapping
@@ -22,6 +26,7 @@ from elys.bus import codec
 from elys.bus.messages.scene import SceneDelta, Snapshot
 from elys.bus.messages.state_frame import HEADER, StateFrame, unpack_frame
 from elys.bus.mirror import SceneMirror
+from elys.bus.recording_damage import LostPart, readable_frames
 from elys.bus.topics import READABLE_VERSIONS, Encoding
 from elys.bus.transports.mcap import EXACT_CHANNEL, METADATA_NAME
 from elys.bus.transports.mcap_index import (
@@ -55,23 +60,41 @@ class Recording:
     Attributes:
         bounds: by column of frames how far values may lie from what they were (rotations: [rad]); {} of a lossless recording.
         epoch: which run of the host made its frames. run_count: how many runs the file holds.
+        lost: what is damaged, as far as it is known. is_checked: all of it is, and none of its frames is named here.
         tick: [F] u64. time: [F] f64 s of simulation, never falling. body_count: [F] u32.
 
     Raises:
         RecordingError: it cannot be read, was made by another version, or holds no scene or no frame.
     """
 
-    def __init__(self, path: Path, *, run: int | None = None) -> None:
+    def __init__(self, path: Path, *, run: int | None = None, checked: bool = False) -> None:
         self.path = path
         self.reader = McapReader(path)
+        self.is_checked = checked or self.reader.mended
+        self.lost: tuple[LostPart, ...] = ()
         try:
             self._check_version()
-            all_frames, scene = self._read_indexes()
-            frames, following, self.run_count = _run_of(all_frames, path, run)
-            self._scene = _SceneIndex(scene[scene["epoch"] == frames["epoch"][0]], path)
+            if checked:
+                self.reader.check()
+            self._all_frames, self._all_scene = self._read_indexes()
+            if self.is_checked:
+                self._leave_out_damage()
+            self._take(run)
         except BaseException:
             self.reader.close()
             raise
+
+    def other_run(self, number: int) -> Recording:
+        """Another of the runs that the file holds; it is read through the same open file, which whoever opened it closes."""
+        other = copy.copy(self)
+        other._take(number)
+        return other
+
+    def _take(self, run: int | None) -> None:
+        """Makes a run the timeline."""
+        frames, following, self.run_count = _run_of(self._all_frames, self.path, run)
+        scene = self._all_scene
+        self._scene = _SceneIndex(scene[scene["epoch"] == frames["epoch"][0]], self.path)
         self.epoch = int(frames["epoch"][0])
         self.bounds = _bounds(self.reader.metadata[METADATA_NAME])
         self.tick: NDArray[np.uint64] = frames["tick"]
@@ -248,12 +271,48 @@ class Recording:
             return self._find_indexes()
         return frames, scene
 
+    def _leave_out_damage(self) -> None:
+        """Names nothing that is in a damaged part, nor frames that are told against such; says so."""
+        parts = self.reader.damaged_parts()
+        if not parts:
+            return
+        self._all_frames, self.lost = readable_frames(self.reader, self._all_frames, parts)
+        self._all_scene = self._all_scene[~np.isin(self._all_scene["chunk"], list(self.reader.damaged))]
+        first, more = self.lost[0], len(self.lost) - 1
+        _log.warning(
+            "%s is damaged: %s%s; it is read without that, and `elys recover %s` writes a whole file of the rest",
+            self.path,
+            first.sentence,
+            f", and {more} more part{'s' if more > 1 else ''}" if more else "",
+            self.path,
+        )
+
     def _find_indexes(self) -> tuple[NDArray[Any], NDArray[Any]]:
         builder = IndexBuilder()
         is_packed = self.reader.packs_frames
         for message in self.reader.stored_messages((STATE_CHANNEL, DELTA_CHANNEL, SNAPSHOT_CHANNEL)):
             builder.add_stored(message.channel, message.body, *message.place, is_packed=is_packed)
         return builder.frames(), builder.scene()
+
+
+def opened_to_show(path: Path, time: float = -math.inf) -> Recording:
+    """A recording whose scene at a time [s] can be had: open at once, and `checked` only where what stands there is damaged.
+
+    Raises:
+        RecordingError: as `Recording`.
+    """
+    recording = Recording(path)
+    try:
+        recording.mirror_at(recording.position_at(time))
+    except RecordingError:
+        recording.close()
+        if recording.is_checked:
+            raise
+        return Recording(path, checked=True)
+    except BaseException:
+        recording.close()
+        raise
+    return recording
 
 
 class _SceneIndex:

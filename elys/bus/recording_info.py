@@ -34,6 +34,7 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
     """What a recording lacks, and what is not in its order."""
 
     complete: bool  # False: it was never finished, or is damaged, and is read as far as it goes
+    damage: tuple[str, ...]  # which parts cannot be read, and which ticks are missing for them
     gaps: tuple[tuple[int, int], ...]  # ticks between which there are none; the first GAPS_TOLD
     missing_ticks: int
     missing_deltas: int  # changes of the scene that no delta tells of; a snapshot may
@@ -44,7 +45,10 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
     def sentence(self) -> str:
         """The same for a person; "" where there is nothing to say."""
         told = []
-        if not self.complete:
+        if self.damage:
+            parts = f", and {len(self.damage) - 1} more parts" * (len(self.damage) > 1)
+            told.append(f"{self.damage[0]}{parts}: `elys recover` writes a whole file of the rest")
+        elif not self.complete:
             told.append("it was cut off and is read as far as it goes: `elys recover` mends it")
         if self.missing_ticks:
             (before, after), more = self.gaps[0], len(self.gaps) - 1
@@ -72,7 +76,7 @@ class RecordingInfo(msgspec.Struct, frozen=True, kw_only=True):
 
     path: str
     size: int  # [bytes]
-    complete: bool  # False: it was never finished, and is read as far as it goes
+    complete: bool  # False: it was never finished, or is damaged, and is read as far as it goes
     scene: str
     session: str
     elys_version: str
@@ -95,7 +99,7 @@ class RecordingInfo(msgspec.Struct, frozen=True, kw_only=True):
 
 def recording_info(path: Path) -> RecordingInfo:
     """The facts about a recording; RecordingError if it is none."""
-    with Recording(path) as recording:
+    with Recording(path, checked=True) as recording:
         mirror = recording.mirror_at(0)
         made = recording.reader.metadata[METADATA_NAME]
         duration = float(recording.time[-1] - recording.time[0])
@@ -103,7 +107,7 @@ def recording_info(path: Path) -> RecordingInfo:
         return RecordingInfo(
             path=str(path),
             size=recording.reader.size,
-            complete=not recording.reader.mended,
+            complete=_is_complete(recording),
             scene=mirror.scene,
             session=made.get("session", ""),
             elys_version=made.get("elys", ""),
@@ -123,6 +127,10 @@ def recording_info(path: Path) -> RecordingInfo:
             sources=read_sources(recording.reader),
             lineage=lineage_of(recording),
         )
+
+
+def _is_complete(recording: Recording) -> bool:
+    return not (recording.reader.mended or recording.lost)
 
 
 class _Head(msgspec.Struct):
@@ -171,7 +179,8 @@ class _Reading:
         gaps = gaps_in(ticks[np.append(True, ticks[1:] != ticks[:-1])].tolist())
         missing_deltas = max(self._deltas) - min(self._deltas) + 1 - len(self._deltas) if self._deltas else 0
         return Health(
-            complete=not self._recording.reader.mended,
+            complete=_is_complete(self._recording),
+            damage=tuple(lost.sentence for lost in self._recording.lost),
             gaps=gaps[:GAPS_TOLD],
             missing_ticks=sum(after - before - 1 for before, after in gaps),
             missing_deltas=missing_deltas,

@@ -54,7 +54,7 @@ def cut(source: Path, target: Path, selection: Selection, progress: Progress = n
         RecordingError: the source is no recording, has no tick in that time, or the target cannot be written.
     """
     _check_apart([source], target)
-    with Recording(source) as recording, whole_file(target) as part:
+    with Recording(source, checked=True) as recording, whole_file(target) as part:
         positions = selected_positions(recording, Selection(start=selection.start, end=selection.end)).tolist()
         first, last = positions[0], positions[-1]
         # Several frames may tell of the first tick, as in a pause: all of them belong to it.
@@ -81,7 +81,7 @@ def merge(sources: Sequence[Path], target: Path, progress: Progress = no_progres
     """
     _check_apart(sources, target)
     with ExitStack() as stack:
-        recordings = [stack.enter_context(Recording(source)) for source in sources]
+        recordings = [stack.enter_context(Recording(source, checked=True)) for source in sources]
         recordings.sort(key=lambda recording: (int(recording.tick[0]), str(recording.path)))
         _check_same_session(recordings)
         part = stack.enter_context(whole_file(target))

@@ -5,8 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from elys.bus.exports.files import whole_file
 from elys.bus.recording import Recording
+from elys.bus.recording_parts import gaps_in
 from elys.bus.recording_sources import SOURCES_NAME, Sources, source_of, sources_metadata
 from elys.bus.transports.mcap import open_alone
 from elys.bus.transports.mcap_mending import mend, needs_mending
@@ -24,6 +27,7 @@ class RecoveryReport(NamedTuple):
     ticks: int = 0
     lost: tuple[str, ...] = ()  # sentences
     backup: Path | None = None  # what the damaged file is called now
+    missing: tuple[tuple[int, int], ...] = ()  # the first and the last of ticks that are not in the whole file
 
 
 def recover(source: Path, target: Path | None = None, *, in_place: bool = False) -> RecoveryReport:
@@ -48,7 +52,7 @@ def recover(source: Path, target: Path | None = None, *, in_place: bool = False)
         # In its place: the damaged file takes its other name only when the whole one is written.
         with whole_file(place if backup is None else source.with_name(f".{source.name}.whole")) as part:
             mending = mend(recording.reader, part, {SOURCES_NAME: sources_metadata(sources)})
-            ticks = _ticks_in(part, source)
+            ticks, missing = _ticks_in(part, source)
     if backup is not None:
         try:
             source.rename(backup)
@@ -58,15 +62,16 @@ def recover(source: Path, target: Path | None = None, *, in_place: bool = False)
     lost = list(mending.lost)
     if mending.beyond:
         lost.append(f"the last {mending.beyond} bytes, where it was cut off")
-    return RecoveryReport(False, place, mending.messages, ticks, tuple(lost), backup)
+    return RecoveryReport(False, place, mending.messages, ticks, tuple(lost), backup, missing)
 
 
-def _ticks_in(part: Path, source: Path) -> int:
-    """How many ticks the whole file has; RecordingError where what was read is not enough for any."""
+def _ticks_in(part: Path, source: Path) -> tuple[int, tuple[tuple[int, int], ...]]:
+    """How many ticks the whole file has, and which it lacks; RecordingError where what was read is not enough for any."""
     try:
         with Recording(part) as mended:
             mended.mirror_at(0)
-            return len(set(mended.tick.tolist()))
+            ticks = np.unique(mended.tick)
+            return len(ticks), tuple((before + 1, after - 1) for before, after in gaps_in(ticks.tolist()))
     except RecordingError as error:
         raise RecordingError(
             f"{source} cannot be recovered: {str(error).replace(str(part), 'what is left')}"

@@ -87,7 +87,7 @@ def compare(a: Path, b: Path, *, curves: int = 0, progress: Progress | None = No
     Raises:
         RecordingError: one cannot be read, or they have no instant in common.
     """
-    with Recording(a) as first, Recording(b) as second:
+    with Recording(a, checked=True) as first, Recording(b, checked=True) as second:
         pairs = _common(first, second)
         if not pairs:
             raise RecordingError(

@@ -121,6 +121,7 @@ def verify(
 
     Ends with 0: equal. 1: the recording was altered, or the machine that made it erred. 2: it cannot be read or run again.
     3: different, and here is another build or kind of machine. 4: not deterministic: run twice, it differs from itself.
+    5: equal as far as it can be compared, but ticks are missing or a part is damaged.
     """
     from elys.verbs import verify as verb
 

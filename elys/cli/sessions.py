@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import Annotated, Final, Optional
 
 import typer
 
@@ -37,6 +37,9 @@ from elys.cli.options import (
     place,
     shows_credentials,
 )
+
+# Verbs that attach take no name; who gives one hears what to type instead.
+_TAKES_NAMES: Final = {"allow_extra_args": True}
 
 
 @app.command()
@@ -100,18 +103,25 @@ def run(
     )
 
 
-@app.command()
+@app.command(context_settings=_TAKES_NAMES)
 @shows_credentials
-def edit(connect: Connect = None, session: SessionName = "", full_frames: FullFrames = False) -> None:
+def edit(
+    context: typer.Context,
+    connect: Connect = None,
+    session: SessionName = "",
+    full_frames: FullFrames = False,
+) -> None:
     """Attach an editor to a running session or a replay; where none runs, choose in the editor what to open."""
     from elys.verbs import attach
 
+    attach.refuse_names("edit", context.args)
     attach.edit(place(connect, session), full_frames=full_frames)
 
 
-@app.command()
+@app.command(context_settings=_TAKES_NAMES)
 @shows_credentials
 def view(
+    context: typer.Context,
     connect: Connect = None,
     session: SessionName = "",
     debug: DebugKinds = "",
@@ -147,6 +157,7 @@ def view(
     """Watch a running session or a replay in a window."""
     from elys.verbs import attach
 
+    attach.refuse_names("view", context.args)
     attach.view(
         place(connect, session),
         frame_limit=frames,

@@ -1,7 +1,7 @@
 """The best times of each level: recordings in a folder of the user's, and a list of them.
 
 An entry is a recording of the race from its countdown to its finish. It counts as proven when `elys verify` has run it again and
-it came out the same; it is also what races as a ghost.
+all of it came out the same (`proof`); it is also what races as a ghost.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import platformdirs
 
 from elys.common.assets.store import replace_file
 from elys.common.errors import ElysError
+from elys.game.proof import PROVEN
 
 KEPT: Final = 10  # entries of a level; the recordings of slower ones are taken away
 _LIST: Final = "times.json"
@@ -81,7 +82,7 @@ class Board:
         self.entries = [
             msgspec.structs.replace(entry, proof=proof) if entry.file == file else entry
             for entry in self.entries
-            if entry.file != file or proof == "equal"
+            if entry.file != file or proof == PROVEN
         ]
         self._write()
 

@@ -67,7 +67,7 @@ class Referee:
         record: begins to record into a file what happens from now on.
         open_level: a level as a scene, its meshes in the simulation's store, with these values of its scripts.
         has_menu: begins with the menu, and comes back to it after each race.
-        prove: gives the verdict on a recording; takes its time.
+        prove: gives the verdict on the recording of an entry, see `elys.game.proof`; takes its time.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class Referee:
         folder: Path | None = None,
         record: Callable[[Path], Recorder],
         open_level: Callable[[AnyLevel, int, Mapping[str, Mapping[str, Any]]], OpenedScene],
-        prove: Callable[[Path], Awaitable[str]],
+        prove: Callable[[Path, Entry], Awaitable[str]],
         race_limit: int = 0,
         has_ghosts: bool = True,
         has_menu: bool = False,
@@ -227,7 +227,7 @@ class Referee:
 
     async def _verify(self, entry: Entry, board: Board) -> None:
         began = time.monotonic()
-        verdict = await self._proof_of(board.path_of(entry))
+        verdict = await self._proof_of(board.path_of(entry), entry)
         board.prove(entry.file, verdict)
         _log.info("%s: %.3f s is %s (%.1f s)", self.level.title, entry.time, verdict, time.monotonic() - began)
 
@@ -264,7 +264,7 @@ class Referee:
         """Lets those who were fast run along, from the start that all have in common."""
         for number, entry in enumerate(self.board.ghosts(self._person)) if self._wants_ghosts else ():
             try:
-                recording = Recording(self.board.path_of(entry))
+                recording = Recording(self.board.path_of(entry), checked=True)
             except ElysError as error:
                 _log.warning("no ghost of %s: %s", entry.player, error)
                 continue

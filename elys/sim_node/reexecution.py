@@ -50,8 +50,8 @@ class Reexecution:
         """What is told of the beat that comes next; None where it is a step and nothing else."""
         return self.course.beats.get(self.instant + 1)
 
-    def advance(self) -> None:
-        """Does the next beat.
+    def advance(self) -> bool:
+        """Does the next beat; returns whether it went on from a recorded state instead, to which commands and steps do not lead.
 
         Raises:
             RecordingError: what happened in it is told by an exact state that is not in the file.
@@ -60,7 +60,7 @@ class Reexecution:
         there = self.course.states.get(self.instant + 1)
         if there is not None and there.head.is_unexplained and not self._can_do(beat):
             self.begin(there)
-            return
+            return True
         if beat is not None and not self._can_do(beat):
             raise RecordingError(
                 f"what happened after tick {self.simulation.tick} is told by an exact state that is not in the recording"
@@ -72,6 +72,7 @@ class Reexecution:
         self.instant += 1
         self._keep_physics()
         self._forget_changes()
+        return False
 
     def _can_do(self, beat: Beat | None) -> bool:
         if beat is None:

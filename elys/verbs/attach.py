@@ -87,6 +87,22 @@ def view(
     run_until_asked(work())
 
 
+def refuse_names(verb: str, names: Sequence[str]) -> None:
+    """Raises ElysError where somebody wants to see what is no session: it says what shows that."""
+    if not names:
+        return
+    name = names[0]
+    if name.endswith(".mcap"):
+        raise ElysError(
+            f"{name} is a recording, and `elys {verb}` attaches to what runs: type `elys play {name} --edit`, or "
+            f"`elys play {name}` and beside it `elys {verb}`"
+        )
+    raise ElysError(
+        f"`elys {verb}` attaches to a session that runs, and takes no {name!r}: `elys run {name}` runs a scene, and "
+        "--session or --connect chooses among sessions"
+    )
+
+
 def _choose_states(full_frames: bool) -> None:
     """For this process and those that it starts."""
     from elys.bus.streaming.choice import FULL, STATES

@@ -13,6 +13,7 @@ from elys.verbs.moments import parse_moment
 from elys.verbs.output import progress_bar, size_text
 
 FOXGLOVE_SUFFIX: Final = ".foxglove.mcap"
+PICTURES: Final = (".mp4", ".mkv", ".mov", ".webm", ".gif", ".png", ".jpg", ".jpeg")
 Exporter = Callable[[Path, Path, Selection, Progress], str]
 
 
@@ -22,6 +23,12 @@ def export(
     """Writes what of a recording is selected, and says what it was."""
     suffix = FOXGLOVE_SUFFIX if foxglove or output.name.endswith(FOXGLOVE_SUFFIX) else output.suffix
     exporter = EXPORTERS.get(suffix)
+    if exporter is None and suffix in PICTURES:
+        picture = output if suffix == ".png" else output.with_suffix(".mp4")
+        raise RecordingError(
+            f"{output} would be pictures, which `elys render {recording} -o {picture}` makes; motion is exported as "
+            f"{', '.join(EXPORTERS)}"
+        )
     if exporter is None:
         raise RecordingError(
             f"{output} is no place for motion: give it the suffix {', '.join(EXPORTERS)}, for instance motion.npz"

@@ -88,7 +88,7 @@ def recorded(
     """`told` are lines of physics that were heard while it was recorded; with `hears` what happened is read as well."""
     from elys.bus.recording import Recording
 
-    with Recording(path) as recording:
+    with Recording(path, checked=True) as recording:
         start, end = float(recording.time[0]), float(recording.time[-1])
         if not start <= time + start <= end + 1e-9:
             raise ElysError(f"{path} lasts {end - start:.2f} s: there is nothing at {time:g} s")

@@ -100,7 +100,7 @@ def opened_at(
     from elys.verbs.verify import load_kernels, progress_bar
 
     load_kernels(recording, threads=threads)
-    with Recording(recording) as opened:
+    with Recording(recording, checked=True) as opened:
         with progress_bar("Going there") as progress:
             point = fork_point(opened, at, threads=threads, progress=progress)
         simulation = point.simulation
@@ -136,10 +136,11 @@ def required_recording(name: str) -> Path:
 def recorded_scene(name: str, at: str) -> OpenedScene:
     """What a recording shows at a time; RecordingError if it cannot be gone on with from there."""
     from elys.bus.course import read_course
-    from elys.bus.recording import Recording
+    from elys.bus.recording import opened_to_show
     from elys.sim_node.fork_point import require_within
     from elys.verbs.verify import scene_of
 
-    with Recording(required_recording(name)) as recording:
-        require_within(recording, read_course(recording), parse_moment(at))
-        return scene_of(recording.mirror_at(recording.position_at(parse_moment(at))), recording.path)
+    time = parse_moment(at)
+    with opened_to_show(required_recording(name), time) as recording:
+        require_within(recording, read_course(recording), time)
+        return scene_of(recording.mirror_at(recording.position_at(time)), recording.path)

@@ -17,6 +17,7 @@ from elys.common.errors import ElysError
 from elys.verbs.output import print_json, print_table
 
 if TYPE_CHECKING:
+    from elys.game.board import Entry
     from elys.game.referee import AnyLevel
 
 FIRST: Final = "meadow"
@@ -172,22 +173,31 @@ async def _host(
         await referee.prove()
 
 
-async def proof_of(recording: Path, *, trusts: bool = True, niceness: int = 0) -> str:
-    """The verdict of `elys verify`, asked of another process, which leaves the processor to the game beside it if it is nice.
+async def proof_of(recording: Path, entry: Entry, *, trusts: bool = True, niceness: int = 0) -> str:
+    """What `elys verify` says of an entry's recording, asked of another process, which leaves the processor to the game beside it
+    if it is nice.
 
     It `trusts` the scripts in the recording where all of them ran in the race; else none runs but ELYS's own.
     """
+    import msgspec
+
+    from elys.game import proof
+    from elys.sim_node.verification import Verdict
+
     process = await asyncio.create_subprocess_exec(
-        *("nice", "-n", str(niceness), sys.executable, "-m", "elys", "verify", str(recording)),
+        *("nice", "-n", str(niceness), sys.executable, "-m", "elys", "verify", str(recording), "--json"),
         *(("--trust",) if trusts else ()),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
+        stderr=subprocess.PIPE,
     )
-    said, _ = await process.communicate()
-    if process.returncode == 0:
-        return "equal"
-    return said.decode(errors="replace").strip().splitlines()[0][:200] if said.strip() else "not proven"
+    said, complained = await process.communicate()
+    try:
+        verdict = msgspec.json.decode(said, type=Verdict)
+    except msgspec.DecodeError:  # it could not be run again
+        lines = complained.decode(errors="replace").strip().splitlines()
+        return lines[-1][:200] if lines else "not proven"
+    return proof.proof_of(verdict, began=entry.began, time=entry.time)
 
 
 def times_of(level: AnyLevel) -> list[dict[str, object]]:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Final
 
 from elys.common.errors import RecordingError
 from elys.verbs.export import selected
 from elys.verbs.output import progress_bar, size_text
 from elys.verbs.recording_child import require_recordable
+
+_GAPS_TOLD: Final = 20
 
 
 def cut(recording: Path, output: Path, *, start: str, end: str) -> None:
@@ -56,6 +59,10 @@ def recover(recording: Path, output: Path | None, *, in_place: bool) -> None:
     print(f"{report.path}: {report.ticks} ticks, {report.messages} messages, {size}")
     for sentence in report.lost:
         print(f"lost: {sentence}")
+    for first, last in report.missing[:_GAPS_TOLD]:
+        print(f"missing in it: {f'tick {first}' if first == last else f'ticks {first} to {last}'}")
+    if len(report.missing) > _GAPS_TOLD:
+        print(f"and {len(report.missing) - _GAPS_TOLD} more places: `elys info {report.path}` counts all")
     if not report.lost:
         print("lost: nothing that had reached the file")
     if report.backup is not None:

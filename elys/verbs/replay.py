@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import math
 import sys
 import time
 from collections.abc import AsyncIterator, Iterator, Sequence
@@ -54,10 +55,12 @@ async def serve_recording(recording: Path, playback: Playback, *, listen: Listen
         BusError: the endpoint cannot be listened at.
     """
     from elys.bus.player import Player
-    from elys.bus.recording import Recording
+    from elys.bus.recording import opened_to_show
     from elys.verbs.ghosts import served
 
-    with await asyncio.to_thread(Recording, recording) as opened:
+    part = playback.part()
+    begins = -math.inf if part.start is None else part.start
+    with await asyncio.to_thread(opened_to_show, recording, begins) as opened:
         scene = opened.mirror_at(0).scene
         async with hosted(listen, name=scene, kind="replay", scene=scene, epoch=time.time_ns()) as (session, endpoint):
             _log.info("playing %s at %s: attach with `elys view` or `elys edit`", recording, endpoint)
@@ -67,7 +70,7 @@ async def serve_recording(recording: Path, playback: Playback, *, listen: Listen
                 playing=not playback.paused,
                 rate=playback.rate,
                 loop=playback.loop,
-                part=playback.part(),
+                part=part,
             )
             async with served(session, [Path(ghost) for ghost in playback.ghosts]):
                 await player.run()
@@ -184,6 +187,8 @@ def info(recording: Path, *, json: bool) -> None:
         print_json(facts)
         return
     state = "complete" if facts.complete else "cut off: read as far as it goes"
+    if facts.health.damage:
+        state = "damaged: read without what is lost"
     print(f"{recording}: {facts.scene}, {facts.duration:.2f} s, ticks {facts.first_tick} to {facts.last_tick}, {state}")
     contents = f"{facts.body_count} bodies, {facts.entity_count} entities, {facts.asset_count} assets"
     print(f"{contents}, {size_text(facts.size)}; ELYS {facts.elys_version}, protocol {facts.protocol}")

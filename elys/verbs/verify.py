@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from elys.bus.mirror import SceneMirror
     from elys.sim_node.verification import Verdict
 
-EXIT_CODES: Final = {"equal": 0, "altered": 1, "other build": 3, "not deterministic": 4}
+EXIT_CODES: Final = {"equal": 0, "altered": 1, "other build": 3, "not deterministic": 4, "incomplete": 5}
 UNSUITABLE: Final = 2
 
 
@@ -51,9 +51,30 @@ def verify(recording: Path, *, start: str, end: str, threads: int, json: bool) -
 
 def describe(verdict: Verdict) -> str:
     """A verdict as a person reads it."""
-    span = f"{verdict.ticks} ticks ({verdict.first_time:.2f} s to {verdict.last_time:.2f} s)"
+    count = f"{verdict.ticks} ticks"
+    if verdict.missing_ticks:
+        first, last = verdict.gaps[0]
+        where = f"tick {first}" if first == last else f"ticks {first}-{last}"
+        are = "1 is" if verdict.missing_ticks == 1 else f"{verdict.missing_ticks} are"
+        count = (
+            f"{verdict.ticks} of {verdict.ticks + verdict.missing_ticks} ticks compared, {are} missing (first: {where})"
+        )
+    times = f"{verdict.first_time:.2f} s to {verdict.last_time:.2f} s"
+    span = f"{count}; {times}" if verdict.missing_ticks else f"{count} ({times})"
     speed = f"{verdict.realtime_factor:.1f} times real time"
     lines = [f"note: {note}" for note in verdict.notes]
+    lines += [f"damaged: {part}" for part in verdict.damage]
+    if verdict.lead_ticks:
+        older = f"older by {verdict.lead_ticks} tick{'s' if verdict.lead_ticks > 1 else ''}"
+        lines.append(f"note: the state from which it was run again is {older} than the first that can be compared")
+    if verdict.jumps:
+        more = f" and at {len(verdict.jumps) - 1} more" * (len(verdict.jumps) > 1)
+        lines.append(
+            f"note: at tick {verdict.jumps[0]}{more} it goes on from a state in the file that nothing in it leads to"
+        )
+    if verdict.difference is None and not verdict.ticks:
+        lines.append("nothing was compared: of that time no tick is in the recording")
+        return "\n".join(lines)
     if verdict.difference is None:
         lines.append(f"equal: {span}, {speed}")
         if verdict.other:
@@ -61,6 +82,8 @@ def describe(verdict: Verdict) -> str:
         return "\n".join(lines)
     lines += [f"different: {verdict.difference.text}", f"equal before it: {span}, {speed}"]
     match verdict.cause:
+        case "incomplete":
+            lines.append("what comes after it cannot be run again: a part of the file is damaged")
         case "other build":
             lines.append(f"recorded by another build or kind of machine: {', '.join(verdict.other)}")
         case "not deterministic":
@@ -74,10 +97,10 @@ def describe(verdict: Verdict) -> str:
 
 def load_kernels(recording: Path, *, threads: int) -> None:
     """Loads what the recording's first scene needs, or compiles it with a bar. Raises RecordingError."""
-    from elys.bus.recording import Recording
+    from elys.bus.recording import opened_to_show
     from elys.verbs.kernels import compile_with_progress
 
-    with Recording(recording) as opened:
+    with opened_to_show(recording) as opened:
         mirror = opened.mirror_at(0)
     compile_with_progress(scene_of(mirror, recording), threads=threads)
 

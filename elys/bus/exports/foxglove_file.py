@@ -64,7 +64,7 @@ def export_foxglove(
         raise RecordingError(_MISSING) from error
     if source.exists() and target.exists() and source.samefile(target):
         raise RecordingError(f"{target} is read here and cannot be written as well: choose another name")
-    with Recording(source) as recording, whole_file(target) as part, part.open("wb") as file:
+    with Recording(source, checked=True) as recording, whole_file(target) as part, part.open("wb") as file:
         positions = selected_positions(recording, selection)
         writing = _Writing(Writer(file, chunk_size=_CHUNK_SIZE, compression=CompressionType.ZSTD))
         scene, transforms = FoxgloveScene(recording.asset), FrameTransforms()

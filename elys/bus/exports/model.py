@@ -52,7 +52,7 @@ def export_glb(
         RecordingError: the source is no recording, holds nothing of what is selected or more than a model can, or the target
             cannot be written.
     """
-    with Recording(source) as recording, whole_file(target) as part:
+    with Recording(source, checked=True) as recording, whole_file(target) as part:
         positions = selected_positions(recording, selection)
         duration = float(recording.time[positions[-1]] - recording.time[positions[0]])
         if duration > _LONGEST:

@@ -57,7 +57,7 @@ def export_csv(source: Path, target: Path, selection: Selection = EVERYTHING, pr
     """
     count = 0
     with (
-        Recording(source) as recording,
+        Recording(source, checked=True) as recording,
         whole_file(target) as part,
         part.open("w", encoding="utf-8", newline="") as file,
     ):
@@ -84,7 +84,7 @@ def export_parquet(
     schema = _schema(pyarrow)
     count = 0
     with (
-        Recording(source) as recording,
+        Recording(source, checked=True) as recording,
         whole_file(target) as part,
         pyarrow.parquet.ParquetWriter(part, schema, compression="zstd") as writer,
     ):

@@ -65,7 +65,7 @@ def mend(reader: McapReader, target: Path, metadata: dict[str, dict[str, str]]) 
     Raises:
         OSError: the target cannot be written.
     """
-    mending = Mending(lost=list(reader.damage), beyond=reader.size - reader.whole_size)
+    mending = Mending(lost=[part.sentence for part in reader.damage], beyond=reader.size - reader.whole_size)
     with target.open("wb") as file:
         # Chunks stay what they were: this class closes them, none closes by its size.
         writer = Writer(file, chunk_size=1 << 62, compression=CompressionType.ZSTD)

@@ -1,5 +1,8 @@
 """Reading a recording: through its summary, or, where a kill left none, through what can be found from its beginning.
 
+A chunk that is damaged is as if it were not there: who reads messages reads around it, and `damaged` tells of it. Which chunks
+are is seen when they are read, or of all of them with `check`.
+
 Nothing in the file is believed before it has been compared with the file: offsets, lengths and sizes of chunks are checked,
 so that a damaged or a hostile file costs a sentence, not the memory or the process. State frames come out as they were on the
 bus, however they are stored (`mcap_frames`).
@@ -12,9 +15,8 @@ import logging
 import os
 import struct
 import zlib
-from collections import Counter, OrderedDict
+from collections import OrderedDict
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
@@ -40,7 +42,15 @@ from elys.bus.state_packing.frames import STATE_ENCODING, Kind, head_of
 from elys.bus.topics import STATE
 from elys.bus.transports.mcap_frames import STATE_KEYS, STATE_KEYS_NAME, FrameReader, StoredFrames
 from elys.bus.transports.mcap_records import BEGINNING as BEGINNING
-from elys.bus.transports.mcap_records import RECORD, channels_in, messages_in, unpacked_chunk
+from elys.bus.transports.mcap_records import (
+    RECORD,
+    ChunkFacts,
+    Contents,
+    channels_in,
+    messages_in,
+    unpacked_chunk,
+)
+from elys.bus.transports.mcap_records import DamagedPart as DamagedPart
 from elys.bus.transports.mcap_records import Place as Place
 from elys.bus.transports.mcap_records import RecordedMessage as RecordedMessage
 from elys.common.errors import RecordingError
@@ -64,32 +74,12 @@ UNREADABLE: Final = (
 _log = logging.getLogger(__name__)
 
 
-@dataclass(slots=True)
-class _Chunk:
-    offset: int
-    length: int
-    channels: frozenset[int] | None  # None: not known
-
-
-@dataclass(slots=True)
-class _Contents:
-    """What a file holds, from its summary or found record by record."""
-
-    channels: dict[int, str] = field(default_factory=dict)
-    encodings: dict[str, str] = field(default_factory=dict)  # of messages, by channel
-    chunks: list[_Chunk] = field(default_factory=list)
-    counts: Counter[int] = field(default_factory=Counter)
-    attachments: dict[str, tuple[int, int]] = field(default_factory=dict)
-    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
-    start_time: int = 0
-    end_time: int = 0
-    definitions: list[Any] = field(default_factory=list)  # schemas and channels as the summary repeats them
-    damage: list[str] = field(default_factory=list)  # what could not be read, and why
-    whole_size: int = 0  # [bytes] up to the end of the last whole record
-
-
 class McapReader:
     """An open recording. `mended` says that it was never finished and has been read as far as it goes.
+
+    Attributes:
+        damaged: by their numbers, chunks that were found to be damaged, and how.
+        damage: what was left out when a file without a summary was read.
 
     Raises:
         RecordingError: there is no such file, it is no MCAP file, or nothing in it can be read.
@@ -119,9 +109,10 @@ class McapReader:
         self.damage = contents.damage
         self.whole_size = contents.whole_size if self.mended else self.size
         self.chunk_count = len(contents.chunks)
+        self.damaged: dict[int, str] = {}
         self._unpacked: OrderedDict[int, list[RecordedMessage]] = OrderedDict()
         self.packs_frames = contents.encodings.get(STATE.name) == STATE_ENCODING
-        self._frames = FrameReader(StoredFrames(self.chunk, self._keys))
+        self._frames = FrameReader(StoredFrames(self.chunk, self.key_places))
         self._key_places: dict[int, Place] | None = None
 
     def close(self) -> None:
@@ -144,7 +135,7 @@ class McapReader:
         """Messages in the order of the file, from `start` on and before `end`; of some channels or of all.
 
         Raises:
-            RecordingError: a chunk or a frame is damaged.
+            RecordingError: a frame is damaged, or told against one that is.
         """
         for message in self.stored_messages(channels, start=start, end=end):
             yield self._as_said(message)
@@ -159,12 +150,35 @@ class McapReader:
             within = self._contents.chunks[number].channels
             if wanted is not None and within is not None and not wanted & within:
                 continue
-            for message in self.chunk(number):
+            for message in self._readable(number):
                 if message.place < start or (channels is not None and message.channel not in channels):
                     continue
                 if end is not None and message.place >= end:
                     return
                 yield message
+
+    def check(self) -> None:
+        """Reads all chunks, so that `damaged` names each that cannot be read."""
+        if not self.mended:  # else all have been read
+            for number in range(self.chunk_count):
+                self._readable(number)
+
+    def damaged_parts(self) -> list[DamagedPart]:
+        """All that is known to be damaged, in the order of the file."""
+        chunks = [
+            DamagedPart(number, True, *self.chunk_place(number), self.damaged[number])
+            for number in sorted(self.damaged)
+        ]
+        return [*self.damage, *chunks]
+
+    def _readable(self, number: int) -> list[RecordedMessage]:
+        """The messages of a chunk, none of one that is damaged."""
+        try:
+            return self.chunk(number)
+        except RecordingError:
+            if number not in self.damaged:
+                raise
+            return []
 
     def message_at(self, place: Place) -> RecordedMessage:
         """The message at a place; RecordingError if there is none."""
@@ -183,21 +197,32 @@ class McapReader:
         if name not in self.attachments:
             raise RecordingError(f"{self.path} has no attachment {name!r}")
         offset, length = self.attachments[name]
+        raw = self._read(offset, length)[RECORD.size :]
         try:
-            return Attachment.read(ReadDataStream(io.BytesIO(self._read(offset, length)[RECORD.size :])))
+            checksum = int.from_bytes(raw[-4:], "little")
+            if checksum and zlib.crc32(raw[:-4]) != checksum:  # the library does not look at it
+                raise ValueError("its checksum is wrong")
+            return Attachment.read(ReadDataStream(io.BytesIO(raw)))
         except UNREADABLE as error:
             raise RecordingError(f"the attachment {name!r} of {self.path} is damaged: {error}") from error
 
     def chunk(self, number: int) -> list[RecordedMessage]:
-        """All messages of a chunk as they stand in the file; the last few chunks are remembered."""
+        """All messages of a chunk as they stand in the file; the last few chunks are remembered.
+
+        Raises:
+            RecordingError: it is damaged, which `damaged` tells from then on.
+        """
         if number in self._unpacked:
             self._unpacked.move_to_end(number)
             return self._unpacked[number]
+        if number in self.damaged:
+            raise RecordingError(f"chunk {number} of {self.path} is damaged: {self.damaged[number]}")
         chunk = self._contents.chunks[number]
+        raw = self._read(chunk.offset, chunk.length)
         try:
-            data = unpacked_chunk(self._read(chunk.offset, chunk.length))
-            messages = list(messages_in(data, number, self._contents.channels))
+            messages = list(messages_in(unpacked_chunk(raw), number, self._contents.channels))
         except UNREADABLE as error:
+            self.damaged[number] = str(error)
             raise RecordingError(f"chunk {number} of {self.path} is damaged: {error}") from error
         held = sum(len(message.body) for known in self._unpacked.values() for message in known)
         while len(self._unpacked) >= _CACHED_CHUNKS or held > _CACHED_BYTES:
@@ -225,18 +250,21 @@ class McapReader:
         except RecordingError as error:
             raise RecordingError(f"{self.path} is damaged: {error}") from error
 
-    def _keys(self) -> dict[int, Place]:
+    def key_places(self) -> dict[int, Place]:
         """Where the frames stand that are told against nothing, by number."""
         if self._key_places is None:
             self._key_places = self._known_keys() or self._find_keys()
         return self._key_places
 
     def _known_keys(self) -> dict[int, Place]:
-        if (
-            self.mended or STATE_KEYS_NAME not in self.attachments
-        ):  # what is left of its chunks need not be numbered as they were
+        # What is left of the chunks of a mended file need not be numbered as they were.
+        if self.mended or STATE_KEYS_NAME not in self.attachments:
             return {}
-        data = self.attachment(STATE_KEYS_NAME)
+        try:
+            data = self.attachment(STATE_KEYS_NAME)
+        except RecordingError as error:
+            _log.debug("%s", error)
+            return {}
         if len(data) % STATE_KEYS.itemsize:
             return {}
         keys = np.frombuffer(data, STATE_KEYS)
@@ -267,7 +295,7 @@ class McapReader:
             data += more
         return data
 
-    def _read_summary(self) -> _Contents | None:
+    def _read_summary(self) -> Contents | None:
         """The summary at the end of the file; None if there is none that can be used."""
         tail = _FOOTER.size + len(_MAGIC)
         if self.size < len(_MAGIC) + tail or os.pread(self._file.fileno(), len(_MAGIC), self.size - 8) != _MAGIC:
@@ -284,8 +312,8 @@ class McapReader:
             _log.debug("the summary of %s cannot be used: %s", self.path, error)
             return None
 
-    def _collect(self, summary: bytes) -> _Contents:
-        contents = _Contents()
+    def _collect(self, summary: bytes) -> Contents:
+        contents = Contents()
         for record in StreamReader(
             io.BytesIO(summary + _MAGIC), skip_magic=True, record_size_limit=len(summary)
         ).records:
@@ -296,7 +324,7 @@ class McapReader:
                 contents.encodings[record.topic] = record.message_encoding
             elif isinstance(record, ChunkIndex):
                 known = frozenset(record.message_index_offsets) or None
-                contents.chunks.append(_Chunk(record.chunk_start_offset, record.chunk_length, known))
+                contents.chunks.append(ChunkFacts(record.chunk_start_offset, record.chunk_length, known))
             elif isinstance(record, AttachmentIndex):
                 contents.attachments[record.name] = (record.offset, record.length)
             elif isinstance(record, MetadataIndex):
@@ -311,9 +339,9 @@ class McapReader:
                 raise RecordingError(f"a chunk at {chunk.offset} lies outside the file")
         return contents
 
-    def _find_contents(self) -> _Contents:
+    def _find_contents(self) -> Contents:
         """What can be read from the beginning on, up to where the file was cut or is damaged."""
-        contents = _Contents()
+        contents = Contents()
         for opcode, offset, length in self._records():
             contents.whole_size = offset + length
             if opcode == Opcode.DATA_END:
@@ -321,13 +349,14 @@ class McapReader:
             try:
                 self._find(contents, opcode, offset, length)
             except UNREADABLE as error:
-                contents.damage.append(f"{length} bytes from byte {offset} on ({error})")
+                part = DamagedPart(len(contents.chunks), opcode == Opcode.CHUNK, offset, length, str(error))
+                contents.damage.append(part)
         if not contents.chunks:
             raise RecordingError(
                 f"{self.path} holds nothing that can be read: it ends before the first second was written"
             )
-        reason = f"is damaged: {contents.damage[0]}" if contents.damage else "was never finished"
-        _log.warning("the recording %s %s: it is read as far as it is whole", self.path, reason)
+        if not contents.damage:  # of what is damaged the recording tells, with its ticks
+            _log.warning("the recording %s was never finished: it is read as far as it is whole", self.path)
         return contents
 
     def _records(self) -> Iterator[tuple[int, int, int]]:
@@ -340,7 +369,7 @@ class McapReader:
             yield opcode, offset, RECORD.size + length
             offset += RECORD.size + length
 
-    def _find(self, contents: _Contents, opcode: int, offset: int, length: int) -> None:
+    def _find(self, contents: Contents, opcode: int, offset: int, length: int) -> None:
         if opcode not in (Opcode.CHUNK, Opcode.ATTACHMENT, Opcode.METADATA, Opcode.HEADER):
             return
         raw = self._read(offset, length)
@@ -352,7 +381,7 @@ class McapReader:
             messages = list(messages_in(data, len(contents.chunks), contents.channels))
             numbers = {name: number for number, name in contents.channels.items()}
             contents.counts.update(numbers[message.channel] for message in messages)
-            contents.chunks.append(_Chunk(offset, length, frozenset(numbers[m.channel] for m in messages)))
+            contents.chunks.append(ChunkFacts(offset, length, frozenset(numbers[m.channel] for m in messages)))
             if times := [message.log_time for message in messages]:
                 contents.start_time = min(times) if not contents.start_time else min(contents.start_time, *times)
                 contents.end_time = max(contents.end_time, *times)

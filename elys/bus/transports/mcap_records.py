@@ -5,7 +5,9 @@ from __future__ import annotations
 import io
 import struct
 import zlib
+from collections import Counter
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple
 
 import zstandard
@@ -37,6 +39,45 @@ class RecordedMessage(NamedTuple):
     body: bytes
     log_time: int  # [ns]
     place: Place
+
+
+class DamagedPart(NamedTuple):
+    """Bytes of a file that cannot be read."""
+
+    chunk: int  # the number of the chunk that they are, or that follows where they have none
+    is_chunk: bool
+    offset: int
+    length: int
+    why: str
+
+    @property
+    def sentence(self) -> str:
+        """The same for a person."""
+        return f"{self.length} bytes from byte {self.offset} on ({self.why})"
+
+
+@dataclass(slots=True)
+class ChunkFacts:
+    offset: int
+    length: int
+    channels: frozenset[int] | None  # None: not known
+
+
+@dataclass(slots=True)
+class Contents:
+    """What a file holds, from its summary or found record by record."""
+
+    channels: dict[int, str] = field(default_factory=dict)
+    encodings: dict[str, str] = field(default_factory=dict)  # of messages, by channel
+    chunks: list[ChunkFacts] = field(default_factory=list)
+    counts: Counter[int] = field(default_factory=Counter)
+    attachments: dict[str, tuple[int, int]] = field(default_factory=dict)
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    start_time: int = 0
+    end_time: int = 0
+    definitions: list[Any] = field(default_factory=list)  # schemas and channels as the summary repeats them
+    damage: list[DamagedPart] = field(default_factory=list)  # what could not be read
+    whole_size: int = 0  # [bytes] up to the end of the last whole record
 
 
 def unpacked_chunk(raw: bytes) -> bytes:

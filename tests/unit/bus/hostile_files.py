@@ -259,12 +259,16 @@ def _open_all(path: Path, folder: Path) -> dict[str, str]:
     """What each way to open a file says: "" for done, else the one sentence."""
     from elys.bus.export import export_npz
     from elys.bus.exports.model import export_glb
+    from elys.bus.exports.selection import Selection
     from elys.bus.exports.tables import export_csv
     from elys.bus.recording_info import recording_info
+    from elys.bus.recording_parts import cut, merge
     from elys.bus.recording_recovery import recover
+    from elys.bus.run_comparison import compare
     from elys.common.errors import ElysError
+    from elys.sim_node.verification import verify
 
-    mended = folder / "mended.mcap"
+    mended, part, whole = folder / "mended.mcap", folder / "part.mcap", folder / "merged.mcap"
     ways: dict[str, Callable[[], object]] = {
         "info": lambda: recording_info(path),
         "npz": lambda: export_npz(path, folder / "out.npz"),
@@ -272,6 +276,11 @@ def _open_all(path: Path, folder: Path) -> dict[str, str]:
         "glb": lambda: export_glb(path, folder / "out.glb"),
         "play": lambda: _play(path),
         "recover": lambda: recover(path, mended),
+        "diff": lambda: compare(path, path, curves=2),
+        "cut": lambda: cut(path, part, Selection(start=0.2, end=0.5)),
+        "merge": lambda: merge([path], whole),
+        "verify": lambda: verify(path),
+        "fork": lambda: _fork(path),
     }
     if find_spec("foxglove") is not None:
         from elys.bus.exports.foxglove_file import export_foxglove
@@ -286,8 +295,18 @@ def _open_all(path: Path, folder: Path) -> dict[str, str]:
             said[name] = str(error)
         except Exception:
             said[name] = "CRASH " + traceback.format_exc()
-    mended.unlink(missing_ok=True)
+    for made in (mended, part, whole):
+        made.unlink(missing_ok=True)
     return said
+
+
+def _fork(path: Path) -> None:
+    """Becomes what a recording tells of its middle."""
+    from elys.bus.recording import Recording
+    from elys.sim_node.fork_point import fork_point
+
+    with Recording(path, checked=True) as recording:
+        fork_point(recording, float(recording.time[len(recording) // 2]))
 
 
 def _play(path: Path) -> None:
@@ -319,6 +338,9 @@ def main(folder: Path) -> None:
 
     from elys.bus import player, recording, recording_info, recording_recovery  # noqa: F401  before memory is short
     from elys.bus.exports import foxglove_file, model, tables  # noqa: F401
+    from elys.sim_node.simulation import Simulation
+
+    Simulation().step()  # kernels are loaded
 
     logging.disable(logging.CRITICAL)
     _, hard = resource.getrlimit(resource.RLIMIT_AS)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import dataclasses
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Container, Coroutine
 from pathlib import Path
 from typing import Any
 
@@ -32,8 +32,10 @@ from elys.bus.messages.commands import (
     StepTicks,
     Undo,
 )
+from elys.bus.messages.exact_state import unpack_head
 from elys.bus.messages.state_frame import StateFrame, pack_frame, unpack_frame
 from elys.bus.recording import Recording
+from elys.bus.recording_recovery import recover
 from elys.bus.topics import Encoding
 from elys.common.errors import RecordingError, StateError
 from elys.common.scene import EntityRecord, SceneSettings
@@ -42,7 +44,8 @@ from elys.sim_node.reexecution import Reexecution
 from elys.sim_node.scene.loading import records_of
 from elys.sim_node.simulation import Simulation
 from elys.sim_node.verification import verify
-from tests.recorded_sessions import Stage, altered, recorded, recorded_outside
+from elys.verbs import verify as verb
+from tests.recorded_sessions import Stage, altered, in_short_chunks, recorded, recorded_outside
 
 BOX = EntityRecord(
     name="Late", components={"Transform": {"position": [0.1, 9.0, 0.0]}, "RigidBody": {}, "Collider": {}}
@@ -312,6 +315,149 @@ def test_a_cut_file_is_verified_as_far_as_it_goes(session: Path, tmp_path: Path)
         assert verdict.cause == "equal", verdict
         ticks.append(verdict.ticks)
     assert 0 < ticks[0] < ticks[-1] <= verify(session).ticks
+
+
+# --- what is not there -----------------------------------------------------------------------------------------------
+
+
+def without_ticks(session: Path, target: Path, gone: Container[int]) -> Path:
+    def take_out(message: Any) -> bytes | None:
+        if message.channel == topics.STATE.name and unpack_frame(message.body).tick in gone:
+            return None
+        return message.body  # type: ignore[no-any-return]
+
+    return altered(session, target, take_out)
+
+
+def test_ticks_that_were_taken_out_are_counted_and_named(session: Path, tmp_path: Path) -> None:
+    whole = verify(session)
+    assert (whole.cause, whole.missing_ticks, whole.gaps, whole.jumps) == ("equal", 0, [], [])
+    verdict = verify(without_ticks(session, tmp_path / "a.mcap", {*range(20, 60), 80}))
+    assert (verdict.cause, verdict.difference) == ("incomplete", None)
+    assert (verdict.ticks, verdict.missing_ticks) == (whole.ticks - 41, 41)
+    assert verdict.gaps == [(20, 59), (80, 80)]
+    said = verb.describe(verdict)
+    assert f"equal: {whole.ticks - 41} of {whole.ticks} ticks compared, 41 are missing (first: ticks 20-59)" in said
+    assert verb.EXIT_CODES[verdict.cause] == 5
+    part = verify(without_ticks(session, tmp_path / "b.mcap", range(20, 60)), first=1.2)
+    assert (part.cause, part.missing_ticks, part.lead_ticks) == ("equal", 0, 0)  # of that time nothing is missing
+
+
+def test_a_beginning_that_was_taken_out_is_told(session: Path, tmp_path: Path) -> None:
+    """It is no error: each of several files of a session may begin so."""
+    verdict = verify(without_ticks(session, tmp_path / "a.mcap", range(20)))
+    assert (verdict.cause, verdict.missing_ticks, verdict.lead_ticks) == ("equal", 0, 19)  # the state is at tick 0
+    assert verdict.first_time == pytest.approx(20 / 60)
+    assert "older by 19 ticks" in verb.describe(verdict)
+
+
+def test_what_was_done_in_a_gap_is_found_behind_it(session: Path, tmp_path: Path) -> None:
+    """Who takes out a command and the ticks around it hides neither: the states after them do not come of the rest."""
+    grabbed = next(record for record in numbered(session) if isinstance(record.command, Grab))
+
+    def cheat(message: Any) -> bytes | None:
+        if message.channel == topics.STATE.name and abs(unpack_frame(message.body).tick - grabbed.tick) < 8:
+            return None
+        if message.channel == topics.COMMANDS.name:
+            record = codec.decode_body(message.body, CommandRecord, Encoding.JSON)
+            if record.number == grabbed.number:
+                command = msgspec.structs.replace(record.command, target=(1.0, 9.0, 0.0))
+                return codec.encode_body(msgspec.structs.replace(record, command=command), Encoding.JSON)
+        return message.body  # type: ignore[no-any-return]
+
+    verdict = verify(altered(session, tmp_path / "a.mcap", cheat))
+    assert verdict.cause == "altered"
+    assert verdict.difference is not None and verdict.difference.tick == grabbed.tick + 8
+
+
+def test_a_recording_without_any_state_to_compare_is_not_equal(session: Path, tmp_path: Path) -> None:
+    path = altered(session, tmp_path / "a.mcap", lambda message: message.body)
+    assert verify(path, first=1e6).cause == "incomplete"
+    assert "nothing was compared" in verb.describe(verify(path, first=1e6))
+
+
+def test_a_state_that_nothing_leads_to_is_told(session: Path, tmp_path: Path) -> None:
+    """Whoever writes a state into a file can say that it goes on from there: what comes out is no proof of the way to it."""
+    with Recording(session) as recording:
+        course = read_course(recording)
+        again = Reexecution(recording, course, verification.simulation_for(recording))
+        again.begin(course.first)
+        while again.simulation.tick < 25:
+            again.advance()
+        head = unpack_head(next(iter(recording.reader.messages((topics.EXACT.name,)))).body)
+        simulation = again.simulation
+        head = head._replace(
+            instant=again.instant,
+            tick=simulation.tick,
+            time=simulation.time,
+            state_hash=simulation.state_hash(),
+            is_unexplained=True,
+        )
+        forged = head.pack() + simulation.capture().to_bytes()
+    verdict = verify(in_short_chunks(session, tmp_path / "a.mcap", more=[(topics.EXACT.name, forged)]))
+    assert (verdict.cause, verdict.jumps) == ("equal", [25])
+    assert "tick 25" in verb.describe(verdict)
+
+
+# --- what is damaged -------------------------------------------------------------------------------------------------
+
+
+def chunk_with(path: Path, tick: int) -> tuple[int, int, list[int]]:
+    """Where the chunk stands that has the frame of a tick, and which ticks are in it."""
+    with Recording(path) as recording:
+        number = recording.place(recording.position_at(tick / 60)).chunk
+        ticks = {int(recording.tick[k]) for k in range(len(recording)) if recording.place(k).chunk == number}
+        return *recording.reader.chunk_place(number), sorted(ticks)
+
+
+def flip(path: Path, place: int) -> None:
+    data = bytearray(path.read_bytes())
+    data[place] ^= 0x10
+    path.write_bytes(data)
+
+
+@pytest.mark.parametrize("has_summary", [True, False])
+def test_a_flipped_bit_of_the_file_costs_its_ticks_and_is_said(
+    session: Path, tmp_path: Path, has_summary: bool, caplog: Any
+) -> None:
+    path = in_short_chunks(session, tmp_path / "flipped.mcap")
+    whole = verify(path)
+    assert whole.cause == "equal"
+    offset, length, ticks = chunk_with(path, 20)  # before the first edit
+    flip(path, offset + length - 30)
+    if not has_summary:
+        path.write_bytes(path.read_bytes()[:-100])
+    verdict = verify(path)
+    assert (verdict.cause, verdict.difference) == ("incomplete", None)
+    (gap,) = verdict.gaps
+    assert gap[0] <= ticks[0] and ticks[-1] <= gap[1]
+    assert verdict.ticks + verdict.missing_ticks == whole.ticks
+    assert f"ticks {gap[0]} to {gap[1]}" in verdict.damage[0]
+    assert f"{length} bytes from byte {offset} on" in verdict.damage[0]
+    warnings = [record.getMessage() for record in caplog.records if "elys recover" in record.getMessage()]
+    assert len(warnings) == 1 and f"ticks {gap[0]} to {gap[1]}" in warnings[0]
+    assert verify(path, first=1.5).cause == "equal"  # of that time nothing is damaged
+    report = recover(path, tmp_path / "mended.mcap")
+    assert report.missing == (gap,)
+    mended = verify(report.path)
+    assert (mended.cause, mended.gaps, mended.damage) == ("incomplete", [gap], [])
+
+
+def test_a_command_in_a_damaged_part_is_not_called_taken_out(session: Path, tmp_path: Path) -> None:
+    path = in_short_chunks(session, tmp_path / "flipped.mcap")
+    first = numbered(path)[0]
+    with Recording(path) as recording:
+        place = next(
+            message.place
+            for message in recording.reader.messages((topics.COMMANDS.name,))
+            if codec.decode_body(message.body, CommandRecord, Encoding.JSON).number == first.number
+        )
+        offset, length = recording.reader.chunk_place(place.chunk)
+    flip(path, offset + length - 30)
+    verdict = verify(path)
+    assert verdict.cause == "incomplete"
+    assert verdict.difference is not None and verdict.difference.missing_command >= first.number
+    assert "a part of the file that is damaged" in verdict.difference.text
 
 
 # --- why it differs --------------------------------------------------------------------------------------------------

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
 
+from elys.bus.recording import Recording
 from elys.common.errors import ElysError
 from elys.verbs.moments import parse_moment
 from tests.unit.bus.told_recordings import TICKS, write_told
@@ -69,6 +71,32 @@ def test_recovering_says_what_is_lost(elys, tmp_path: Path) -> None:
     assert "give one of them" in elys("recover", "cut.mcap", "--in-place", "-o", "x.mcap").sentence
 
 
+def test_damage_in_a_whole_file_is_said_with_its_ticks_and_a_remedy(elys, tmp_path: Path, caplog) -> None:
+    path = write_told(tmp_path / "run.mcap", chunk=3000)
+    with Recording(path) as recording:
+        offset, length = recording.reader.chunk_place(recording.place(70).chunk)
+    data = bytearray(path.read_bytes())
+    data[offset + length - 40] ^= 1
+    path.write_bytes(data)
+    info = elys("info", "run.mcap")
+    health = next(line for line in info.out.splitlines() if line.startswith("health: "))
+    assert "damaged: read without what is lost" in info.out
+    named = re.search(r"ticks (\d+) to (\d+) \(.* s to .* s\) cannot be read", health)
+    assert named is not None and int(named[1]) <= 70 <= int(named[2])
+    assert "`elys recover`" in health
+    for words in (("info", "run.mcap"), ("export", "run.mcap", "o.csv")):
+        caplog.clear()
+        assert elys(*words).status == 0
+        said = [record.getMessage() for record in caplog.records]
+        assert len(said) == 1 and "`elys recover run.mcap` writes a whole file" in said[0] and named[0] in said[0], said
+    caplog.clear()
+    done = elys("recover", "run.mcap", "-o", "whole.mcap")
+    assert f"missing in it: ticks {named[1]} to {named[2]}" in done.out
+    assert "ticks are missing" in elys("info", "whole.mcap").out and not caplog.records
+    compared = elys("diff", "run.mcap", "whole.mcap")
+    assert compared.status == 0 and compared.err.count("`elys recover run.mcap` writes a whole file") == 1
+
+
 @pytest.mark.parametrize("name", ["o.npz", "o.csv", "o.parquet", "o.glb", "o.foxglove.mcap"])
 def test_each_kind_of_file_is_written_by_its_suffix(elys, tmp_path: Path, name: str) -> None:
     pytest.importorskip({"o.parquet": "pyarrow", "o.foxglove.mcap": "foxglove"}.get(name, "numpy"))
@@ -82,6 +110,7 @@ def test_wrong_words_are_said(elys, tmp_path: Path) -> None:
     write_told(tmp_path / "run.mcap")
     assert "lies before --from" in elys("export", "run.mcap", "o.csv", "--from", "2s", "--to", "1s").sentence
     assert "give it the suffix .mcap" in elys("export", "run.mcap", "o.csv", "--foxglove").sentence
+    assert "`elys render run.mcap -o o.mp4` makes" in elys("export", "run.mcap", "o.mp4").sentence
     assert "recordings have the suffix .mcap" in elys("cut", "run.mcap", "-o", "o.csv").sentence
     assert "cannot be written" in elys("export", "run.mcap", "nowhere/o.csv").sentence
 
