@@ -104,7 +104,13 @@ class Recorder:
         path = numbered_file(self._path, self._number) if self._plan.rotates else self._path
         self._number += 1
         self._files.append(path)
-        return McapWriter(path, session=self._session, scene=self._scene, compact=self._plan.compact)
+        return McapWriter(
+            path,
+            session=self._session,
+            scene=self._scene,
+            compact=self._plan.compact,
+            overwrites=self._plan.overwrites and not self._plan.rotates,
+        )
 
     def _is_due(self, time_ns: int) -> bool:
         plan = self._plan

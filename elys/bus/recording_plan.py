@@ -31,6 +31,7 @@ class RecordingPlan(msgspec.Struct, frozen=True, kw_only=True):
     keep_files: int = 0  # the newest so many, and no others
     limit_bytes: int = 0  # in all files that are kept
     topics: tuple[str, ...] = ()  # beside state and scene; none: all
+    overwrites: bool = False  # what has the name already; files with numbers go on after those that are there
 
     @property
     def rotates(self) -> bool:
@@ -46,7 +47,13 @@ PLAIN: Final = RecordingPlan()
 
 
 def recording_plan(
-    *, compact: bool = False, rotate: str = "", keep_files: int = 0, limit: str = "", topic_names: str = ""
+    *,
+    compact: bool = False,
+    rotate: str = "",
+    keep_files: int = 0,
+    limit: str = "",
+    topic_names: str = "",
+    overwrites: bool = False,
 ) -> RecordingPlan:
     """A plan out of what a person writes: "512MB" or "10min", "2GB", "events,commands".
 
@@ -66,6 +73,7 @@ def recording_plan(
         keep_files=keep_files,
         limit_bytes=limit_bytes,
         topics=_recorded_topics(topic_names),
+        overwrites=overwrites,
     )
 
 

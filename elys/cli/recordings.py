@@ -19,6 +19,7 @@ from elys.cli.options import (
     KeepFiles,
     Limit,
     Listen,
+    Overwrite,
     Recording,
     Rotate,
     SessionName,
@@ -52,6 +53,7 @@ def record(
     keep_files: KeepFiles = 0,
     limit: Limit = "",
     topics: Topics = "",
+    overwrite: Overwrite = False,
     patience: Annotated[
         float, typer.Option(help="seconds to wait for a session that is not there yet, or is gone", min=0.1)
     ] = 5.0,
@@ -60,7 +62,14 @@ def record(
     from elys.bus.recording_plan import recording_plan
     from elys.verbs import replay
 
-    plan = recording_plan(compact=compact, rotate=rotate, keep_files=keep_files, limit=limit, topic_names=topics)
+    plan = recording_plan(
+        compact=compact,
+        rotate=rotate,
+        keep_files=keep_files,
+        limit=limit,
+        topic_names=topics,
+        overwrites=overwrite,
+    )
     replay.record(
         output,
         connect=place(connect, session),
@@ -142,6 +151,7 @@ def fork(
     repeat: Annotated[
         bool, typer.Option("--repeat/--no-repeat", help="do again what was done in the recording from there on")
     ] = True,
+    overwrite: Overwrite = False,
     listen: Listen = None,
     tls: Tls = False,
     insecure: Insecure = False,
@@ -161,6 +171,7 @@ def fork(
         at=at,
         edits=edit,
         output=output,
+        overwrites=overwrite,
         seconds=seconds,
         repeats=repeat,
         listen=listening(listen, tls=tls, insecure=insecure, addresses=address),
@@ -197,22 +208,24 @@ def cut(
     output: Annotated[Path, typer.Option("--output", "-o", help="the .mcap to write")],
     start: From = "",
     end: To = "",
+    overwrite: Overwrite = False,
 ) -> None:
     """Write a part of a recording as a recording of its own."""
     from elys.verbs import recordings as verb
 
-    verb.cut(recording, output, start=start, end=end)
+    verb.cut(recording, output, start=start, end=end, overwrites=overwrite)
 
 
 @app.command()
 def merge(
     recordings: Annotated[list[Path], typer.Argument(help="recordings of one session", show_default=False)],
     output: Annotated[Path, typer.Option("--output", "-o", help="the .mcap to write")],
+    overwrite: Overwrite = False,
 ) -> None:
     """Put the parts of a session together, or what several recorders have of it."""
     from elys.verbs import recordings as verb
 
-    verb.merge(recordings, output)
+    verb.merge(recordings, output, overwrites=overwrite)
 
 
 @app.command()

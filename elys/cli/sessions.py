@@ -25,6 +25,7 @@ from elys.cli.options import (
     Limit,
     Listen,
     NoGuard,
+    Overwrite,
     Rotate,
     Router,
     Scene,
@@ -62,6 +63,7 @@ def run(
     keep_files: KeepFiles = 0,
     limit: Limit = "",
     topics: Topics = "",
+    overwrite: Overwrite = False,
     at: At = "",
     foxglove: Annotated[
         int,
@@ -78,7 +80,14 @@ def run(
     from elys.bus.recording_plan import recording_plan
     from elys.verbs import run as verb
 
-    plan = recording_plan(compact=compact, rotate=rotate, keep_files=keep_files, limit=limit, topic_names=topics)
+    plan = recording_plan(
+        compact=compact,
+        rotate=rotate,
+        keep_files=keep_files,
+        limit=limit,
+        topic_names=topics,
+        overwrites=overwrite,
+    )
     verb.run(
         scene,
         headless=headless,

@@ -52,6 +52,7 @@ def _has_display() -> bool:
 
 
 def _demo_files(directory: Path) -> None:
+    from elys.bus.recording_plan import RecordingPlan
     from elys.samples.registry import write_sample
     from elys.verbs.render import render
     from elys.verbs.run import run
@@ -77,6 +78,7 @@ def _demo_files(directory: Path) -> None:
         guarded=True,
         keep=0.0,
         json=False,
+        plan=RecordingPlan(overwrites=True),  # the demo's own files are made anew
     )
     render(str(recording), picture, size="1280x720", time=PICTURE_TIME, duration=0.0, fps=30.0)
     render(str(recording), video, size=VIDEO_SIZE, time=0.0, duration=0.0, fps=24.0)

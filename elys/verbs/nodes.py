@@ -169,7 +169,7 @@ def simulation(
     from elys.verbs.simulate import prepare, simulate
 
     start_logging()
-    opened, origin = prepare(scene, record=record, threads=threads, at=at)
+    opened, origin = prepare(scene, record=record, plan=plan, threads=threads, at=at)
     run_until_asked(
         simulate(
             opened,

@@ -90,7 +90,7 @@ def _run(
 
     opened = require_scene(scene, at=at)
     if record is not None:
-        require_recordable(record)
+        require_recordable(record, overwrites=plan.overwrites)
     probe_display()
     if not kernels_are_warm(needed_kernels(opened, threads=threads)):
         compile_with_progress(opened, threads=threads)  # the bar needs this terminal; a node's own lines are prefixed
@@ -197,7 +197,7 @@ def _run_headless(
 
     start_logging()
     reports: list[RunReport] = []
-    simulation, origin = prepare(scene, record=record, threads=threads, at=at)
+    simulation, origin = prepare(scene, record=record, plan=plan, threads=threads, at=at)
 
     async def work() -> None:
         await simulate(

@@ -59,7 +59,9 @@ def describe(report: RunReport) -> str:
     return text
 
 
-def prepare(scene: str, *, record: Path | None, threads: int = 1, at: str = "") -> tuple[Simulation, Origin | None]:
+def prepare(
+    scene: str, *, record: Path | None, plan: RecordingPlan = PLAIN, threads: int = 1, at: str = ""
+) -> tuple[Simulation, Origin | None]:
     """Opens a scene, or a recording at a time, and loads or compiles the kernels; and which recording it is a fork of.
 
     Not on the loop: Ctrl-C ends it at once, and nothing is lost.
@@ -75,7 +77,7 @@ def prepare(scene: str, *, record: Path | None, threads: int = 1, at: str = "") 
     from elys.verbs.trusting import ask_about_scripts
 
     if record is not None:
-        require_recordable(record)
+        require_recordable(record, overwrites=plan.overwrites)
     if at:
         return opened_at(required_recording(scene), parse_moment(at), goes_on=False, threads=threads)
     assets = AssetStore()
@@ -148,7 +150,7 @@ async def simulate(
                 await asyncio.shield(asyncio.to_thread(node.guard.close))
             size = await asyncio.shield(recorder.finish()) if recorder is not None else 0
             if on_end is not None:
-                on_end(_report(node, wall_time, record, size))
+                on_end(_report(node, wall_time, recorder.path if recorder is not None else None, size))
 
 
 def _guard_of(node: SimulationNode, session: Session, record: Path | None) -> Guard:

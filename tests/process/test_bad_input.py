@@ -66,17 +66,24 @@ def test_a_taken_port_and_a_file_being_recorded_are_refused_and_their_owner_goes
     (tmp_path / "old.mcap").write_bytes(b"somebody's only copy")
     intruders = {
         "is in use": elys("run", "stack", "--headless", "--listen", endpoint, "--record", "old.mcap"),
-        "it.mcap is being recorded by another process": elys("run", "stack", "--headless", "--record", "it.mcap"),
-        "being recorded by another": elys("record", "--connect", endpoint, "-o", "it.mcap"),
+        "it.mcap is being recorded by another process": elys(
+            "run", "stack", "--headless", "--record", "it.mcap", "--overwrite"
+        ),
+        "being recorded by another": elys("record", "--connect", endpoint, "-o", "it.mcap", "--overwrite"),
         "there is no display": elys("view", "--connect", endpoint),
         "no display": elys("edit", "--connect", endpoint),
     }
     for expected, intruder in intruders.items():
         assert expected in the_sentence(intruder)
+    beside = elys("record", "--connect", endpoint, "-o", "it.mcap", "--seconds", "0.5")
+    assert beside.wait() == 0, beside.output
+    assert "it.mcap is there already: recording to it-2.mcap" in beside.output
+    assert any(line.startswith("it-2.mcap") for line in beside.lines)
     assert len(set(ticks_seen(endpoint, 30))) >= 30
     owner.process.terminate()
     assert owner.wait() == 0
     assert message_count(tmp_path / "it.mcap") > 100
+    assert message_count(tmp_path / "it-2.mcap") > 0
     assert (tmp_path / "old.mcap").read_bytes() == b"somebody's only copy"
 
 

@@ -67,10 +67,13 @@ class McapWriter:
     With `compact` state frames are kept in small steps instead of bits, see `elys.bus.state_packing.compact`.
 
     Raises:
-        RecordingError: the file cannot be written, at the start or later (a full disk).
+        RecordingError: the file cannot be written, at the start or later (a full disk), or holds something and is not to be
+            written over.
     """
 
-    def __init__(self, path: Path, *, session: str, scene: str = "", compact: bool = False) -> None:
+    def __init__(
+        self, path: Path, *, session: str, scene: str = "", compact: bool = False, overwrites: bool = False
+    ) -> None:
         self.path = path
         self.message_count = 0
         self._index = IndexBuilder()
@@ -87,6 +90,8 @@ class McapWriter:
         try:
             with _disk_errors(path):
                 if path.is_file():
+                    if os.fstat(self._file.fileno()).st_size and not overwrites:
+                        raise RecordingError(f"{path} is there already")
                     self._file.truncate(0)
                 self._begin(session, scene)
         except RecordingError:
