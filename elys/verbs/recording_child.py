@@ -38,7 +38,7 @@ def require_recordable(path: Path, *, overwrites: bool = False) -> None:
         raise RecordingError(f"{path} cannot be written ({error.strerror}): choose another place") from error
     place = path if overwrites or is_device(path) else free_name(path)
     was_there = place.exists()
-    open_alone(place).close()
+    os.close(open_alone(place))
     if not was_there:
         place.unlink()  # the run may yet fail, and would leave an empty file
 
