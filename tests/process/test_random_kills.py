@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from elys.bus.messages.commands import Rename
+from elys.bus.recording import Recording
 from tests.process.clients import Client, client
 
 pytestmark = pytest.mark.process
@@ -67,3 +68,8 @@ def test_random_kills(elys, free_port, tmp_path, soak):
     for command in running.values():
         command.end()
     assert shared_memory() <= before
+    files = sorted(tmp_path.glob("outside*.mcap"), key=lambda path: path.stat().st_ctime_ns)
+    assert len(files) > 1  # a recorder that was started again wrote over nothing
+    for path in files:
+        with Recording(path) as recording:  # every one opens, and the last was ended in peace
+            assert len(recording) > 0 and (path != files[-1] or not recording.reader.mended)
