@@ -91,7 +91,10 @@ Trust = Annotated[
     bool,
     typer.Option("--trust", help="run the scene's scripts: programs that may do whatever you may", callback=_trusting),
 ]
-NoGuard = Annotated[bool, typer.Option("--no-guard", help="do not keep the last 5 s for when something goes wrong")]
+Guard = Annotated[
+    str, typer.Option("--guard", help="how much is kept for when something goes wrong: simulated time, as 30s")
+]
+NoGuard = Annotated[bool, typer.Option("--no-guard", help="keep nothing for when something goes wrong")]
 Json = Annotated[bool, typer.Option("--json", help="print facts as JSON")]
 DebugKinds = Annotated[
     str,

@@ -18,6 +18,7 @@ from elys.cli.options import (
     Frames,
     FullFrames,
     Ghost,
+    Guard,
     Insecure,
     Json,
     Keep,
@@ -56,6 +57,7 @@ def run(
     discover: Discover = False,
     name: Annotated[str, typer.Option(help="name of the session; default: the scene's")] = "",
     threads: Threads = 1,
+    guard: Guard = "5s",
     no_guard: NoGuard = False,
     keep: Keep = 60.0,
     compact: Compact = False,
@@ -79,6 +81,7 @@ def run(
     """Simulate a scene, with an editor attached; or --headless, for a server or a script."""
     from elys.bus.recording_plan import recording_plan
     from elys.verbs import run as verb
+    from elys.verbs.moments import guard_seconds
 
     plan = recording_plan(
         compact=compact,
@@ -100,7 +103,7 @@ def run(
         discover=discover,
         name=name,
         threads=threads,
-        guarded=not no_guard,
+        guard=0.0 if no_guard else guard_seconds(guard),
         keep=keep,
         plan=plan,
         foxglove=foxglove,

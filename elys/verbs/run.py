@@ -52,7 +52,7 @@ def _run(
     discover: bool = False,
     name: str,
     threads: int,
-    guarded: bool,
+    guard: float,
     keep: float,
     json: bool,
     plan: RecordingPlan = PLAIN,
@@ -71,7 +71,7 @@ def _run(
             discover=discover,
             name=name,
             threads=threads,
-            guarded=guarded,
+            guard=guard,
             keep=keep,
             json=json,
             plan=plan,
@@ -99,7 +99,7 @@ def _run(
     options += ["--paused"] if paused else []
     options += ["--discover"] if discover else []
     options += ["--name", name] if name else []
-    options += [] if guarded else ["--no-guard"]
+    options += ["--guard", f"{guard}s"] if guard else ["--no-guard"]
     options += ["--keep", str(keep)]
     options += ["--threads", str(threads)] if threads > 1 else []
     options += ["--at", at] if at else []
@@ -184,7 +184,7 @@ def _run_headless(
     discover: bool,
     name: str,
     threads: int,
-    guarded: bool,
+    guard: float,
     keep: float,
     json: bool,
     at: str,
@@ -210,7 +210,7 @@ def _run_headless(
             realtime=realtime,
             paused=paused,
             name=name,
-            guarded=guarded,
+            guard=guard,
             keep=keep,
             plan=plan,
             origin=origin,

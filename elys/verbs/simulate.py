@@ -14,6 +14,7 @@ import msgspec
 import platformdirs
 
 from elys.bus.access.listening import Listening
+from elys.bus.last_seconds import SECONDS
 from elys.bus.recording_plan import PLAIN, RecordingPlan
 from elys.common.assets.store import AssetStore
 from elys.verbs.host_facts import discoverable, facts_of
@@ -98,7 +99,7 @@ async def simulate(
     realtime: bool,
     paused: bool,
     name: str,
-    guarded: bool = True,
+    guard: float = SECONDS,
     keep: float = 60.0,
     plan: RecordingPlan = PLAIN,
     origin: Origin | None = None,
@@ -133,8 +134,9 @@ async def simulate(
         recorder = RecordingChild(record, plan) if record else None
         if recorder is not None:
             recorder.attach(session, node, simulation.assets, lossless=not realtime)
-        if guarded:
-            node.guard = _guard_of(node, session, record)
+        if guard:
+            # What is recorded is in the recording, and what runs without anybody's hands can be run again.
+            node.guard = _guard_of(node, session, record, seconds=guard, survives=realtime and record is None)
         session.host_facts = facts_of(node)
         started = time.perf_counter()
         try:
@@ -153,16 +155,31 @@ async def simulate(
                 on_end(_report(node, wall_time, recorder.path if recorder is not None else None, size))
 
 
-def _guard_of(node: SimulationNode, session: Session, record: Path | None) -> Guard:
-    from elys.bus.last_seconds import LastSeconds
+def _guard_of(node: SimulationNode, session: Session, record: Path | None, *, seconds: float, survives: bool) -> Guard:
+    from elys.bus.crash_box import CrashBox
+    from elys.bus.last_seconds import LastSeconds, room_for
     from elys.sim_node.guard import Guard
 
     simulation = node.simulation
-    last = LastSeconds(session, take_snapshot=node.snapshot, assets=simulation.assets, exact=node.chronicle)
     folder = record.parent if record is not None else Path()
     if not os.access(folder, os.W_OK):
         folder = Path(platformdirs.user_data_dir("elys", ensure_exists=True))
-    return Guard(simulation, last, lambda tick: folder / f"elys-problem-{session_name(simulation.name)}-{tick}.mcap")
+    place = folder / f"elys-problem-{session_name(simulation.name)}"
+    box = None
+    if survives:
+        try:
+            box = CrashBox(place, seconds=seconds, room=room_for(seconds))
+        except OSError as error:
+            _log.info("the last seconds are not kept for a crash: %s", error)
+    last = LastSeconds(
+        session,
+        take_snapshot=node.snapshot,
+        assets=simulation.assets,
+        exact=node.chronicle,
+        seconds=seconds,
+        box=box,
+    )
+    return Guard(simulation, last, lambda tick: place.with_name(f"{place.name}-{tick}.mcap"))
 
 
 def _report(node: SimulationNode, wall_time: float, record: Path | None, size: int) -> RunReport:
