@@ -29,6 +29,10 @@ Compact = Annotated[
 Rotate = Annotated[str, typer.Option(help="record into one file after the other, each of 512MB, or of 10min")]
 KeepFiles = Annotated[int, typer.Option(help="of those files keep the newest so many (0: all)", min=0)]
 Limit = Annotated[str, typer.Option(help="end the recording at a size, for instance 2GB")]
+LimitRate = Annotated[
+    str,
+    typer.Option(help="stay below a rate, for instance 5MB/s: of profiles, diagnostics and states fewer are recorded"),
+]
 Overwrite = Annotated[
     bool, typer.Option("--overwrite", help="write over a recording of that name; else it is kept, see the docs")
 ]

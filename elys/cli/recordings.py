@@ -18,6 +18,7 @@ from elys.cli.options import (
     Json,
     KeepFiles,
     Limit,
+    LimitRate,
     Listen,
     Overwrite,
     Recording,
@@ -52,6 +53,7 @@ def record(
     rotate: Rotate = "",
     keep_files: KeepFiles = 0,
     limit: Limit = "",
+    limit_rate: LimitRate = "",
     topics: Topics = "",
     overwrite: Overwrite = False,
     patience: Annotated[
@@ -67,6 +69,7 @@ def record(
         rotate=rotate,
         keep_files=keep_files,
         limit=limit,
+        limit_rate=limit_rate,
         topic_names=topics,
         overwrites=overwrite,
     )

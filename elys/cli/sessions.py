@@ -24,6 +24,7 @@ from elys.cli.options import (
     Keep,
     KeepFiles,
     Limit,
+    LimitRate,
     Listen,
     NoGuard,
     Overwrite,
@@ -64,6 +65,7 @@ def run(
     rotate: Rotate = "",
     keep_files: KeepFiles = 0,
     limit: Limit = "",
+    limit_rate: LimitRate = "",
     topics: Topics = "",
     overwrite: Overwrite = False,
     at: At = "",
@@ -88,6 +90,7 @@ def run(
         rotate=rotate,
         keep_files=keep_files,
         limit=limit,
+        limit_rate=limit_rate,
         topic_names=topics,
         overwrites=overwrite,
     )
