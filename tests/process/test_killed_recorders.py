@@ -197,7 +197,9 @@ def test_kill_9_of_a_recorder_outside(elys, free_port, tmp_path: Path, soak: boo
     assert sorted(tmp_path.glob("outside*.mcap")) == sorted(path for path, _ in kills)
     with Recording(tmp_path / "own.mcap") as own:
         truth = {int(tick): own.frame_body(position) for position, tick in enumerate(own.tick)}
-    for path, killed in kills:
+    written = [(path, killed) for path, killed in kills if frames_in([path])]
+    assert len(written) >= len(kills) // 2  # those that were killed early may hold nothing yet
+    for path, killed in written:
         with Recording(path) as recording:
             assert recording.reader.mended
             ticks = recording.tick.tolist()
