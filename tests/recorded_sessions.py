@@ -152,7 +152,8 @@ Alter = Callable[[RecordedMessage], bytes | None]
 def altered(source: Path, target: Path, alter: Alter, *, compact: bool = False) -> Path:
     """A whole and valid recording of other messages: `alter` gives the body of each, or None to leave it out."""
     with McapReader(source) as reader:
-        writer = McapWriter(target, session=reader.metadata[METADATA_NAME]["session"], compact=compact)
+        session = reader.metadata[METADATA_NAME]["session"]
+        writer = McapWriter(target, session=session, compact=compact, overwrites=True)
         writer.add_metadata(BUILD_FACTS, reader.metadata[BUILD_FACTS])
         for name in reader.attachments:
             if is_reference(name):

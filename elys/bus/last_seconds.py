@@ -1,11 +1,12 @@
 """The last seconds of a session, kept in memory, and written as a recording when something went wrong.
 
 The tick only appends what it published anyway. Writing is the work of a thread, and of a recorder process of its own: neither
-the tick nor the session waits for it.
+the tick nor the session waits for it. Where a `CrashBox` is given, it keeps the same outside of this process.
 """
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import os
 import subprocess
@@ -18,6 +19,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from elys.bus import codec, topics
+from elys.bus.crash_box import CrashBox
 from elys.bus.exact_keeping import ExactSource, ExactState
 from elys.bus.messages.exact_state import ExactHead
 from elys.bus.messages.scene import Snapshot
@@ -28,7 +30,8 @@ from elys.common.assets.store import AssetStore, references_in
 from elys.common.errors import AssetError
 
 SECONDS: Final = 5.0  # [s] of simulation
-ROOM: Final = 64 << 20  # [bytes] kept at most: very many bodies have fewer seconds
+ROOM: Final = 64 << 20  # [bytes] kept at most of so many seconds: very many bodies have fewer
+MOST_ROOM: Final = 512 << 20  # [bytes] however many seconds are asked for
 MOST_DELTAS: Final = 4 << 20  # [bytes] of deltas after which the scene is taken anew
 _RESYNC: Final = b'"resync":true'
 _log = logging.getLogger(__name__)
@@ -60,7 +63,7 @@ class _Kept(NamedTuple):
 class LastSeconds:
     """Keeps what `session` publishes; `take_snapshot` gives the scene as it is, which is asked for rarely.
 
-    `exact` gives exact states, so that what is written can be run again.
+    `exact` gives exact states, so that what is written can be run again. Kept are `seconds` of simulation.
     """
 
     def __init__(
@@ -70,7 +73,13 @@ class LastSeconds:
         take_snapshot: Callable[[], Snapshot],
         assets: AssetStore,
         exact: ExactSource | None = None,
+        seconds: float = SECONDS,
+        box: CrashBox | None = None,
     ) -> None:
+        self._seconds, self._room = seconds, room_for(seconds)
+        self._is_shortened = False  # and it was said
+        self._box = box
+        self._boxed: set[str] = set()  # assets; of the box's thread alone
         self._session = session
         self._take_snapshot = take_snapshot
         self._assets = assets
@@ -85,6 +94,8 @@ class LastSeconds:
         self._exact = exact
         self._writers: list[threading.Thread] = []
         self._take_scene()
+        if box is not None:
+            box.begin(self._beginning)
         if exact is not None:
             exact.listeners.append(self)
             if (now := exact.exact_now()) is not None:
@@ -94,17 +105,22 @@ class LastSeconds:
     def wants(self, head: ExactHead, size: int) -> bool:
         """Whether an exact state would be kept."""
         last = self._states[-1].state.head if self._states else None
-        return last is None or head.is_unexplained or not 0.0 <= head.time - last.time < SECONDS / 2.0
+        return last is None or head.is_unexplained or not 0.0 <= head.time - last.time < self._seconds / 2.0
 
     def take(self, state: ExactState) -> None:
         """Keeps an exact state."""
-        self._states.append(_Kept(state, time.time_ns(), []))
+        now = time.time_ns()
+        self._states.append(_Kept(state, now, []))
+        if self._box is not None:
+            self._box.exact(lambda: _framed_state(state, now))
 
     def publication(self, topic: Topic[Any], _: str, payload: bytes) -> None:
         """Takes what the session has just published."""
         if not topic.recorded or topic is topics.STATUS:
             return
         said = _Said(topic, payload, time.time_ns())
+        if self._box is not None:
+            self._put_into(self._box, said)
         if topic is topics.COMMANDS and self._states:
             self._states[-1].commands.append(said)
             return
@@ -122,13 +138,21 @@ class LastSeconds:
         self._ticks.append((tick, self._now_size, self._now))
         self._size += self._now_size
         self._now, self._now_size, self._tick = [], 0, tick
-        oldest = tick - SECONDS * tick_rate
-        while len(self._ticks) > 1 and (self._ticks[0][0] < oldest or self._size > ROOM):
+        oldest = tick - self._seconds * tick_rate
+        while len(self._ticks) > 1 and (self._ticks[0][0] < oldest or self._size > self._room):
+            if not self._is_shortened and self._ticks[0][0] > oldest:
+                self._say_shortened((tick - self._ticks[0][0]) / tick_rate)
             self._size -= self._ticks.popleft()[1]
         while len(self._scenes) > 1 and self._scenes[1].tick < self._ticks[0][0]:
             self._scenes.popleft()
+            if self._box is not None:
+                self._box.drop_scene()
         while len(self._states) > 1 and self._states[1].state.head.tick < self._ticks[0][0]:
             self._states.popleft()
+            if self._box is not None:
+                self._box.drop_exact()
+        if self._box is not None:
+            self._box.end_tick(tick, tick_rate)
 
     def save(self, path: Path) -> None:
         """Begins to write what is kept; a thread of its own does it, and tells in the log when the file is whole."""
@@ -153,13 +177,59 @@ class LastSeconds:
             self._exact.listeners.remove(self)
         for writer in self._writers:
             writer.join(timeout)
+        if self._box is not None:
+            self._box.close()
 
     # --- inside ----------------------------------------------------------------------------------------------------
 
     def _take_scene(self) -> None:
         snapshot = self._take_snapshot()
         self._delta_size = 0
-        self._scenes.append(_Scene(snapshot, snapshot.tick, time.time_ns(), []))
+        now = time.time_ns()
+        self._scenes.append(_Scene(snapshot, snapshot.tick, now, []))
+        if self._box is not None:
+            self._box.scene(lambda: self._framed_scene(snapshot, now))
+
+    def _say_shortened(self, seconds: float) -> None:
+        self._is_shortened = True
+        megabytes = self._room >> 20
+        _log.info("the last %.1f s are kept, not %g: more would take over %d MB", seconds, self._seconds, megabytes)
+
+    # --- for the box -----------------------------------------------------------------------------------------------
+
+    def _put_into(self, box: CrashBox, said: _Said) -> None:
+        topic, body = said.topic, memoryview(said.payload)[codec.PREFIX.size :]
+        if topic is topics.DELTA:
+            box.delta(topic.name, body, said.time)
+        elif topic is topics.COMMANDS and self._states:
+            box.command(topic.name, body, said.time)
+        else:
+            box.message(topic.name, body, said.time)
+        if topic is topics.DELTA or topic is topics.EVENTS:
+            box.assets(lambda: self._box_assets(box, bytes(body), said.time))
+
+    def _beginning(self) -> Iterable[bytes | memoryview]:
+        """What stands before everything."""
+        now = time.time_ns()
+        yield from _framed(FrameKind.BEGIN, self._session.name, self._scenes[0].snapshot.scene.encode(), now)
+        yield from self._framed_facts(now)
+
+    def _framed_scene(self, snapshot: Snapshot, moment: int) -> Iterable[bytes | memoryview]:
+        body = codec.encode_body(snapshot, Encoding.JSON)
+        assert self._box is not None
+        self._box_assets(self._box, body, moment)
+        yield from _framed(FrameKind.MESSAGE, topics.SNAPSHOT.name, body, moment)
+
+    def _box_assets(self, box: CrashBox, body: bytes, moment: int) -> None:
+        for reference in references_in(body):
+            if reference not in self._boxed:
+                self._boxed.add(reference)
+                with contextlib.suppress(AssetError):  # told where it is drawn
+                    box.asset(reference, self._assets.get(reference), moment)
+
+    def _framed_facts(self, moment: int) -> Iterable[bytes | memoryview]:
+        for name, values in (self._exact.facts() if self._exact is not None else {}).items():
+            yield from _framed(FrameKind.FACTS, name, codec.encode_body(values, Encoding.JSON), moment)
 
     def _write(self, path: Path, session: str, scenes: list[_Scene], states: list[_Kept], said: list[_Said]) -> None:
         reading, writing = os.pipe()
@@ -185,12 +255,9 @@ class LastSeconds:
         sent: set[str] = set()
         first = scenes[0]
         yield from _framed(FrameKind.BEGIN, session, first.snapshot.scene.encode(), first.time)
-        for name, values in (self._exact.facts() if self._exact is not None else {}).items():
-            yield from _framed(FrameKind.FACTS, name, codec.encode_body(values, Encoding.JSON), first.time)
+        yield from self._framed_facts(first.time)
         for kept in states:
-            parts = kept.state.parts()
-            yield frame_head(FrameKind.MESSAGE, topics.EXACT.name, sum(map(len, parts)), kept.time)
-            yield from parts
+            yield from _framed_state(kept.state, kept.time)
             said = [*said, *kept.commands]
         for body, name, moment in _in_order(scenes, said):
             if name in (topics.SNAPSHOT.name, topics.DELTA.name, topics.EVENTS.name):
@@ -214,6 +281,17 @@ def _in_order(scenes: list[_Scene], said: list[_Said]) -> Iterable[tuple[bytes, 
     deltas = [message for one in scenes for message in one.deltas]
     messages = [(one.payload[codec.PREFIX.size :], one.topic.name, one.time) for one in (*deltas, *said)]
     return sorted([*scene, *messages], key=lambda message: message[2])
+
+
+def _framed_state(state: ExactState, moment: int) -> Iterable[bytes | memoryview]:
+    parts = state.parts()
+    yield frame_head(FrameKind.MESSAGE, topics.EXACT.name, sum(map(len, parts)), moment)
+    yield from parts
+
+
+def room_for(seconds: float) -> int:
+    """How many bytes may be kept of so many seconds."""
+    return min(max(ROOM, round(ROOM * seconds / SECONDS)), MOST_ROOM)
 
 
 def _framed(kind: FrameKind, name: str, content: bytes, moment: int) -> Iterable[bytes]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import time
 from collections.abc import Sequence
@@ -21,7 +22,7 @@ from elys.bus.topics import Encoding, Topic
 from elys.bus.transports.mcap import recorded_channels
 from elys.bus.view_recording import RecordedView, ViewRecording
 from elys.common.assets.store import AssetStore
-from elys.common.errors import BusError, ElysError, MessageError, ProtocolError
+from elys.common.errors import BusError, ElysError, MessageError, ProtocolError, RecordingError
 
 _RETRY: Final = 0.2  # [s] between requests for a snapshot or an asset that cannot be had now
 _log = logging.getLogger(__name__)
@@ -164,7 +165,8 @@ class _OutsideRecording:
     def _write_or_wait(self, channel: str, body: bytes, now: int) -> None:
         if self._early is not None:
             self._early.append((channel, body, now))
-        else:
+            return
+        with contextlib.suppress(RecordingError):  # said again when the recorder's time is kept
             self.recorder.message(channel, body, time_ns=now)
 
     def _heard_delta(self, body: bytes) -> None:

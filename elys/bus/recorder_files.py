@@ -11,6 +11,7 @@ from elys.bus.compressed_video import VIDEO_PREFIX
 from elys.bus.message_sieve import MessageSieve
 from elys.bus.messages.scene import SceneDelta, Snapshot
 from elys.bus.mirror import SceneMirror
+from elys.bus.rate_budget import THINNED, RateBudget
 from elys.bus.recording_plan import PLAIN, RecordingPlan, files_of, numbered_file
 from elys.bus.rerun_base import RerunBase
 from elys.bus.topics import Encoding
@@ -37,6 +38,8 @@ class Recorder:
         self._facts: dict[str, dict[str, str]] = {}
         self._views: set[str] = set()
         self._sieve = MessageSieve(compact=plan.compact)
+        self._budget = RateBudget(plan.limit_rate) if plan.limit_rate else None
+        self._ended_size = 0  # of all files that were ended, deleted ones too [bytes]
         self._mirror: SceneMirror | None = None  # the scene as it is, for the next file to begin with
         self._base = RerunBase()  # likewise, and with what it can be run again
         self._begun = 0  # when the file was begun [ns]
@@ -48,6 +51,9 @@ class Recorder:
     def message(self, channel: str, body: bytes, *, time_ns: int) -> None:
         """Adds a message without its protocol prefix, if it says something new."""
         if self.is_full or not (self._plan.takes(channel) or channel.startswith(VIDEO_PREFIX)):
+            return
+        if self._budget is not None and not self._budget.takes(channel, body, time_ns, self._grown):
+            self._say_thinned()
             return
         kept = self._sieve.kept(channel, body, time_ns)
         if kept is None:
@@ -104,7 +110,13 @@ class Recorder:
         path = numbered_file(self._path, self._number) if self._plan.rotates else self._path
         self._number += 1
         self._files.append(path)
-        return McapWriter(path, session=self._session, scene=self._scene, compact=self._plan.compact)
+        return McapWriter(
+            path,
+            session=self._session,
+            scene=self._scene,
+            compact=self._plan.compact,
+            overwrites=self._plan.overwrites and not self._plan.rotates,
+        )
 
     def _is_due(self, time_ns: int) -> bool:
         plan = self._plan
@@ -136,6 +148,7 @@ class Recorder:
         self._writer.close()
         last = self._files[-1]
         self._size += last.stat().st_size
+        self._ended_size += last.stat().st_size
         self._writer = self._new_file()
         self._begun, self._has_frame = time_ns, False
         self._sieve = MessageSieve(compact=self._plan.compact)
@@ -158,6 +171,22 @@ class Recorder:
                 oldest.unlink()
             except OSError as error:
                 _log.warning("the old recording %s cannot be deleted: %s", oldest, error.strerror)
+
+    @property
+    def _grown(self) -> int:
+        """What was written so far, in all files [bytes]."""
+        return self._ended_size + self._writer.expected_size
+
+    def _say_thinned(self) -> None:
+        """Once, in the log, and in every file from then on."""
+        if THINNED in self._facts:
+            return
+        self.facts(THINNED, {"limit_rate": str(self._plan.limit_rate)})
+        _log.warning(
+            "the recording %s is thinned to stay below %g MB/s: of profiles, diagnostics and perhaps states; all else is kept",
+            self._path,
+            self._plan.limit_rate / 1e6,
+        )
 
     def _end_here(self) -> None:
         self.is_full = True

@@ -69,20 +69,21 @@ class PipeReader:
             self.ended = not data
             self._buffer += data
         offset = 0
-        while (frame := self._frame_at(offset)) is not None:
+        while (frame := frame_at(self._buffer, offset)) is not None:
             offset += FRAME_HEAD.size + self._buffer[offset + 1] + len(frame.content)
             yield frame
         del self._buffer[:offset]
 
-    def _frame_at(self, offset: int) -> PipeFrame | None:
-        buffer = self._buffer
-        if len(buffer) < offset + FRAME_HEAD.size:
-            return None
-        kind, name_length, size, time = FRAME_HEAD.unpack_from(buffer, offset)
-        if kind not in FrameKind.__members__.values() or size > MAX_CONTENT:
-            raise RecordingError("what came through the pipe is no stream of a session")
-        start = offset + FRAME_HEAD.size + name_length
-        if len(buffer) < start + size:
-            return None
-        name = bytes(buffer[start - name_length : start]).decode(errors="replace")
-        return PipeFrame(FrameKind(kind), name, bytes(memoryview(buffer)[start : start + size]), time)
+
+def frame_at(buffer: bytes | bytearray, offset: int) -> PipeFrame | None:
+    """The frame that begins there; None if it is not whole. Raises RecordingError if there is none."""
+    if len(buffer) < offset + FRAME_HEAD.size:
+        return None
+    kind, name_length, size, time = FRAME_HEAD.unpack_from(buffer, offset)
+    if kind not in FrameKind.__members__.values() or size > MAX_CONTENT:
+        raise RecordingError("what came through the pipe is no stream of a session")
+    start = offset + FRAME_HEAD.size + name_length
+    if len(buffer) < start + size:
+        return None
+    name = bytes(buffer[start - name_length : start]).decode(errors="replace")
+    return PipeFrame(FrameKind(kind), name, bytes(memoryview(buffer)[start : start + size]), time)

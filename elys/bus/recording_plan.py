@@ -19,6 +19,7 @@ ALWAYS: Final = (
 _BYTES: Final = {"kb": 10**3, "mb": 10**6, "gb": 10**9, "tb": 10**12}
 _SECONDS: Final = {"s": 1.0, "min": 60.0, "h": 3600.0}
 _QUANTITY: Final = re.compile(r"\s*(\d+(?:\.\d+)?)\s*([a-z]+)\s*\Z", re.IGNORECASE)
+_LEAST_RATE: Final = 10_000  # [bytes/s]: below it little else than what is never left out would fit
 _LEAST_SIZE: Final = 1_000_000  # [bytes] of a file: its schemas alone are a tenth of that
 
 
@@ -30,7 +31,9 @@ class RecordingPlan(msgspec.Struct, frozen=True, kw_only=True):
     rotate_seconds: float = 0.0  # [s] of wall clock
     keep_files: int = 0  # the newest so many, and no others
     limit_bytes: int = 0  # in all files that are kept
+    limit_rate: int = 0  # [bytes/s] of wall clock, see `elys.bus.rate_budget`
     topics: tuple[str, ...] = ()  # beside state and scene; none: all
+    overwrites: bool = False  # what has the name already; files with numbers go on after those that are there
 
     @property
     def rotates(self) -> bool:
@@ -46,7 +49,14 @@ PLAIN: Final = RecordingPlan()
 
 
 def recording_plan(
-    *, compact: bool = False, rotate: str = "", keep_files: int = 0, limit: str = "", topic_names: str = ""
+    *,
+    compact: bool = False,
+    rotate: str = "",
+    keep_files: int = 0,
+    limit: str = "",
+    limit_rate: str = "",
+    topic_names: str = "",
+    overwrites: bool = False,
 ) -> RecordingPlan:
     """A plan out of what a person writes: "512MB" or "10min", "2GB", "events,commands".
 
@@ -65,7 +75,9 @@ def recording_plan(
         rotate_seconds=rotate_seconds,
         keep_files=keep_files,
         limit_bytes=limit_bytes,
+        limit_rate=_rate(limit_rate) if limit_rate else 0,
         topics=_recorded_topics(topic_names),
+        overwrites=overwrites,
     )
 
 
@@ -111,6 +123,18 @@ def _size_or_time(text: str) -> tuple[int, float]:
     if size < _LEAST_SIZE:
         raise RecordingError(f"'{text}' is too small for a recording: at least 1MB")
     return size, 0.0
+
+
+def _rate(text: str) -> int:
+    """Bytes a second in 5MB/s."""
+    size, slash, unit = text.strip().lower().rpartition("/")
+    match = _QUANTITY.match(size)
+    if not slash or unit.strip() != "s" or match is None or match[2] not in _BYTES:
+        raise RecordingError(f"'{text}' is no rate: write for instance 5MB/s or 200kB/s")
+    rate = int(float(match[1]) * _BYTES[match[2]])
+    if rate < _LEAST_RATE:
+        raise RecordingError(f"'{text}' is too slow for a recording: at least {_LEAST_RATE // 1000}kB/s")
+    return rate
 
 
 def _recorded_topics(names: str) -> tuple[str, ...]:

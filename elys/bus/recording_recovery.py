@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import NamedTuple
 
@@ -47,7 +48,7 @@ def recover(source: Path, target: Path | None = None, *, in_place: bool = False)
         if taken.exists():
             raise RecordingError(f"{taken} is there already: move it away, or name another file with -o")
         if in_place:
-            open_alone(source).close()
+            os.close(open_alone(source))
         sources = Sources(made_by="recover", of=(source_of(recording, 0, len(recording) - 1),))
         # In its place: the damaged file takes its other name only when the whole one is written.
         with whole_file(place if backup is None else source.with_name(f".{source.name}.whole")) as part:

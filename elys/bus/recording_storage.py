@@ -7,6 +7,7 @@ from typing import Final
 import msgspec
 
 from elys.bus.messages.state_frame import BODY_SIZE, HEADER
+from elys.bus.rate_budget import THINNED
 from elys.bus.recording import Recording
 from elys.bus.state_packing import compact
 from elys.bus.state_packing.frames import STATE_ENCODING
@@ -27,6 +28,7 @@ class StateStorage(msgspec.Struct, frozen=True, kw_only=True):
     angular_velocity_error: float = 0.0  # [rad/s] at most
     stored: int  # [bytes] of all frames before the file's own compression
     as_said: int  # [bytes] as they were on the bus
+    limit_rate: int = 0  # [bytes/s] below which the recording was to stay, where something was left out for it
 
 
 def state_storage(recording: Recording) -> StateStorage:
@@ -49,6 +51,7 @@ def state_storage(recording: Recording) -> StateStorage:
         compact=is_compact,
         stored=stored,
         as_said=as_said,
+        limit_rate=_limit_of(recording),
         **(errors if is_compact else {}),
     )
 
@@ -61,6 +64,14 @@ def describe(storage: StateStorage) -> str:
             f"compact: positions within {1e3 * storage.position_error:.2g} mm, rotations {storage.rotation_error:.2g} degrees, "
             f"velocities {1e3 * storage.linear_velocity_error:.2g} mm/s and {1e3 * storage.angular_velocity_error:.2g} mrad/s"
         )
-    return (
+    line = (
         f"states {storage.encoding}, {how}; {100.0 * storage.stored / max(storage.as_said, 1):.1f} % of what was said"
     )
+    if storage.limit_rate:
+        line += f"; thinned to stay below {storage.limit_rate / 1e6:g} MB/s"
+    return line
+
+
+def _limit_of(recording: Recording) -> int:
+    text = recording.reader.metadata.get(THINNED, {}).get("limit_rate", "")
+    return int(text) if text.isdecimal() and len(text) < 20 else 0

@@ -17,6 +17,7 @@ from elys.cli.options import (
     Frames,
     From,
     Ghost,
+    Guard,
     Insecure,
     Keep,
     Listen,
@@ -50,6 +51,7 @@ def node_simulation(
     paused: Annotated[bool, typer.Option("--paused")] = False,
     name: Annotated[str, typer.Option()] = "",
     threads: Threads = 1,
+    guard: Guard = "5s",
     no_guard: NoGuard = False,
     keep: Keep = 60.0,
     at: At = "",
@@ -57,6 +59,7 @@ def node_simulation(
     """The simulation."""
     from elys.bus.recording_plan import from_json
     from elys.verbs import nodes
+    from elys.verbs.moments import guard_seconds
 
     nodes.simulation(
         scene,
@@ -69,7 +72,7 @@ def node_simulation(
         paused=paused,
         name=name,
         threads=threads,
-        guarded=not no_guard,
+        guard=0.0 if no_guard else guard_seconds(guard),
         keep=keep,
         plan=from_json(recording_plan),
         at=at,

@@ -29,6 +29,13 @@ Compact = Annotated[
 Rotate = Annotated[str, typer.Option(help="record into one file after the other, each of 512MB, or of 10min")]
 KeepFiles = Annotated[int, typer.Option(help="of those files keep the newest so many (0: all)", min=0)]
 Limit = Annotated[str, typer.Option(help="end the recording at a size, for instance 2GB")]
+LimitRate = Annotated[
+    str,
+    typer.Option(help="stay below a rate, for instance 5MB/s: of profiles, diagnostics and states fewer are recorded"),
+]
+Overwrite = Annotated[
+    bool, typer.Option("--overwrite", help="write over a recording of that name; else it is kept, see the docs")
+]
 Topics = Annotated[
     str, typer.Option(help="record these topics, with commas between, and states and scene; default: all")
 ]
@@ -88,7 +95,10 @@ Trust = Annotated[
     bool,
     typer.Option("--trust", help="run the scene's scripts: programs that may do whatever you may", callback=_trusting),
 ]
-NoGuard = Annotated[bool, typer.Option("--no-guard", help="do not keep the last 5 s for when something goes wrong")]
+Guard = Annotated[
+    str, typer.Option("--guard", help="how much is kept for when something goes wrong: simulated time, as 30s")
+]
+NoGuard = Annotated[bool, typer.Option("--no-guard", help="keep nothing for when something goes wrong")]
 Json = Annotated[bool, typer.Option("--json", help="print facts as JSON")]
 DebugKinds = Annotated[
     str,

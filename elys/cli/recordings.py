@@ -18,7 +18,9 @@ from elys.cli.options import (
     Json,
     KeepFiles,
     Limit,
+    LimitRate,
     Listen,
+    Overwrite,
     Recording,
     Rotate,
     SessionName,
@@ -51,7 +53,9 @@ def record(
     rotate: Rotate = "",
     keep_files: KeepFiles = 0,
     limit: Limit = "",
+    limit_rate: LimitRate = "",
     topics: Topics = "",
+    overwrite: Overwrite = False,
     patience: Annotated[
         float, typer.Option(help="seconds to wait for a session that is not there yet, or is gone", min=0.1)
     ] = 5.0,
@@ -60,7 +64,15 @@ def record(
     from elys.bus.recording_plan import recording_plan
     from elys.verbs import replay
 
-    plan = recording_plan(compact=compact, rotate=rotate, keep_files=keep_files, limit=limit, topic_names=topics)
+    plan = recording_plan(
+        compact=compact,
+        rotate=rotate,
+        keep_files=keep_files,
+        limit=limit,
+        limit_rate=limit_rate,
+        topic_names=topics,
+        overwrites=overwrite,
+    )
     replay.record(
         output,
         connect=place(connect, session),
@@ -143,6 +155,7 @@ def fork(
     repeat: Annotated[
         bool, typer.Option("--repeat/--no-repeat", help="do again what was done in the recording from there on")
     ] = True,
+    overwrite: Overwrite = False,
     listen: Listen = None,
     tls: Tls = False,
     insecure: Insecure = False,
@@ -162,6 +175,7 @@ def fork(
         at=at,
         edits=edit,
         output=output,
+        overwrites=overwrite,
         seconds=seconds,
         repeats=repeat,
         listen=listening(listen, tls=tls, insecure=insecure, addresses=address),
@@ -198,22 +212,24 @@ def cut(
     output: Annotated[Path, typer.Option("--output", "-o", help="the .mcap to write")],
     start: From = "",
     end: To = "",
+    overwrite: Overwrite = False,
 ) -> None:
     """Write a part of a recording as a recording of its own."""
     from elys.verbs import recordings as verb
 
-    verb.cut(recording, output, start=start, end=end)
+    verb.cut(recording, output, start=start, end=end, overwrites=overwrite)
 
 
 @app.command()
 def merge(
     recordings: Annotated[list[Path], typer.Argument(help="recordings of one session", show_default=False)],
     output: Annotated[Path, typer.Option("--output", "-o", help="the .mcap to write")],
+    overwrite: Overwrite = False,
 ) -> None:
     """Put the parts of a session together, or what several recorders have of it."""
     from elys.verbs import recordings as verb
 
-    verb.merge(recordings, output)
+    verb.merge(recordings, output, overwrites=overwrite)
 
 
 @app.command()

@@ -18,13 +18,16 @@ from elys.cli.options import (
     Frames,
     FullFrames,
     Ghost,
+    Guard,
     Insecure,
     Json,
     Keep,
     KeepFiles,
     Limit,
+    LimitRate,
     Listen,
     NoGuard,
+    Overwrite,
     Rotate,
     Router,
     Scene,
@@ -58,13 +61,16 @@ def run(
     discover: Discover = False,
     name: Annotated[str, typer.Option(help="name of the session; default: the scene's")] = "",
     threads: Threads = 1,
+    guard: Guard = "5s",
     no_guard: NoGuard = False,
     keep: Keep = 60.0,
     compact: Compact = False,
     rotate: Rotate = "",
     keep_files: KeepFiles = 0,
     limit: Limit = "",
+    limit_rate: LimitRate = "",
     topics: Topics = "",
+    overwrite: Overwrite = False,
     at: At = "",
     foxglove: Annotated[
         int,
@@ -80,8 +86,17 @@ def run(
     """Simulate a scene, with an editor attached; or --headless, for a server or a script."""
     from elys.bus.recording_plan import recording_plan
     from elys.verbs import run as verb
+    from elys.verbs.moments import guard_seconds
 
-    plan = recording_plan(compact=compact, rotate=rotate, keep_files=keep_files, limit=limit, topic_names=topics)
+    plan = recording_plan(
+        compact=compact,
+        rotate=rotate,
+        keep_files=keep_files,
+        limit=limit,
+        limit_rate=limit_rate,
+        topic_names=topics,
+        overwrites=overwrite,
+    )
     verb.run(
         scene,
         headless=headless,
@@ -94,7 +109,7 @@ def run(
         discover=discover,
         name=name,
         threads=threads,
-        guarded=not no_guard,
+        guard=0.0 if no_guard else guard_seconds(guard),
         keep=keep,
         plan=plan,
         foxglove=foxglove,

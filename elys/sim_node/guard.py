@@ -14,6 +14,7 @@ from typing import Final
 from elys.bus.last_seconds import LastSeconds
 from elys.bus.messages.physics import Diagnostics
 from elys.bus.messages.session import Event
+from elys.bus.recording_names import free_name
 from elys.sim_node.simulation import Simulation
 
 MOST_FILES: Final = 3  # in one run
@@ -83,9 +84,8 @@ class Guard:
 
     def keep(self) -> Path:
         """Writes the last seconds because somebody asks for them, or the run ends as it should not; returns where."""
-        path = self._path_at(self._simulation.tick)
-        if path in self.paths:  # asked for twice while time stands still
-            path = path.with_stem(f"{path.stem}-{len(self.paths)}")
+        # That of an earlier run may be there, and one is asked for twice while time stands still.
+        path = free_name(self._path_at(self._simulation.tick), taken=self.paths)
         self.paths.append(path)
         self._last.save(path)
         return path

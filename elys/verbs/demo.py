@@ -20,6 +20,7 @@ VIDEO_SIZE: Final = "640x360"
 def demo(directory: Path, *, headless: bool) -> None:
     """Opens the editor where there is a display, else simulates, records, draws, and says what to try next."""
     if not headless and _has_display():
+        from elys.bus.last_seconds import SECONDS
         from elys.verbs.run import run
 
         sys.stderr.write("Opening the editor on a running simulation. Ctrl-C or closing the window ends it.\n")
@@ -33,7 +34,7 @@ def demo(directory: Path, *, headless: bool) -> None:
             listen=LOOPBACK,
             name="",
             threads=1,
-            guarded=True,
+            guard=SECONDS,
             keep=60.0,
             json=False,
         )
@@ -52,6 +53,8 @@ def _has_display() -> bool:
 
 
 def _demo_files(directory: Path) -> None:
+    from elys.bus.last_seconds import SECONDS
+    from elys.bus.recording_plan import RecordingPlan
     from elys.samples.registry import write_sample
     from elys.verbs.render import render
     from elys.verbs.run import run
@@ -74,9 +77,10 @@ def _demo_files(directory: Path) -> None:
         listen=LOOPBACK,
         name="demo",
         threads=1,
-        guarded=True,
+        guard=SECONDS,
         keep=0.0,
         json=False,
+        plan=RecordingPlan(overwrites=True),  # the demo's own files are made anew
     )
     render(str(recording), picture, size="1280x720", time=PICTURE_TIME, duration=0.0, fps=30.0)
     render(str(recording), video, size=VIDEO_SIZE, time=0.0, duration=0.0, fps=24.0)

@@ -35,6 +35,7 @@ def fork(
     at: str,
     edits: Path | None,
     output: Path,
+    overwrites: bool,
     seconds: float,
     repeats: bool,
     listen: Listening,
@@ -47,6 +48,8 @@ def fork(
         RecordingError, StateError, SceneError: there is no such instant, or an edit cannot be made there.
     """
     from elys.bus.log import start_logging
+    from elys.bus.recording_names import require_free
+    from elys.bus.recording_plan import RecordingPlan
     from elys.verbs.nodes import run_until_asked
     from elys.verbs.recording_child import require_recordable
     from elys.verbs.simulate import describe, simulate
@@ -54,7 +57,9 @@ def fork(
     start_logging()
     if output.exists() and recording.exists() and output.samefile(recording):
         raise RecordingError(f"a fork of {recording} cannot be recorded over it: choose another name with -o")
-    require_recordable(output)
+    if not overwrites:
+        require_free(output)
+    require_recordable(output, overwrites=overwrites)
     simulation, origin = opened_at(
         recording, parse_moment(at), edits=edits, seconds=seconds, repeats=repeats, threads=threads
     )
@@ -65,6 +70,7 @@ def fork(
             listen=listen,
             step_limit=0,
             record=output,
+            plan=RecordingPlan(overwrites=overwrites),
             realtime=False,
             paused=False,
             name="",

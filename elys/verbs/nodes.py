@@ -162,7 +162,7 @@ def simulation(
     paused: bool,
     name: str,
     threads: int,
-    guarded: bool,
+    guard: float,
     keep: float,
     plan: RecordingPlan,
     at: str = "",
@@ -171,7 +171,7 @@ def simulation(
     from elys.verbs.simulate import prepare, simulate
 
     start_logging()
-    opened, origin = prepare(scene, record=record, threads=threads, at=at)
+    opened, origin = prepare(scene, record=record, plan=plan, threads=threads, at=at)
     run_until_asked(
         simulate(
             opened,
@@ -183,7 +183,7 @@ def simulation(
             realtime=realtime,
             paused=paused,
             name=name,
-            guarded=guarded,
+            guard=guard,
             keep=keep,
             plan=plan,
             origin=origin,

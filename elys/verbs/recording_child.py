@@ -5,12 +5,14 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import fcntl
+import logging
 import os
 import subprocess
 import sys
 from pathlib import Path
 from typing import Final
 
+from elys.bus.recording_names import claimed, free_name, is_device
 from elys.bus.recording_plan import PLAIN, RecordingPlan, files_of, to_json
 from elys.bus.session import Session
 from elys.bus.tap import RecordingTap
@@ -22,10 +24,11 @@ from elys.sim_node.node import SimulationNode
 # What stands in the pipe outlives the simulation, what waits in front of it does not: while the recorder starts, or waits for
 # its turn or a disk, a kill would lose it. Linux gives this much to everybody, 64 KiB if not asked.
 PIPE_SIZE: Final = 1 << 20  # [bytes]
+_log = logging.getLogger(__name__)
 
 
-def require_recordable(path: Path) -> None:
-    """Raises RecordingError unless a recording can be written there; makes the directories that lack."""
+def require_recordable(path: Path, *, overwrites: bool = False) -> None:
+    """Raises RecordingError unless a recording can be written there, under a number if need be; makes directories that lack."""
     if path.suffix != ".mcap":
         # What has another suffix may be the very scene that is to be run.
         raise RecordingError(f"{path} cannot be recorded to: recordings have the suffix .mcap, for instance run.mcap")
@@ -33,10 +36,22 @@ def require_recordable(path: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RecordingError(f"{path} cannot be written ({error.strerror}): choose another place") from error
-    was_there = path.exists()
-    open_alone(path).close()
+    place = path if overwrites or is_device(path) else free_name(path)
+    was_there = place.exists()
+    os.close(open_alone(place))
     if not was_there:
-        path.unlink()  # the run may yet fail, and would leave an empty file
+        place.unlink()  # the run may yet fail, and would leave an empty file
+
+
+def claimed_file(path: Path, plan: RecordingPlan) -> Path:
+    """The file that is recorded to, and says so where it is not the one that was named; RecordingError if there can be none."""
+    require_recordable(path, overwrites=plan.overwrites)
+    if plan.rotates:
+        return path  # numbers go on after those that are there
+    place = claimed(path, overwrites=plan.overwrites)
+    if place != path:
+        _log.warning("%s is there already: recording to %s (--overwrite writes over it)", path, place)
+    return place
 
 
 class RecordingChild:
@@ -44,8 +59,7 @@ class RecordingChild:
 
     def __init__(self, path: Path, plan: RecordingPlan = PLAIN) -> None:
         """Raises RecordingError if the file cannot be written."""
-        require_recordable(path)
-        self.path = path
+        self.path = path = claimed_file(path, plan)
         self._earlier = set(files_of(path)) if plan.rotates else set()
         self._plan = plan
         reading, self._writing = os.pipe()

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+from elys.bus.recording_names import require_free
 from elys.common.errors import RecordingError
 from elys.verbs.export import selected
 from elys.verbs.output import progress_bar, size_text
@@ -14,22 +15,22 @@ from elys.verbs.recording_child import require_recordable
 _GAPS_TOLD: Final = 20
 
 
-def cut(recording: Path, output: Path, *, start: str, end: str) -> None:
+def cut(recording: Path, output: Path, *, start: str, end: str, overwrites: bool) -> None:
     """Writes a recording of a part of another."""
     from elys.bus.recording_parts import cut as write_part
 
     selection = selected(start=start, end=end)
-    _require_place(output, [recording])
+    _require_place(output, [recording], overwrites=overwrites)
     with progress_bar(f"Writing {output.name}") as progress:
         made = write_part(recording, output, selection, progress)
     print(f"{output}: {made.ticks} ticks, {made.duration:.2f} s, {size_text(output.stat().st_size)}")
 
 
-def merge(recordings: Sequence[Path], output: Path) -> None:
+def merge(recordings: Sequence[Path], output: Path, *, overwrites: bool) -> None:
     """Writes one recording of several of the same session."""
     from elys.bus.recording_parts import merge as write_whole
 
-    _require_place(output, recordings)
+    _require_place(output, recordings, overwrites=overwrites)
     with progress_bar(f"Writing {output.name}") as progress:
         made = write_whole(recordings, output, progress)
     print(f"{output}: {made.ticks} ticks, {made.duration:.2f} s, {size_text(output.stat().st_size)}")
@@ -39,10 +40,12 @@ def merge(recordings: Sequence[Path], output: Path) -> None:
         print(f"in none of them is anything between tick {before} and tick {after}")
 
 
-def _require_place(output: Path, sources: Sequence[Path]) -> None:
+def _require_place(output: Path, sources: Sequence[Path], *, overwrites: bool) -> None:
     """Raises RecordingError unless a recording can be written there; that it is no source is seen when those are read."""
     if not any(source.exists() and output.exists() and source.samefile(output) for source in sources):
-        require_recordable(output)
+        if not overwrites:
+            require_free(output)
+        require_recordable(output, overwrites=overwrites)
 
 
 def recover(recording: Path, output: Path | None, *, in_place: bool) -> None:

@@ -16,6 +16,7 @@ from elys.bus.access.listening import Listening
 from elys.bus.log import start_logging
 from elys.bus.recording_plan import PLAIN, RecordingPlan, files_of
 from elys.bus.session import Session
+from elys.common.errors import RecordingError
 from elys.launch import before_exec
 from elys.verbs.nodes import hosted, joined, run_until_asked
 from elys.verbs.output import print_json, print_table, size_text
@@ -91,21 +92,24 @@ def record(
     long as which it is waited for at the beginning too; with pictures through the cameras named by `views`.
     """
     from elys.bus.recorder import record_session
-    from elys.verbs.recording_child import require_recordable
+    from elys.verbs.recording_child import claimed_file, require_recordable
 
-    require_recordable(output)
+    require_recordable(output, overwrites=plan.overwrites)
     start_logging()
     endpoint = _endpoint_for_views(connect) if views else connect
+    path: Path | None = None
 
     async def work() -> None:
+        nonlocal path
         async with joined(endpoint, kind="recorder", timeout=patience) as session, contextlib.AsyncExitStack() as stack:
             kept = await _recorded_views(session, views, view_size, view_fps)
             if kept and endpoint is not None:
                 await stack.enter_async_context(_render_node(session, endpoint))
-            _log.info("recording %s to %s; end with Ctrl-C", session.name, output)
+            path = claimed_file(output, plan)  # not before there is something to record
+            _log.info("recording %s to %s; end with Ctrl-C", session.name, path)
             stop = asyncio.Event()
             _stop_when_host_is_gone(session, stop, patience)
-            recording = asyncio.ensure_future(record_session(session, output, stop, kept, plan))
+            recording = asyncio.ensure_future(record_session(session, path, stop, kept, plan))
             with contextlib.suppress(asyncio.CancelledError, TimeoutError):
                 await asyncio.wait_for(asyncio.shield(recording), seconds or None)
             stop.set()
@@ -113,7 +117,9 @@ def record(
 
     earlier = set(files_of(output))
     run_until_asked(work())
-    for file in [file for file in files_of(output) if file not in earlier] if plan.rotates else [output]:
+    if path is None:  # ended while it waited for the session
+        raise RecordingError("nothing was recorded")
+    for file in [file for file in files_of(output) if file not in earlier] if plan.rotates else [path]:
         info(file, json=False)
 
 

@@ -52,7 +52,7 @@ def _run(
     discover: bool = False,
     name: str,
     threads: int,
-    guarded: bool,
+    guard: float,
     keep: float,
     json: bool,
     plan: RecordingPlan = PLAIN,
@@ -71,7 +71,7 @@ def _run(
             discover=discover,
             name=name,
             threads=threads,
-            guarded=guarded,
+            guard=guard,
             keep=keep,
             json=json,
             plan=plan,
@@ -90,7 +90,7 @@ def _run(
 
     opened = require_scene(scene, at=at)
     if record is not None:
-        require_recordable(record)
+        require_recordable(record, overwrites=plan.overwrites)
     probe_display()
     if not kernels_are_warm(needed_kernels(opened, threads=threads)):
         compile_with_progress(opened, threads=threads)  # the bar needs this terminal; a node's own lines are prefixed
@@ -99,7 +99,7 @@ def _run(
     options += ["--paused"] if paused else []
     options += ["--discover"] if discover else []
     options += ["--name", name] if name else []
-    options += [] if guarded else ["--no-guard"]
+    options += ["--guard", f"{guard}s"] if guard else ["--no-guard"]
     options += ["--keep", str(keep)]
     options += ["--threads", str(threads)] if threads > 1 else []
     options += ["--at", at] if at else []
@@ -184,7 +184,7 @@ def _run_headless(
     discover: bool,
     name: str,
     threads: int,
-    guarded: bool,
+    guard: float,
     keep: float,
     json: bool,
     at: str,
@@ -197,7 +197,7 @@ def _run_headless(
 
     start_logging()
     reports: list[RunReport] = []
-    simulation, origin = prepare(scene, record=record, threads=threads, at=at)
+    simulation, origin = prepare(scene, record=record, plan=plan, threads=threads, at=at)
 
     async def work() -> None:
         await simulate(
@@ -210,7 +210,7 @@ def _run_headless(
             realtime=realtime,
             paused=paused,
             name=name,
-            guarded=guarded,
+            guard=guard,
             keep=keep,
             plan=plan,
             origin=origin,

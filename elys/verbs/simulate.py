@@ -14,6 +14,7 @@ import msgspec
 import platformdirs
 
 from elys.bus.access.listening import Listening
+from elys.bus.last_seconds import SECONDS
 from elys.bus.recording_plan import PLAIN, RecordingPlan
 from elys.common.assets.store import AssetStore
 from elys.verbs.host_facts import discoverable, facts_of
@@ -59,7 +60,9 @@ def describe(report: RunReport) -> str:
     return text
 
 
-def prepare(scene: str, *, record: Path | None, threads: int = 1, at: str = "") -> tuple[Simulation, Origin | None]:
+def prepare(
+    scene: str, *, record: Path | None, plan: RecordingPlan = PLAIN, threads: int = 1, at: str = ""
+) -> tuple[Simulation, Origin | None]:
     """Opens a scene, or a recording at a time, and loads or compiles the kernels; and which recording it is a fork of.
 
     Not on the loop: Ctrl-C ends it at once, and nothing is lost.
@@ -75,7 +78,7 @@ def prepare(scene: str, *, record: Path | None, threads: int = 1, at: str = "") 
     from elys.verbs.trusting import ask_about_scripts
 
     if record is not None:
-        require_recordable(record)
+        require_recordable(record, overwrites=plan.overwrites)
     if at:
         return opened_at(required_recording(scene), parse_moment(at), goes_on=False, threads=threads)
     assets = AssetStore()
@@ -96,7 +99,7 @@ async def simulate(
     realtime: bool,
     paused: bool,
     name: str,
-    guarded: bool = True,
+    guard: float = SECONDS,
     keep: float = 60.0,
     plan: RecordingPlan = PLAIN,
     origin: Origin | None = None,
@@ -131,8 +134,9 @@ async def simulate(
         recorder = RecordingChild(record, plan) if record else None
         if recorder is not None:
             recorder.attach(session, node, simulation.assets, lossless=not realtime)
-        if guarded:
-            node.guard = _guard_of(node, session, record)
+        if guard:
+            # What is recorded is in the recording, and what runs without anybody's hands can be run again.
+            node.guard = _guard_of(node, session, record, seconds=guard, survives=realtime and record is None)
         session.host_facts = facts_of(node)
         started = time.perf_counter()
         try:
@@ -148,19 +152,34 @@ async def simulate(
                 await asyncio.shield(asyncio.to_thread(node.guard.close))
             size = await asyncio.shield(recorder.finish()) if recorder is not None else 0
             if on_end is not None:
-                on_end(_report(node, wall_time, record, size))
+                on_end(_report(node, wall_time, recorder.path if recorder is not None else None, size))
 
 
-def _guard_of(node: SimulationNode, session: Session, record: Path | None) -> Guard:
-    from elys.bus.last_seconds import LastSeconds
+def _guard_of(node: SimulationNode, session: Session, record: Path | None, *, seconds: float, survives: bool) -> Guard:
+    from elys.bus.crash_box import CrashBox
+    from elys.bus.last_seconds import LastSeconds, room_for
     from elys.sim_node.guard import Guard
 
     simulation = node.simulation
-    last = LastSeconds(session, take_snapshot=node.snapshot, assets=simulation.assets, exact=node.chronicle)
     folder = record.parent if record is not None else Path()
     if not os.access(folder, os.W_OK):
         folder = Path(platformdirs.user_data_dir("elys", ensure_exists=True))
-    return Guard(simulation, last, lambda tick: folder / f"elys-problem-{session_name(simulation.name)}-{tick}.mcap")
+    place = folder / f"elys-problem-{session_name(simulation.name)}"
+    box = None
+    if survives:
+        try:
+            box = CrashBox(place, seconds=seconds, room=room_for(seconds))
+        except OSError as error:
+            _log.info("the last seconds are not kept for a crash: %s", error)
+    last = LastSeconds(
+        session,
+        take_snapshot=node.snapshot,
+        assets=simulation.assets,
+        exact=node.chronicle,
+        seconds=seconds,
+        box=box,
+    )
+    return Guard(simulation, last, lambda tick: place.with_name(f"{place.name}-{tick}.mcap"))
 
 
 def _report(node: SimulationNode, wall_time: float, record: Path | None, size: int) -> RunReport:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from elys.bus.compressed_video import VIDEO_PREFIX, video_body, video_channel
 from elys.bus.messages.state_frame import HEADER, StateFrame
 from elys.bus.recording import Recording
+from elys.bus.recording_names import require_free
 from elys.bus.transports.mcap import COMPONENTS_NAME, METADATA_NAME, McapWriter, recorded_channels
 from elys.bus.transports.mcap_frames import STATE_KEYS_NAME
 from elys.bus.transports.mcap_index import SCENE_INDEX_NAME, STATE_CHANNEL, STATE_INDEX_NAME
@@ -57,6 +58,7 @@ def with_pictures(
         raise RecordingError(f"{output} is the recording itself: name another file for the one with pictures")
     if recording.reader.message_counts().get(channel):
         raise RecordingError(f"{recording.path} holds pictures of '{strip.name}' already: look through another camera")
+    require_free(output, remedy="move it away, or name another file for the one with pictures")
     made = recording.reader.metadata.get(METADATA_NAME, {})
     writer = McapWriter(output, session=made.get("session", ""), scene=made.get("scene", ""))
     try:

@@ -27,6 +27,7 @@ from elys.bus.last_seconds import LastSeconds
 from elys.bus.messages.state_frame import HEADER
 from elys.bus.recording import Recording
 from elys.bus.recording_pipe import FrameKind, frame_head
+from elys.bus.recording_plan import RecordingPlan
 from elys.bus.session import Session
 from elys.bus.state_packing.stream import FramePacker
 from elys.bus.topics import Encoding
@@ -85,6 +86,7 @@ def recorded(
     told: Told, ticks: list[int], path: Path, *options: str, rate: float = RATE, repeats: int = 1
 ) -> tuple[float, int]:
     """Tells a recorder process these ticks, `rate` a second; its processor time [s] and the size of the file [bytes]."""
+    path.unlink(missing_ok=True)
     reading, writing = os.pipe()
     command = [sys.executable, "-m", "elys.bus.recorder_process", "--fd", str(reading), "--output", str(path), *options]
     process = subprocess.Popen(command, pass_fds=[reading], stdin=subprocess.DEVNULL)
@@ -216,7 +218,7 @@ async def _ticked(path: Path | None) -> list[float]:
     node = SimulationNode(simulation, session, realtime=False, keep=0.0)
     last = LastSeconds(session, take_snapshot=node.snapshot, assets=simulation.assets)
     node.guard = Guard(simulation, last, lambda tick: Path(f"problem-{tick}.mcap"))
-    child = RecordingChild(path) if path is not None else None
+    child = RecordingChild(path, RecordingPlan(overwrites=True)) if path is not None else None
     if child is not None:
         child.attach(session, node, simulation.assets, lossless=True)
     times = []

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
+from elys.bus.messages.state_frame import HEADER
 from elys.bus.recording import Recording
 from elys.common.errors import ElysError
 from tests.process.clients import client
@@ -66,17 +67,24 @@ def test_a_taken_port_and_a_file_being_recorded_are_refused_and_their_owner_goes
     (tmp_path / "old.mcap").write_bytes(b"somebody's only copy")
     intruders = {
         "is in use": elys("run", "stack", "--headless", "--listen", endpoint, "--record", "old.mcap"),
-        "it.mcap is being recorded by another process": elys("run", "stack", "--headless", "--record", "it.mcap"),
-        "being recorded by another": elys("record", "--connect", endpoint, "-o", "it.mcap"),
+        "it.mcap is being recorded by another process": elys(
+            "run", "stack", "--headless", "--record", "it.mcap", "--overwrite"
+        ),
+        "being recorded by another": elys("record", "--connect", endpoint, "-o", "it.mcap", "--overwrite"),
         "there is no display": elys("view", "--connect", endpoint),
         "no display": elys("edit", "--connect", endpoint),
     }
     for expected, intruder in intruders.items():
         assert expected in the_sentence(intruder)
+    beside = elys("record", "--connect", endpoint, "-o", "it.mcap", "--seconds", "0.5")
+    assert beside.wait() == 0, beside.output
+    assert "it.mcap is there already: recording to it-2.mcap" in beside.output
+    assert any(line.startswith("it-2.mcap") for line in beside.lines)
     assert len(set(ticks_seen(endpoint, 30))) >= 30
     owner.process.terminate()
     assert owner.wait() == 0
     assert message_count(tmp_path / "it.mcap") > 100
+    assert message_count(tmp_path / "it-2.mcap") > 0
     assert (tmp_path / "old.mcap").read_bytes() == b"somebody's only copy"
 
 
@@ -172,20 +180,43 @@ def test_a_full_disk_is_said_and_ends_nothing_else(elys, free_port, recording: P
 
 
 def test_a_disk_that_fills_up_ends_the_recording_alone(elys, free_port, tmp_path) -> None:
+    """With all that fitted, and with its summary, beside the simulation as from outside."""
     endpoint = f"tcp/127.0.0.1:{free_port}"
-    run = elys("run", "stack", "--headless", "--listen", endpoint, "--record", "it.mcap")
+    # It moves as long as this takes: the summary alone is 100 kB, and chunks must make room for it here.
+    run = elys("run", "yard", "--headless", "--keep", "0", "--listen", endpoint, "--record", "it.mcap")
     run.wait_for("first tick")
+    outside = elys("record", "--connect", endpoint, "-o", "outside.mcap")
     (recorder,) = children_of(run.process.pid)
-    wait_until_readable(tmp_path / "it.mcap")
-    resource.prlimit(recorder, resource.RLIMIT_FSIZE, ((tmp_path / "it.mcap").stat().st_size + 100,) * 2)
-    run.wait_for("the recording it.mcap cannot be written any further: File too large")
+    limits = {}
+    for name, process in (("it.mcap", recorder), ("outside.mcap", outside.process.pid)):
+        wait_until_readable(tmp_path / name)
+        wait_until(lambda name=name: (tmp_path / name).stat().st_size > 200_000)
+        limits[name] = (tmp_path / name).stat().st_size + 400_000
+        resource.prlimit(process, resource.RLIMIT_FSIZE, (limits[name],) * 2)
+    run.wait_for("the recording it.mcap cannot be written any further: File too large; what fitted is whole")
+    assert "outside.mcap cannot be written any further: File too large; what fitted is whole" in the_sentence(outside)
     assert len(ticks_seen(endpoint, 30)) >= 30
     assert "the session goes on without a recording" in run.output
     run.process.terminate()
     the_sentence(run)
-    info = elys("info", "it.mcap")
+    for name, limit in limits.items():
+        assert 0.4 * limit < (tmp_path / name).stat().st_size <= limit
+        check_ended_whole(elys, tmp_path / name)
+
+
+def check_ended_whole(elys, path: Path) -> None:
+    """Every tick is there from the first to the last, also for the library's own reader, and nothing calls it cut off."""
+    with path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        summary = reader.get_summary()
+        assert summary is not None and summary.statistics is not None
+        found = [HEADER.unpack_from(said.data)[1] for _, _, said in reader.iter_messages(topics=["state"])]
+    assert len(found) > 15 and found == list(range(found[0], found[0] + len(found)))
+    with Recording(path) as recording:
+        assert not recording.reader.mended and recording.tick.tolist() == found
+    info = elys("info", path.name)
     assert info.wait() == 0, info.output
-    assert "cut off" in info.output
+    assert "complete" in info.output and "cut off" not in info.output
 
 
 def wait_until_readable(path: Path) -> None:

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import asyncio
 import json
+import signal
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from elys.bus import topics
-from elys.bus.messages.commands import SetComponent
+from elys.bus.messages.commands import Rename, SetComponent
 from elys.bus.recording import Recording
 from tests.process.clients import client
+from tests.process.conftest import wait_until
 from tests.process.terminals import CTRL_C, HIDE_CURSOR, SHOW_CURSOR, Terminal
 
 pytestmark = pytest.mark.process
@@ -102,3 +105,43 @@ def test_what_went_wrong_is_named_and_its_last_seconds_are_playable(elys, free_p
     assert channels["events"] and channels["commands"] and channels["diagnostics"] and channels["profile"]
     played = elys("play", path, "--listen", f"tcp/127.0.0.1:{free_port}")
     played.wait_for("playing")
+
+
+@pytest.mark.parametrize("number", [signal.SIGSEGV, signal.SIGKILL])
+def test_a_simulation_that_crashes_leaves_its_last_seconds(elys, environment, free_port, tmp_path, number):
+    endpoint = f"tcp/127.0.0.1:{free_port}"
+    run = elys("run", "stack", "--headless", "--listen", endpoint, "--guard", "2s")
+    run.wait_for("first tick", seconds=250)
+
+    async def watch() -> int:
+        async with client(endpoint) as watcher:
+            await watcher.until(lambda: bool(watcher.frames) and watcher.frames[-1].tick > 150)
+            reply = await watcher.ask(Rename(entity=watcher.entity("Camera"), name="Witness"))
+            assert reply.accepted
+            await watcher.until(lambda: watcher.frames[-1].tick > reply.tick + 5)
+            return watcher.frames[-1].tick
+
+    seen = asyncio.run(watch())
+    run.process.send_signal(number)
+    assert run.wait() == -number  # and those who hold its output have ended
+    path = Path(run.wait_for(r"ended without a word; its last seconds are in (\S+\.mcap):")[1])
+    assert path.parent == tmp_path and path.name.startswith("elys-problem-")
+    with Recording(path) as recording:
+        assert not recording.reader.mended
+        ticks = recording.tick.tolist()
+        assert ticks == list(range(ticks[0], ticks[0] + len(ticks)))
+        assert ticks[-1] >= seen and 120 <= len(ticks) <= 160
+        assert "Witness" in {entity.name for entity in recording.mirror_at(len(ticks) - 1).entities.values()}
+    verified = elys("verify", path)
+    assert verified.wait() == 0, verified.output
+    assert not list(Path(environment["ELYS_RUNTIME_DIR"]).glob("last-*"))
+
+
+def test_a_simulation_that_ends_in_peace_leaves_nothing(elys, environment, free_port, tmp_path):
+    run = elys("run", "stack", "--headless", "--listen", f"tcp/127.0.0.1:{free_port}")
+    run.wait_for("first tick", seconds=250)
+    runtime = Path(environment["ELYS_RUNTIME_DIR"])
+    wait_until(lambda: len(list(runtime.glob("last-*/said-0"))) == 1)
+    run.process.terminate()
+    assert run.wait() == 0
+    assert not list(runtime.glob("last-*")) and not list(tmp_path.glob("*.mcap"))

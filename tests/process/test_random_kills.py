@@ -7,12 +7,16 @@ from __future__ import annotations
 
 import asyncio
 import random
+import re
 from pathlib import Path
 
 import pytest
 
 from elys.bus.messages.commands import Rename
+from elys.bus.recording import Recording
+from elys.common.errors import RecordingError
 from tests.process.clients import Client, client
+from tests.process.conftest import wait_until
 
 pytestmark = pytest.mark.process
 KILLS, SOAK_KILLS = 4, 60
@@ -64,6 +68,28 @@ def test_random_kills(elys, free_port, tmp_path, soak):
             assert names == {entity: known.name for entity, known in newcomer.mirror.entities.items()}
 
     asyncio.run(campaign())
+    wait_until(lambda: frames_in(newest(tmp_path)) > 0)
     for command in running.values():
         command.end()
     assert shared_memory() <= before
+    files = list(tmp_path.glob("outside*.mcap"))
+    assert len(files) > 1  # a recorder that was started again wrote over nothing
+    assert sum(frames_in(path) > 0 for path in files) > len(files) // 2  # the others were killed before there was any
+    with Recording(newest(tmp_path)) as recording:
+        assert not recording.reader.mended  # it was ended in peace
+
+
+def newest(folder: Path) -> Path:
+    return max(folder.glob("outside*.mcap"), key=lambda path: int(path.stem.rpartition("-")[2].replace("outside", "1")))
+
+
+def frames_in(path: Path) -> int:
+    """How many frames a file has; it opens, unless there is nothing in it."""
+    try:
+        with Recording(path) as recording:
+            return len(recording)
+    except RecordingError as error:
+        assert re.search("is empty|holds nothing that can be read|holds no state frame|holds no scene", str(error)), (
+            error
+        )
+        return 0

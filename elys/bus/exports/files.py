@@ -22,6 +22,8 @@ def whole_file(target: Path) -> Iterator[Path]:
     is_device = place.exists() and not place.is_file()
     part = place if is_device else place.with_name(f".{place.name}.part")
     try:
+        if not is_device:
+            part.unlink(missing_ok=True)  # left by one that was killed
         yield part
         if not is_device:
             part.replace(place)

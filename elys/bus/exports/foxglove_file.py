@@ -29,6 +29,7 @@ from elys.bus.exports.selection import (
 from elys.bus.exports.urdf import URDF_ENCODING, URDF_SCHEMA, URDF_TOPIC, urdf_message
 from elys.bus.messages.session import LogLine
 from elys.bus.recording import Recording
+from elys.bus.recording_names import is_recording
 from elys.bus.topics import Encoding
 from elys.bus.transports.mcap import json_schema
 from elys.bus.transports.mcap_reading import RecordedMessage
@@ -64,6 +65,8 @@ def export_foxglove(
         raise RecordingError(_MISSING) from error
     if source.exists() and target.exists() and source.samefile(target):
         raise RecordingError(f"{target} is read here and cannot be written as well: choose another name")
+    if is_recording(target):
+        raise RecordingError(f"{target} is a recording, and would be lost: choose another name")
     with Recording(source, checked=True) as recording, whole_file(target) as part, part.open("wb") as file:
         positions = selected_positions(recording, selection)
         writing = _Writing(Writer(file, chunk_size=_CHUNK_SIZE, compression=CompressionType.ZSTD))

@@ -9,7 +9,8 @@
     metadata    "elys": versions of protocol and program, session, start
 
 Chunks close by time as well as by size and reach the disk once a second, so that a kill of everything at once loses no more
-than the open chunk, and a power cut no more than a second.
+than the open chunk, and a power cut no more than a second. On a disk that is full the file ends with its last whole chunk, and
+with its summary.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import os
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, BinaryIO, Final
+from typing import Any, Final
 
 import msgspec
 import numpy as np
@@ -45,6 +46,7 @@ from elys.bus.transports.mcap_index import (
     IndexBuilder,
 )
 from elys.bus.transports.mcap_writing import ChunkedWriter
+from elys.bus.transports.recording_file import RecordingFile
 from elys.common.components import declarations
 from elys.common.components.schema import component_schema
 from elys.common.errors import RecordingError
@@ -67,10 +69,13 @@ class McapWriter:
     With `compact` state frames are kept in small steps instead of bits, see `elys.bus.state_packing.compact`.
 
     Raises:
-        RecordingError: the file cannot be written, at the start or later (a full disk).
+        RecordingError: the file cannot be written, at the start or later (a full disk), or holds something and is not to be
+            written over.
     """
 
-    def __init__(self, path: Path, *, session: str, scene: str = "", compact: bool = False) -> None:
+    def __init__(
+        self, path: Path, *, session: str, scene: str = "", compact: bool = False, overwrites: bool = False
+    ) -> None:
         self.path = path
         self.message_count = 0
         self._index = IndexBuilder()
@@ -83,19 +88,20 @@ class McapWriter:
         self._chunk_bytes = 0
         self._chunk_opened = self._synced = time.monotonic()
         self._closed = False
-        self._file = open_alone(path)
-        try:
-            with _disk_errors(path):
-                if path.is_file():
-                    self._file.truncate(0)
-                self._begin(session, scene)
-        except RecordingError:
-            with contextlib.suppress(OSError):  # what could not be written cannot be written now either
-                self._file.close()
-            raise
+        self._failure: RecordingError | None = None
+        descriptor = open_alone(path)
+        if path.is_file() and os.fstat(descriptor).st_size and not overwrites:
+            os.close(descriptor)
+            raise RecordingError(f"{path} is there already")
+        self._file = RecordingFile(descriptor)
+        self._file.empty()
+        self._writer = ChunkedWriter(self._file)
+        with self._ending_if_full():
+            self._begin(session, scene)
 
     def write(self, channel: str, body: bytes | memoryview, *, log_time: int) -> None:
         """Adds a message in the order of the calls; `body` is without the protocol prefix, a state frame as on the bus."""
+        self._check()
         self._index.add(channel, body, self._chunk_number, self._message_number)
         if channel == STATE_CHANNEL:
             packed = self._pack(body)
@@ -133,20 +139,20 @@ class McapWriter:
 
     def attach(self, name: str, data: bytes, *, media_type: str) -> None:
         """Adds a file of its own."""
-        with _disk_errors(self.path):
+        self._check()
+        with self._ending_if_full():
             now = time.time_ns()
             self._writer.add_attachment(name, data, media_type=media_type, time=now, created=now)
 
     @property
     def expected_size(self) -> int:
         """How large the file would be, were it closed now [bytes]; the open chunk counts as if it did not pack."""
-        return (
-            self._writer.size + self._chunk_bytes + self._writer.summary_size + self._index.size + 12 * len(self._keys)
-        )
+        return self._writer.size + self._chunk_bytes + self._writer.summary_size + self._indexes_size
 
     def add_metadata(self, name: str, values: dict[str, str]) -> None:
         """Adds facts by name."""
-        with _disk_errors(self.path):
+        self._check()
+        with self._ending_if_full():
             self._writer.add_metadata(name, values)
 
     def seconds_until_due(self) -> float:
@@ -158,35 +164,91 @@ class McapWriter:
 
     def keep_time(self) -> None:
         """Closes the chunk if it has been open long enough, and brings the file to the disk once a second."""
+        self._check()
         now = time.monotonic()
         if self._message_number and now - self._chunk_opened >= _CHUNK_SECONDS:
             self._flush()
         if now - self._synced >= _SYNC_SECONDS:
             self._synced = now
-            with _disk_errors(self.path):
-                os.fsync(self._file.fileno())
+            with self._ending_if_full():
+                self._file.sync()
 
     def close(self) -> None:
         """Writes the index and the summary. A second call does nothing."""
         if self._closed:
             return
+        self._flush()
+        with self._ending_if_full():
+            self._finish()
         self._closed = True
+        self._file.close()
+
+    # --- inside ----------------------------------------------------------------------------------------------------
+
+    def _finish(self, *, has_all_frames: bool = True) -> None:
+        start = self._writer.size
+        self._writer.room = 0  # it is used now
         try:
-            self._flush()
-            with _disk_errors(self.path):
+            if has_all_frames:  # else who reads looks for them
                 self._attach(STATE_INDEX_NAME, self._index.frames().tobytes())
-                self._attach(SCENE_INDEX_NAME, self._index.scene().tobytes())
-                self._attach(STATE_KEYS_NAME, np.array(self._keys, STATE_KEYS).tobytes())
-                self._writer.finish()
-                self._file.flush()
-                os.fsync(self._file.fileno())
+            self._attach(SCENE_INDEX_NAME, self._index.scene().tobytes())
+            self._attach(STATE_KEYS_NAME, np.array(self._keys, STATE_KEYS).tobytes())
+            self._writer.finish()
+            self._file.sync()
+        except OSError:
+            self._writer.drop_from(start)
+            raise
+
+    @contextlib.contextmanager
+    def _ending_if_full(self) -> Iterator[None]:
+        """Where the system refuses, the recording ends here, with what is in it; every further call says so again."""
+        try:
+            yield
+        except OSError as error:
+            self._closed = True
+            fitted = self._end_with_what_fitted()
+            text = f"the recording {self.path} cannot be written any further: {error.strerror}; {fitted}"
+            self._failure = RecordingError(text)
+            raise self._failure from error
+
+    def _check(self) -> None:
+        if self._failure is not None:
+            raise self._failure
+
+    def _end_with_what_fitted(self) -> str:
+        """Makes the file whole with the chunks that are in it; where its end has no room, with fewer of them. Says which."""
+        writer = self._writer
+        writer.drop_open_chunk()
+        count, end = writer.chunk_count, self._file.size
+        least = max(1, count // 3)  # rather than lose more the file stays without an end, and is mended by who reads it
+        try:
+            while count >= least:
+                writer.drop_chunks(count)
+                has_all_frames = self._index.cut(count)
+                self._keys = [key for key in self._keys if key[1] < count]
+                try:
+                    self._finish(has_all_frames=has_all_frames)
+                except OSError as error:
+                    _log.debug("the end of %s has no room after %d chunks: %s", self.path, count, error)
+                    needed = writer.summary_size + self._indexes_size
+                    count = min(writer.chunks_before(end - needed), count - 1)
+                else:
+                    return "what fitted is whole"
         finally:
-            with _disk_errors(self.path):
-                self._file.close()
+            self._file.close()
+        if writer.chunk_count:
+            return "what fitted can be read, and `elys recover` makes it whole"
+        if self.path.is_file():
+            self.path.unlink()  # nothing in it can be shown
+        return "nothing of it fitted"
+
+    @property
+    def _indexes_size(self) -> int:
+        return self._index.size + 12 * len(self._keys) + 1200
 
     def _begin(self, session: str, scene: str) -> None:
         # This class closes chunks, so that it knows in which one each frame stands.
-        self._writer = ChunkedWriter(self._file, profile=PROFILE, library=f"elys {elys.__version__}")
+        self._writer.begin(profile=PROFILE, library=f"elys {elys.__version__}")
         self._writer.add_metadata(METADATA_NAME, _metadata(session, scene, compact=self._compact))
         self._attach(COMPONENTS_NAME, _component_schemas(), "application/schema+json")
         self._channels = {name: self._register(name) for name in recorded_channels()}
@@ -196,7 +258,8 @@ class McapWriter:
         self._writer.add_attachment(name, data, media_type=media_type, time=time.time_ns(), created=0)
 
     def _flush(self) -> None:
-        with _disk_errors(self.path):
+        self._writer.room = self._indexes_size
+        with self._ending_if_full():
             self._writer.flush()
         if self._message_number:
             self._chunk_number += 1
@@ -222,8 +285,12 @@ def recorded_channels() -> tuple[str, ...]:
     return (SNAPSHOT_CHANNEL, EXACT_CHANNEL, *recorded)
 
 
-def open_alone(path: Path) -> BinaryIO:
-    """The file as it is, to be written by nobody else meanwhile; RecordingError if it cannot be written, or is being written."""
+def open_alone(path: Path) -> int:
+    """A descriptor of the file as it is, which nobody else writes meanwhile.
+
+    Raises:
+        RecordingError: it cannot be written, or is being written.
+    """
     try:
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o666)
     except OSError as error:
@@ -235,15 +302,7 @@ def open_alone(path: Path) -> BinaryIO:
         raise RecordingError(f"{path} is being recorded by another process: choose another name") from None
     except OSError as error:  # a file system that has no locks
         _log.debug("%s is not locked: %s", path, error)
-    return os.fdopen(descriptor, "wb")
-
-
-@contextlib.contextmanager
-def _disk_errors(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise RecordingError(f"the recording {path} cannot be written any further: {error.strerror}") from error
+    return descriptor
 
 
 def _metadata(session: str, scene: str, *, compact: bool) -> dict[str, str]:

@@ -56,6 +56,7 @@ class IndexBuilder:
         self._frames: list[tuple[int, int, float, int, int, int, int]] = []
         self._instants: list[int] = []  # of each of them
         self._told_again: list[tuple[int, int, float, int, int, int, int]] = []
+        self._last_fork = -1  # chunk of the last frame that made others void
         self._scene: list[tuple[int, int, bool, int, int]] = []
 
     def add_stored(self, channel: str, body: bytes, chunk: int, message: int, *, is_packed: bool) -> None:
@@ -95,6 +96,7 @@ class IndexBuilder:
         instant = instant_of(flags)
         if flags & FORKED:
             self._drop_void(epoch, tick, instant)
+            self._last_fork = chunk
         self._frames.append((epoch, tick, time, sequence, count, chunk, message))
         self._instants.append(instant)
 
@@ -107,6 +109,15 @@ class IndexBuilder:
                 return
             frames.pop()
             instants.pop()
+
+    def cut(self, chunk_count: int) -> bool:
+        """Forgets what stands in later chunks than so many; False if frames are missing now that one of those made void."""
+        while self._frames and self._frames[-1][5] >= chunk_count:
+            self._frames.pop()
+            self._instants.pop()
+        self._told_again = [entry for entry in self._told_again if entry[5] < chunk_count]
+        self._scene = [entry for entry in self._scene if entry[3] < chunk_count]
+        return self._last_fork < chunk_count
 
     @property
     def size(self) -> int:

@@ -10,7 +10,7 @@ import struct
 import zlib
 from collections import Counter
 from collections.abc import Sequence
-from typing import Any, BinaryIO, Final
+from typing import Any, Final, NamedTuple
 
 import zstandard
 from mcap.data_stream import RecordBuilder
@@ -31,6 +31,8 @@ from mcap.records import (
     SummaryOffset,
 )
 
+from elys.bus.transports.recording_file import RecordingFile
+
 MAGIC: Final = b"\x89MCAP0\r\n"
 _LEVEL: Final = 1  # of zstd
 _MESSAGE: Final = struct.Struct("<BQHIQQ")
@@ -38,17 +40,27 @@ _CHUNK: Final = struct.Struct("<BQQQQII4sQ")
 _FOOTER: Final = struct.Struct("<BQQQ")
 
 
-class ChunkedWriter:
-    """An MCAP file; whoever writes decides when a chunk ends (`flush`). `size` [bytes] is without the open chunk."""
+class _Written(NamedTuple):
+    """A chunk in the file."""
 
-    def __init__(self, file: BinaryIO, *, profile: str, library: str) -> None:
+    index: ChunkIndex
+    counts: dict[int, int]  # of messages by channel
+    end: int  # of it and its message indexes in the file
+
+
+class ChunkedWriter:
+    """An MCAP file; whoever writes decides when a chunk ends (`flush`). `size` [bytes] is without the open chunk.
+
+    `room` [bytes] is what is to come before the end beside the summary: with it, room for the end is kept in the file. What
+    raises OSError has changed nothing in it, and `finish`, if need be after `drop_chunks`, makes a whole file of what is there.
+    """
+
+    def __init__(self, file: RecordingFile) -> None:
         self._file = file
-        self.size = 0
+        self.room = 0
         self._schemas: list[Schema] = []
         self._channels: list[Channel] = []
-        self._counts: Counter[int] = Counter()
-        self._times: tuple[int, int] | None = None  # first and last [ns]
-        self._chunks: list[ChunkIndex] = []
+        self._chunks: list[_Written] = []
         self._attachments: list[AttachmentIndex] = []
         self._metadata: list[MetadataIndex] = []
         self._compressor = zstandard.ZstdCompressor(level=_LEVEL)
@@ -56,14 +68,28 @@ class ChunkedWriter:
         self._open_size = 0
         self._open_times: tuple[int, int] | None = None
         self._open_index: dict[int, list[tuple[int, int]]] = {}  # time and place of messages by channel
+
+    def begin(self, *, profile: str, library: str) -> None:
+        """Writes what stands before everything else."""
         self._put(MAGIC, _bytes(Header(profile=profile, library=library)))
 
     @property
+    def size(self) -> int:
+        """[bytes] without the open chunk."""
+        return self._file.size
+
+    @property
+    def chunk_count(self) -> int:
+        """How many chunks are in the file."""
+        return len(self._chunks)
+
+    @property
     def summary_size(self) -> int:
-        """About what `finish` adds [bytes]."""
-        known = sum(len(schema.data) + 100 for schema in self._schemas)
+        """What `finish` adds at most [bytes], were there another chunk."""
+        known = sum(len(schema.data) + 150 for schema in self._schemas)
         indexed = 80 + 12 * len(self._channels)
-        return known + 1000 + indexed * len(self._chunks) + 150 * len(self._attachments)
+        named = sum(len(index.name) + 120 for index in (*self._attachments, *self._metadata))
+        return known + 1000 + indexed * (len(self._chunks) + 1) + named
 
     def add_schema(self, name: str, encoding: str, data: bytes) -> int:
         """Makes a schema known and returns its number."""
@@ -84,7 +110,6 @@ class ChunkedWriter:
         """Puts a message into the open chunk; `body` is kept, not copied, until the chunk ends."""
         self._open_index.setdefault(channel, []).append((time, self._open_size))
         self._open_times = _spanning(self._open_times, time, time)
-        self._counts[channel] += 1
         size = _MESSAGE.size - 9 + len(body)
         self._add(_MESSAGE.pack(Opcode.MESSAGE, size, channel, sequence, time, time))
         self._add(body)
@@ -102,31 +127,51 @@ class ChunkedWriter:
             name=name,
             media_type=media_type,
         )
-        self._attachments.append(index)
         self._put(written)
+        self._attachments.append(index)
 
     def add_metadata(self, name: str, metadata: dict[str, str]) -> None:
         """Adds names and texts."""
         written = _bytes(Metadata(name=name, metadata=metadata))
-        self._metadata.append(MetadataIndex(offset=self.size, length=len(written), name=name))
+        index = MetadataIndex(offset=self.size, length=len(written), name=name)
         self._put(written)
+        self._metadata.append(index)
 
     def flush(self) -> None:
-        """Ends the open chunk, if it has any message, and hands everything to the system."""
+        """Ends the open chunk, if it has any message, and hands it to the system."""
         if self._open_times is not None:
             self._end_chunk(*self._open_times)
-        self._file.flush()
+
+    def drop_open_chunk(self) -> None:
+        """Forgets what is not in the file yet."""
+        self._open, self._open_size, self._open_times, self._open_index = [], 0, None, {}
+
+    def chunks_before(self, size: int) -> int:
+        """How many chunks end within the first `size` bytes."""
+        return sum(chunk.end <= size for chunk in self._chunks)
+
+    def drop_chunks(self, count: int) -> None:
+        """Leaves `count` chunks in the file; the others, and what came after them, go."""
+        if count < len(self._chunks):
+            self.drop_from(self._chunks[count].index.chunk_start_offset)
+
+    def drop_from(self, end: int) -> None:
+        """Takes everything away that was written from there on [bytes]."""
+        del self._chunks[self.chunks_before(end) :]
+        self._attachments = [index for index in self._attachments if index.offset < end]
+        self._metadata = [index for index in self._metadata if index.offset < end]
+        self._file.cut_back(end)
 
     def finish(self) -> None:
         """Ends the file: index, statistics, footer."""
         self.flush()
-        self._put(_bytes(DataEnd(data_section_crc=0)))
-        start = self.size
+        data_end = _bytes(DataEnd(data_section_crc=0))
+        start = self.size + len(data_end)
         groups = (
             (Opcode.SCHEMA, self._schemas),
             (Opcode.CHANNEL, self._channels),
             (Opcode.STATISTICS, [self._statistics()]),
-            (Opcode.CHUNK_INDEX, self._chunks),
+            (Opcode.CHUNK_INDEX, [chunk.index for chunk in self._chunks]),
             (Opcode.ATTACHMENT_INDEX, self._attachments),
             (Opcode.METADATA_INDEX, self._metadata),
         )
@@ -142,8 +187,7 @@ class ChunkedWriter:
         summary = b"".join((*parts, _bytes(*offsets)))
         checksum = zlib.crc32(_FOOTER.pack(Opcode.FOOTER, 20, start, place), zlib.crc32(summary))
         footer = Footer(summary_start=start, summary_offset_start=place, summary_crc=checksum)
-        self._put(summary, _bytes(footer), MAGIC)
-        self._file.flush()
+        self._file.append(data_end, summary, _bytes(footer), MAGIC)
 
     # --- inside ----------------------------------------------------------------------------------------------------
 
@@ -152,9 +196,7 @@ class ChunkedWriter:
         self._open_size += len(data)
 
     def _put(self, *pieces: bytes | memoryview) -> None:
-        for piece in pieces:
-            self._file.write(piece)
-            self.size += len(piece)
+        self._file.append(*pieces, room=self.room + self.summary_size)
 
     def _end_chunk(self, first: int, last: int) -> None:
         checksum = 0
@@ -165,39 +207,43 @@ class ChunkedWriter:
             packed.append(packing.compress(piece))
         packed.append(packing.flush())
         packed_size = sum(map(len, packed))
-        offset, size, index = self.size, self._open_size, self._open_index
-        self._open, self._open_size, self._open_times, self._open_index = [], 0, None, {}
-        self._times = _spanning(self._times, first, last)
+        offset, size = self.size, self._open_size
         length = _CHUNK.size - 9 + packed_size
-        self._put(_CHUNK.pack(Opcode.CHUNK, length, first, last, size, checksum, 4, b"zstd", packed_size), *packed)
-        end, offsets = self.size, {}
-        for channel, records in index.items():
-            offsets[channel] = self.size
-            self._put(_bytes(MessageIndex(channel_id=channel, records=records)))
-        self._chunks.append(
-            ChunkIndex(
-                chunk_length=end - offset,
-                chunk_start_offset=offset,
-                compression="zstd",
-                compressed_size=packed_size,
-                message_end_time=last,
-                message_index_length=self.size - end,
-                message_index_offsets=offsets,
-                message_start_time=first,
-                uncompressed_size=size,
-            )
+        head = _CHUNK.pack(Opcode.CHUNK, length, first, last, size, checksum, 4, b"zstd", packed_size)
+        place = end = offset + len(head) + packed_size
+        offsets, counts, indexes = {}, {}, []
+        for channel, records in self._open_index.items():
+            offsets[channel], counts[channel] = place, len(records)
+            indexes.append(_bytes(MessageIndex(channel_id=channel, records=records)))
+            place += len(indexes[-1])
+        self._put(head, *packed, *indexes)
+        self.drop_open_chunk()
+        index = ChunkIndex(
+            chunk_length=end - offset,
+            chunk_start_offset=offset,
+            compression="zstd",
+            compressed_size=packed_size,
+            message_end_time=last,
+            message_index_length=place - end,
+            message_index_offsets=offsets,
+            message_start_time=first,
+            uncompressed_size=size,
         )
+        self._chunks.append(_Written(index, counts, place))
 
     def _statistics(self) -> Statistics:
-        first, last = self._times or (0, 0)
+        counts: Counter[int] = Counter()
+        for chunk in self._chunks:
+            counts.update(chunk.counts)
+        indexes = [chunk.index for chunk in self._chunks]
         return Statistics(
             attachment_count=len(self._attachments),
             channel_count=len(self._channels),
-            channel_message_counts=dict(self._counts),
-            chunk_count=len(self._chunks),
-            message_count=self._counts.total(),
-            message_end_time=last,
-            message_start_time=first,
+            channel_message_counts=dict(counts),
+            chunk_count=len(indexes),
+            message_count=counts.total(),
+            message_end_time=max((index.message_end_time for index in indexes), default=0),
+            message_start_time=min((index.message_start_time for index in indexes), default=0),
             metadata_count=len(self._metadata),
             schema_count=len(self._schemas),
         )

@@ -384,7 +384,7 @@ def test_a_recording_without_scene_or_frames_says_which(tmp_path: Path) -> None:
     writer.close()
     with pytest.raises(RecordingError, match="holds no state frame"):
         Recording(path)
-    writer = McapWriter(path, session="s")
+    writer = McapWriter(path, session="s", overwrites=True)
     writer.write("state", HEADER.pack(1, 1, 0.0, 0, 0, 0, 0, 1), log_time=1)
     writer.close()
     with pytest.raises(RecordingError, match="holds no scene"):

@@ -214,3 +214,12 @@ def test_the_last_seconds_are_written_when_somebody_asks(tmp_path):
     assert all(reply.accepted for reply in kept)
     assert len(set(paths)) == 2 and [str(path) for path in paths] == told
     assert [verify(path).cause for path in paths] == ["equal", "equal"]
+
+
+def test_less_than_was_asked_for_is_said(tmp_path, monkeypatch, caplog):
+    monkeypatch.setattr("elys.bus.last_seconds.ROOM", 100_000)
+    simulation, _ = small_world()
+    with caplog.at_level("INFO", logger="elys"):
+        run_guarded(simulation, tmp_path, 300)
+    said = [record.message for record in caplog.records if "s are kept, not 5" in record.message]
+    assert len(said) == 1, caplog.text

@@ -57,6 +57,42 @@ def test_parts_and_the_whole(elys, tmp_path: Path) -> None:
     assert facts["health"]["missing_ticks"] == 0 and facts["sources"]["made_by"] == "merge"
 
 
+def test_what_is_recorded_keeps_what_was_there(elys, tmp_path: Path) -> None:
+    words = ("run", "stack", "--headless", "--steps", "20", "--record", "s.mcap")
+    first = elys(*words)
+    assert first.status == 0 and "\ns.mcap: " in first.out
+    before = (tmp_path / "s.mcap").read_bytes()
+    again = elys(*words, "--json")
+    assert "s.mcap is there already: recording to s-2.mcap" in again.err
+    report = json.loads(again.out)
+    assert report["recording"] == "s-2.mcap"
+    assert report["recording_size"] == (tmp_path / "s-2.mcap").stat().st_size > 0
+    assert (tmp_path / "s.mcap").read_bytes() == before
+    over = elys(*words, "--overwrite")
+    assert over.status == 0 and "\ns.mcap: " in over.out
+    assert (tmp_path / "s.mcap").read_bytes() != before
+    with Recording(tmp_path / "s.mcap") as recording:
+        assert recording.tick.tolist()[-1] == 20
+    assert sorted(path.name for path in tmp_path.glob("*.mcap")) == ["s-2.mcap", "s.mcap"]
+
+
+def test_what_can_be_made_again_is_not_written_over_unless_asked(elys, tmp_path: Path) -> None:
+    write_told(tmp_path / "run.mcap")
+    precious = tmp_path / "o.mcap"
+    verbs = (("cut", "run.mcap", "--to", "1s"), ("merge", "run.mcap"), ("fork", "run.mcap", "--at", "1s"))
+    for words in verbs:
+        precious.write_text("precious")
+        sentence = elys(*words, "-o", "o.mcap").sentence
+        assert "o.mcap is there already: move it away, name another file, or give --overwrite" in sentence
+        assert precious.read_text() == "precious"
+    for words in verbs[:2]:
+        assert elys(*words, "-o", "o.mcap", "--overwrite").status == 0
+    precious.write_bytes((tmp_path / "run.mcap").read_bytes())
+    pytest.importorskip("foxglove")
+    assert "is a recording, and would be lost" in elys("export", "run.mcap", "o.mcap", "--foxglove").sentence
+    assert precious.read_bytes() == (tmp_path / "run.mcap").read_bytes()
+
+
 def test_recovering_says_what_is_lost(elys, tmp_path: Path) -> None:
     whole = write_told(tmp_path / "run.mcap", chunk=3000).read_bytes()
     (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) // 2])
