@@ -23,9 +23,7 @@ Span = tuple[float, float]  # [s] when it begins, and how long it is
 UNTIL_TOLD: Final = 1e9  # [s] as the length of a wait whose end nobody knows yet
 
 
-def own_time(
-    at: float, offset: float, waits: Sequence[Span] = (), leaves_out: Sequence[Span] = ()
-) -> float:
+def own_time(at: float, offset: float, waits: Sequence[Span] = (), leaves_out: Sequence[Span] = ()) -> float:
     """The moment [s] of a ghost at a time [s] of the session; spans are in the order of time."""
     own = at + offset - sum(min(max(at - start, 0.0), length) for start, length in waits)
     for start, length in leaves_out:

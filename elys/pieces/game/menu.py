@@ -50,8 +50,10 @@ class Menu(Behaviour):
         for number, (name, title, _, _) in enumerate(self.choices):
             y = self.row(y, SMALL_ROW, title, self.values[name], ("setting", number))
         self.entity.set(components.Overlay, height=max(HEAD + y + FOOT, 0.5))
-        self.chosen = 0 if self.in_race else next(
-            (place for place, does in enumerate(self.does) if does == ("level", self.level)), 0
+        self.chosen = (
+            0
+            if self.in_race
+            else next((place for place, does in enumerate(self.does) if does == ("level", self.level)), 0)
         )
 
     def row(self, y, height, title, value, does):

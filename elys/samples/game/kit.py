@@ -160,7 +160,7 @@ def menu() -> EntityNode:
     """Which level to race on, and how; its lines are filled in by who knows the times."""
     title = {"text": "Time trial", "size": 0.09, "color": [1.0, 0.8, 0.25]}
     keys = {
-        "text": "arrows: choose, change   space: race   P: menu   backspace: again   E: last gate",
+        "text": "arrows: choose, change   space: go   P: pause   backspace: again   E: last gate",
         "size": 0.026,
     }
     return EntityNode(

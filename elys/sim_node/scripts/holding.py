@@ -44,4 +44,3 @@ class Hold:
         """What `saved` gave; a state of before there were holds has none."""
         by, ticks, missed = saved or (0, 0, ())
         return cls(by, ticks, list(missed))
-
