@@ -66,7 +66,7 @@ def road(course: Course, assets: AssetStore, *, friction: float = 1.2) -> Entity
     return group("Road", stretches)
 
 
-def gate(place: Place, number: int, *, width: float, height: float = 3.4) -> EntityNode:
+def gate(place: Place, number: int, *, width: float, height: float = 5.0) -> EntityNode:
     """A lit arch across the road, that counts when it is gone through the way the road leads."""
     half = width / 2.0 + 0.35
     posts = [
