@@ -83,7 +83,8 @@ async def hosted(
     assets = AssetStore()
     opened, layout = level.open(assets, players=players)
     simulation = Simulation.load(opened, assets)
-    session = await Session.host(LoopbackBroker().listen(), name="race", kind="simulation", epoch=7)
+    broker = LoopbackBroker()
+    session = await Session.host(broker.listen(), name="race", kind="simulation", epoch=7)
     node = SimulationNode(simulation, session, realtime=False)
     known = layout or LEVELS["meadow"].open(AssetStore())[1]  # nobody knows the line of a file: it is meadow's
     bots = [Bot(simulation, known, player=number) for number in range(1, players + 1)]
@@ -115,6 +116,7 @@ async def hosted(
     ticking = asyncio.create_task(node.run())
     judging = asyncio.create_task(referee.run())
     referee.judging = judging  # type: ignore[attr-defined]
+    referee.broker = broker  # type: ignore[attr-defined]
     try:
         yield referee
     finally:
