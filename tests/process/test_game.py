@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -57,7 +58,7 @@ def check_film(elys, recording: Path, film: Path) -> None:
     for picture in pictures:
         assert picture.shape == (height, width, 3)
         assert picture.std() > 15.0 and 20.0 < picture.mean() < 235.0  # neither one colour, nor night, nor glare
-    for before, after in zip(pictures, pictures[1:], strict=False):
+    for before, after in pairwise(pictures):
         assert np.abs(after - before).mean() > 2.0
 
 

@@ -4,9 +4,9 @@ With one player time stands while it is open, and goes on as it was; with severa
 whose ball rolls on by itself.
 """
 
-from typing import Annotated
+from typing import Annotated, Any
 
-from elys.script import Behaviour, about, components
+from elys.script import Behaviour, Entity, about, components
 
 ROW, SMALL_ROW, GAP = 0.075, 0.058, 0.03  # heights of the picture
 HEAD, FOOT = 0.18, 0.11  # above the rows, and below
@@ -38,7 +38,9 @@ class Menu(Behaviour):
         """Its rows anew: what can be done in a race, the levels, the settings."""
         for row in self.entity.child("Rows").children:
             row.destroy()
-        self.rows, self.does, y = [], [], 0.0
+        self.rows: list[Entity] = []
+        self.does: list[tuple[str, Any]] = []  # what each row is for, and which
+        y = 0.0
         if self.in_race:
             for what, title in IN_RACE:
                 y = self.row(y, SMALL_ROW, title, "", (what, ""))

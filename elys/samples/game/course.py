@@ -193,7 +193,7 @@ class Course:
         goes_on = len(self.stretches[-1].places) > 1
         self._begin()
         if goes_on:
-            # Two meshes that end where they meet have an edge there, off which a fast ball jumps: this one begins below the other.
+            # Off an edge where two meshes meet a fast ball jumps: this one begins below the other.
             here = self.here
             self.stretches[-1].places[:0] = [
                 replace(here, position=here.position - back * LEAD * here.forward - back**2 * SUNK * here.up)

@@ -1,4 +1,4 @@
-"""A script that holds time: nothing moves, nobody else is called, what was told is heard afterwards; wound back, and when it fails."""
+"""A script that holds time: nothing moves, nobody else is called, what was told is heard later; wound back; when it fails."""
 
 from __future__ import annotations
 
