@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import pytest
 
 from elys.common.components import Collider, RigidBody, Transform
@@ -153,3 +155,17 @@ def test_who_comes_while_time_is_held_starts_when_it_goes_on(play: Playground) -
     assert not hasattr(play.on(late), "early")
     play.run(20)
     assert play.on(late).early == 10
+
+
+def test_a_state_of_before_time_could_be_held_can_be_gone_back_to(play: Playground) -> None:
+    _, counts, _ = thrown(play, first=-1, last=-1)
+    play.run(20)
+    state = play.simulation.capture()
+    older = dataclasses.replace(
+        state, values={path: value for path, value in state.values.items() if path != "scripts/hold"}
+    )
+    assert len(older.values) == len(state.values) - 1
+    play.run(5)
+    play.simulation.restore(older)
+    assert play.on(counts).early == 20 and not play.on(counts).world.is_held
+    assert play.on(counts).world.held_time == 0.0
