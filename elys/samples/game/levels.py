@@ -185,7 +185,7 @@ def skyline(assets: AssetStore, medals: Medals, players: int) -> Layout:
     course.widen(3.2).straight(14.0, climb=-2.0)
     course.widen(5.0, curb=0.4).turn(150.0, radius=11.0, bank=22.0)
     gates.append(course.straight(8.0).here)
-    bar = kit.bar("Bar", course.straight(9.0).here, length=4.4, speed=1.4)
+    bar = kit.bar("Bar", course.straight(9.0).here, length=4.4, speed=1.25)
     wind = kit.boost("Wind", course.straight(12.0).here)
     course.straight(4.0).ramp(10.0, climb=2.2).gap(14.0, drop=3.0)
     gates.append(course.widen(7.0).straight(28.0).here)
