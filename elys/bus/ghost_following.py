@@ -118,10 +118,9 @@ class FollowedGhost:
         """See `GhostTrack`."""
         return self.told.color
 
-    @property
-    def offset(self) -> float:
+    def own_time(self, at: float) -> float:
         """See `GhostTrack`."""
-        return self.told.offset
+        return self.told.own_time(at)
 
     def hear(self, told: Ghost) -> None:
         """Takes what the ghost says of itself."""
@@ -132,7 +131,7 @@ class FollowedGhost:
 
     def around(self, at: float) -> Pair | None:
         """See `GhostTrack`. Asks for what is needed and is not here, or will be needed soon."""
-        own = at + self.told.offset
+        own = self.told.own_time(at)
         if own < self.told.start_time - 1e-9:
             return None
         run = next((run for run in self._runs if run.step <= 2.0 * self._step and run.holds(own)), None)
@@ -141,6 +140,9 @@ class FollowedGhost:
             return None
         if run.last < own + 0.5 * self._ahead and not any(other.holds(run.last + 1e-6) for other in self._runs):
             self._want(run.last)
+        soon = self.told.own_time(at + 0.5 * self._ahead)
+        if soon > own + self._ahead and not any(other.holds(soon) for other in self._runs):  # behind what it leaves out
+            self._want(soon)
         pair = run.around(own)
         self._follow_scene(pair[0].delta_sequence, own)
         return pair

@@ -28,6 +28,7 @@ from elys.bus.messages.ghosts import (
     GhostPart,
     GhostPartRequest,
     GhostSceneRequest,
+    Span,
 )
 from elys.bus.messages.scene import Snapshot
 from elys.bus.recording import Recording
@@ -53,8 +54,13 @@ class GhostServer:
         color: Color = GHOST_COLORS[0],
         title: str = "",
         offset: float = 0.0,
+        waits: tuple[Span, ...] = (),
+        leaves_out: tuple[Span, ...] = (),
     ) -> None:
-        """`offset` [s] is what its time is ahead of the session's; ALIGNED_NOW lets it begin with the next state heard."""
+        """`offset` [s] is what its time is ahead of the session's; ALIGNED_NOW lets it begin with the next state heard.
+
+        `waits` and `leaves_out`: as in `Ghost`.
+        """
         self._recording, self._session = recording, session
         self._removed = asyncio.Event()
         self._waits = math.isnan(offset)
@@ -65,6 +71,8 @@ class GhostServer:
             file=str(path),
             color=checked_color(color),
             offset=0.0 if self._waits else offset,
+            waits=waits,
+            leaves_out=leaves_out,
             start_time=float(recording.time[0]),
             end_time=float(recording.time[-1]),
         )
@@ -93,6 +101,11 @@ class GhostServer:
             self._tell()
             for close in closers:
                 close()
+
+    def wait(self, waits: tuple[Span, ...]) -> None:
+        """When it stands, from now on."""
+        self.told = msgspec.structs.replace(self.told, waits=waits)
+        self._tell()
 
     async def _align(self) -> None:
         """Lets the recording begin at what time it is in the session."""

@@ -27,9 +27,8 @@ class GhostTrack(Protocol):
     def color(self) -> Color:
         """What it is tinted with."""
 
-    @property
-    def offset(self) -> float:
-        """How far its time is ahead of that of who is accompanied [s]."""
+    def own_time(self, at: float) -> float:
+        """Which moment of it [s] is seen at a time [s] of who is accompanied."""
 
     @property
     def mirror(self) -> SceneMirror:
@@ -57,9 +56,13 @@ class RecordedTrack:
         self.mirror = recording.mirror_at(0)
         self._known: dict[int, StateFrame] = {}
 
+    def own_time(self, at: float) -> float:
+        """See `GhostTrack`."""
+        return at + self.offset
+
     def around(self, time: float) -> Pair | None:
         """See `GhostTrack`."""
-        recording, own = self.recording, time + self.offset
+        recording, own = self.recording, self.own_time(time)
         before = int(np.searchsorted(recording.time, own + 1e-9, side="right")) - 1
         if before < 0:
             return None

@@ -8,6 +8,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
 
+import numpy as np
+
 from elys.bus.access.keyring import configuration_directory
 from elys.bus.messages.streaming import MOST_NAMED, StreamInterest
 from elys.bus.session import Session
@@ -15,6 +17,7 @@ from elys.bus.state_source import tell_interest
 from elys.editor_node.action_list import add_actions
 from elys.editor_node.actions import Actions
 from elys.editor_node.application import Application
+from elys.editor_node.asset_folder import AssetFile
 from elys.editor_node.asset_library import AssetLibrary
 from elys.editor_node.attachments import Attachments, Join, Openers
 from elys.editor_node.camera_views import CameraViews
@@ -151,7 +154,7 @@ class Editor:
             capture=capture,
             assets=assets,
         )
-        self.ui.take_picture = self._take_picture
+        self.ui.take_picture, self.ui.place_file = self._take_picture, self._place_file
         self.application.on_close = lambda: self.workspace.save_dialog.may_close(self.ui)
         self.navigation = ViewportLayer(self.model, self.viewports, hold_pointer=self.window.hold_pointer)
         self.navigation.grabs = lambda: self.ui.tools.tool == "grab"
@@ -224,6 +227,12 @@ class Editor:
         """Writes what the window shows as a picture."""
         self.widgets.update(0.0)  # what was swapped away need not be there any more
         save_picture(self.context.read_window(*self.window.framebuffer_size), path)
+
+    def _place_file(self, file: AssetFile) -> None:
+        async def place() -> None:
+            await self.assets.placing.place(file, np.array(self.ui.focus))
+
+        self.model.session.start(place())
 
     def _take_picture(self, path: Path, rectangle: Rectangle) -> None:
         """Writes a part of the window as a picture once the frame that is being built is done."""

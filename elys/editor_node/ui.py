@@ -10,6 +10,7 @@ from typing import Literal
 from imgui_bundle import imgui
 
 from elys.editor_node.actions import Actions
+from elys.editor_node.asset_folder import AssetFile
 from elys.editor_node.attachments import Attachments
 from elys.editor_node.fields import DraggedAsset
 from elys.editor_node.key_bindings import KeyBindings
@@ -77,6 +78,9 @@ class Ui:
     watches: Watches = field(default_factory=Watches)
     dragged_asset: DraggedAsset | None = None  # what a payload of kind ASSET_PAYLOAD stands for
     focus: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m] what the camera of the viewport used last looks at
+    place_file: Callable[[AssetFile], None] = lambda file: (
+        None
+    )  # puts what it holds into the scene, where the view looks
     plot_field: Callable[[int, str, str], None] = lambda entity, component, field: None
     take_picture: Callable[[Path, Rectangle], None] = lambda path, rectangle: (
         None

@@ -38,6 +38,7 @@ class Entry(msgspec.Struct, frozen=True, kw_only=True):
     date: str
     began: float
     splits: tuple[float, ...] = ()  # [s] at each gate
+    pauses: tuple[tuple[float, float], ...] = ()  # of the recording's time: when it was held, and how long [s]
     proof: str = ""
 
 

@@ -10,7 +10,7 @@ import contextlib
 import getpass
 import logging
 import time
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 from elys.bus import topics
 from elys.bus.ghost_service import GhostServer
 from elys.bus.messages.commands import CommandRequest, LoadScene
-from elys.bus.messages.ghosts import GHOST_COLORS
+from elys.bus.messages.ghosts import GHOST_COLORS, UNTIL_TOLD, Span
 from elys.bus.recording import Recording
 from elys.common.errors import ElysError
 from elys.game.board import Board, Entry
@@ -57,6 +57,7 @@ class Attempt:
     finished: dict[int, Event] = field(default_factory=dict)  # by player
     splits: dict[int, list[float]] = field(default_factory=dict)
     ended_at: float = -1.0  # [s] of simulation time of the last finish
+    pauses: list[Span] = field(default_factory=list)  # of simulation time
 
 
 class Referee:
@@ -102,7 +103,7 @@ class Referee:
         self.races = 0
         self._is_begun = False
         self._wishes: asyncio.Queue[tuple[str, dict[str, Any]]] = asyncio.Queue()
-        self._ghosts: list[asyncio.Task[None]] = []
+        self._ghosts: dict[GhostServer, asyncio.Task[None]] = {}
         self._beside: set[asyncio.Task[None]] = set()  # what goes on while others race
 
     async def run(self) -> None:
@@ -185,7 +186,8 @@ class Referee:
             rows.append(f"{name}|{level.title}|{told_best}|{best.medal if best is not None else ''}")
         best = self.board.best(self._person) or self.board.best()
         splits = ",".join(map(str, best.splits)) if best is not None else ""
-        menu = {"levels": "\n".join(rows), "level": self.level.name, "is_open": opens_menu}
+        menu: dict[str, Any] = {"levels": "\n".join(rows), "level": self.level.name, "is_open": opens_menu}
+        menu["players"] = self._players
         menu["settings"] = lines(self.settings, self._players)
         told: dict[str, dict[str, Any]] = {"Menu": menu}
         for number in range(1, self._players + 1):
@@ -215,6 +217,7 @@ class Referee:
             date=datetime.now(UTC).isoformat(timespec="seconds"),
             began=attempt.began,
             splits=tuple(round(split, 4) for split in attempt.splits.get(player, ())),
+            pauses=tuple(attempt.pauses),
         )
         place = self.board.add(entry)
         _log.info("%s: %s", self.level.title, told(entry, place))
@@ -240,7 +243,14 @@ class Referee:
                 continue
             elif event.kind == "race_go":
                 attempt.began = batch.tick / self._node.simulation.settings.tick_rate
-                self._send_ghosts(attempt.began)
+                self._send_ghosts(attempt)
+            elif event.kind == "race_paused":
+                # It was told in the step before, and the one after that was the first that was held.
+                attempt.pauses.append(((batch.tick - 1) / self._node.simulation.settings.tick_rate, UNTIL_TOLD))
+                self._let_ghosts_wait(attempt)
+            elif event.kind == "race_resumed" and attempt.pauses:
+                attempt.pauses[-1] = (attempt.pauses[-1][0], event.values["held"])
+                self._let_ghosts_wait(attempt)
             elif event.kind == "race_gate":
                 attempt.splits.setdefault(event.values["player"], []).append(event.values["time"])
             elif event.kind == "race_finished":
@@ -260,7 +270,12 @@ class Referee:
     def _wants_ghosts(self) -> bool:
         return self._has_ghosts and self.settings.ghosts == "on"
 
-    def _send_ghosts(self, began: float) -> None:
+    def _let_ghosts_wait(self, attempt: Attempt) -> None:
+        """They stand while the race does, and go on with it."""
+        for server in self._ghosts:
+            server.wait(_since(attempt.began, attempt.pauses))
+
+    def _send_ghosts(self, attempt: Attempt) -> None:
         """Lets those who were fast run along, from the start that all have in common."""
         for number, entry in enumerate(self.board.ghosts(self._person)) if self._wants_ghosts else ():
             try:
@@ -273,15 +288,23 @@ class Referee:
                 self._session,
                 color=GHOST_COLORS[number % len(GHOST_COLORS)],
                 title=f"{entry.player} {entry.time:.2f} s",
-                offset=entry.began - began,
+                offset=entry.began - attempt.began,
+                leaves_out=_since(entry.began, entry.pauses),
             )
-            self._ghosts.append(asyncio.create_task(_served(server, recording)))
+            self._ghosts[server] = asyncio.create_task(_served(server, recording))
 
     async def _end_ghosts(self) -> None:
-        for ghost in self._ghosts:
+        ghosts, self._ghosts = self._ghosts, {}
+        for ghost in ghosts.values():
             ghost.cancel()
-        await asyncio.gather(*self._ghosts, return_exceptions=True)
-        self._ghosts = []
+        await asyncio.gather(*ghosts.values(), return_exceptions=True)
+
+
+def _since(began: float, pauses: Iterable[Span]) -> tuple[Span, ...]:
+    """What of them lies after the start: before it, everybody waits."""
+    return tuple(
+        (max(start, began), min(length, start + length - began)) for start, length in pauses if start + length > began
+    )
 
 
 async def _served(server: GhostServer, recording: Recording) -> None:

@@ -117,7 +117,7 @@ class _GhostWorld:
         self.world.assets.close()
 
     def _offset(self, now: float, start: float, gap: float) -> float:
-        return min(max(now + self.track.offset - start, 0.0), gap)
+        return min(max(self.track.own_time(now) - start, 0.0), gap)
 
     def _follow_scene(self, moving: NDArray[np.uint32]) -> None:
         mirror = self.track.mirror

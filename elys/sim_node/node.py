@@ -272,7 +272,7 @@ class SimulationNode:
         if stepping and (found := publish_diagnostics(self.session, self.simulation)) and self.guard is not None:
             self._events += self.guard.look(found)
         events = self._publish_events()
-        if stepping:
+        if stepping and not self.simulation.is_held:
             self._publish_contacts()
         publish_debug_lines(self.session, self.simulation)
         stages.done("publish_state")

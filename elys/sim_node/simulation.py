@@ -126,6 +126,11 @@ class Simulation:
         """Simulated time since the beginning [s]: ticks over the tick rate, never a sum of steps."""
         return self.tick / self.settings.tick_rate
 
+    @property
+    def is_held(self) -> bool:
+        """Whether a script lets time stand in this step, or let it in the last one: nothing moves then."""
+        return self.scripts.hold.stands
+
     def step(self) -> None:
         """One tick: every system in its turn."""
         self.stage_times = {}
@@ -167,6 +172,8 @@ class Simulation:
 
     def play_animations(self, world: World) -> None:
         """Brings clips to the time of this tick's end, and what they move into the components."""
+        if self.is_held:
+            return
         self._animations.advance(1.0 / self.settings.tick_rate)
         self.scripts.hear(self._animations.take_events())
         self._drive(self._animations.take_driven())
@@ -186,6 +193,8 @@ class Simulation:
 
     def move_characters(self, world: World) -> None:
         """Where characters get to in this tick, if there are any: physics takes them there."""
+        if self.is_held:
+            return
         if self._players.has_any:
             with told(world, self._changes):
                 self._players.steer()
@@ -193,6 +202,8 @@ class Simulation:
 
     def simulate_physics(self, world: World) -> None:
         """Moves the bodies by one tick, and their poses and velocities into the components."""
+        if self.is_held:
+            return
         seconds: dict[str, float] = {}
         self.hands.pull(1.0 / self.settings.tick_rate)
         self.physics.step(1.0 / self.settings.tick_rate, seconds)
@@ -203,6 +214,8 @@ class Simulation:
 
     def aim_cameras(self, world: World) -> None:
         """Cameras that follow go to where they belong, if there are any."""
+        if self.is_held:
+            return
         if self._cameras.is_needed:
             with told(world, self._changes, (CameraRig,)):
                 self._cameras.aim(1.0 / self.settings.tick_rate)
@@ -260,6 +273,8 @@ class Simulation:
     def change_settings(self, settings: SceneSettings) -> None:
         """Gravity, substeps and the like, from the next tick on."""
         self.tick = round(self.time * settings.tick_rate)  # another tick rate must not make time jump
+        hold = self.scripts.hold
+        hold.ticks = round(hold.ticks / self.settings.tick_rate * settings.tick_rate)
         self.settings = settings
         self.physics.settings = physics_settings(settings, self._threads)
 

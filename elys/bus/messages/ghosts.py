@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import msgspec
@@ -18,6 +19,18 @@ GHOST_COLORS: Final[tuple[Color, ...]] = (
 )
 
 
+Span = tuple[float, float]  # [s] when it begins, and how long it is
+UNTIL_TOLD: Final = 1e9  # [s] as the length of a wait whose end nobody knows yet
+
+
+def own_time(at: float, offset: float, waits: Sequence[Span] = (), leaves_out: Sequence[Span] = ()) -> float:
+    """The moment [s] of a ghost at a time [s] of the session; spans are in the order of time."""
+    own = at + offset - sum(min(max(at - start, 0.0), length) for start, length in waits)
+    for start, length in leaves_out:
+        own += length if own > start else 0.0
+    return own
+
+
 class Ghost(msgspec.Struct, frozen=True, kw_only=True):
     """Tells that a recorded run can be seen beside the session: at every change and twice a second."""
 
@@ -29,6 +42,12 @@ class Ghost(msgspec.Struct, frozen=True, kw_only=True):
     start_time: float  # [s] of its own time
     end_time: float
     is_gone: bool = False  # it was taken away
+    waits: tuple[Span, ...] = ()  # of the session's time, in which it stands: its session was held then
+    leaves_out: tuple[Span, ...] = ()  # of its own time, which it passes over: its own session was held then
+
+    def own_time(self, at: float) -> float:
+        """Which moment of it [s] is seen at a time [s] of the session."""
+        return own_time(at, self.offset, self.waits, self.leaves_out)
 
 
 class GhostPartRequest(msgspec.Struct, frozen=True, kw_only=True):

@@ -10,6 +10,7 @@ from imgui_bundle import imgui
 from elys.bus.tree.filter import EXAMPLES
 from elys.bus.tree.order import Order
 from elys.editor_node.language import tr, tr_label
+from elys.editor_node.piece_list import PIECE_MENUS, piece_file
 from elys.editor_node.primitives import PRIMITIVES
 from elys.editor_node.theme import icons
 from elys.editor_node.ui import Ui, action_item, dim_text
@@ -42,6 +43,23 @@ def draw_add_menu(ui: Ui, *, parent: int) -> None:
         if imgui.menu_item(f"{PRIMITIVE_ICONS[kind]}  {tr(kind)}###{kind}", "", False)[0]:
             ui.model.edit.spawn(kind, parent=parent, at=None if parent else np.array(ui.focus))
         ui.landmarks.note(f"add/{kind}")
+    if not parent:
+        imgui.separator()
+        for menu in PIECE_MENUS:
+            _draw_pieces(ui, menu)
+
+
+def _draw_pieces(ui: Ui, menu: str) -> None:
+    """The pieces of one menu: prefabs that are put where the view looks."""
+    is_open = imgui.begin_menu(tr_label(menu))
+    ui.landmarks.note(f"add/{menu}")
+    if not is_open:
+        return
+    for name in PIECE_MENUS[menu][1]:
+        if imgui.menu_item(tr_label(name), "", False)[0]:
+            ui.place_file(piece_file(menu, name))
+        ui.landmarks.note(f"add/{menu}/{name}")
+    imgui.end_menu()
 
 
 def draw_entity_menu(ui: Ui, entity: int) -> None:

@@ -42,10 +42,14 @@ class Ball(Behaviour):
 
     def fixed_update(self, dt):
         player, race = self.world.input(self.player), self.race
-        self.look(player, dt)
+        is_away = race is not None and race.is_away(self.player)
+        self.look(None if is_away else player, dt)
         self.feel_ground()
         if race is not None and not race.is_on:
             self.entity.velocity, self.entity.spin = (0, min(self.entity.velocity.y, 0), 0), (0, 0, 0)
+            return
+        if is_away:  # others race on, and it rolls by itself
+            self.roll(Vector(0, 0, 0))
             return
         if player.action("jump").was_pressed:
             self.jump_time = self.world.time
@@ -123,7 +127,7 @@ class Ball(Behaviour):
 
     def look(self, player, dt):
         """Turns the camera: by hand, or behind the way that the ball goes."""
-        by_hand = player.vector("look").x * self.look_speed * dt
+        by_hand = player.vector("look").x * self.look_speed * dt if player is not None else 0.0
         if by_hand:
             self.heading -= by_hand
             self.hand_time = self.world.time

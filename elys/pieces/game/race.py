@@ -35,7 +35,9 @@ AHEAD, NEXT, PASSED = (0.02, 0.05, 0.12), (0.2, 1.6, 3.2), (0.05, 0.6, 0.12)
 
 
 class Race(Behaviour):
-    """Counts down, measures, and says how it went. Events: race_go, race_gate, race_finished, race_wanted."""
+    """Counts down, measures, and says how it went. Events: race_go, race_gate, race_finished; race_wanted,
+    race_paused, race_resumed.
+    """
 
     gold: Annotated[float, about("Time for a gold medal.", unit="s", minimum=0.0)] = 30.0
     silver: Annotated[float, about("Time for a silver medal.", unit="s", minimum=0.0)] = 40.0
@@ -52,7 +54,8 @@ class Race(Behaviour):
         self.light()
 
     def fixed_update(self, dt):
-        if self.began is None and not any(menu.is_open for menu in self.world.behaviours(Menu)):
+        # What is opened in the middle of a race does not keep others from racing: with one player time itself stands.
+        if self.began is None and not any(menu.is_open and not menu.in_race for menu in self.world.behaviours(Menu)):
             self.began = self.world.tick
 
     @property
@@ -62,8 +65,12 @@ class Race(Behaviour):
 
     @property
     def is_on(self):
-        """Whether the countdown is over, and nobody is in the menu."""
-        return self.clock >= 0.0 and not any(menu.is_open for menu in self.world.behaviours(Menu))
+        """Whether the countdown is over."""
+        return self.clock >= 0.0
+
+    def is_away(self, player):
+        """Whether a player's hands are at the menu."""
+        return any(menu.is_open and menu.player == player for menu in self.world.behaviours(Menu))
 
     @property
     def clock(self):

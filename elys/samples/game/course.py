@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -29,6 +29,10 @@ THICKNESS: Final = 0.5  # [m] of the deck
 STRIP: Final = 0.5  # [m] about as wide is a strip of the deck
 LINE: Final = 0.12  # [m] half the width of the line in the middle
 LEANING: Final = 10.0  # [m] in which a bend leans over
+SUNK: Final = 0.1  # [m] below the road: deep enough that a fast ball does not feel an edge there
+LEAD: Final = 2.0  # [m] in which a stretch comes up below the one before
+RISE: Final = 0.08  # [m] of a plank over the road's edge, which it must not meet either
+RAMP: Final = 3.0  # [m] in which a plank comes out of the road
 DASH: Final = 2.0  # [m] of one colour along a curb
 Color = tuple[float, float, float]
 Array = NDArray[np.float64]
@@ -98,6 +102,7 @@ class Course:
         self.look = look or Look()
         self.stretches: list[Stretch] = []
         self.stations: list[Place] = []  # of all stretches, in order
+        self.planks: list[list[Place]] = []  # beside them
         self._position = np.array([0.0, height, 0.0])
         self._heading = math.radians(heading)
         self._slope = 0.0
@@ -115,16 +120,44 @@ class Course:
         return len(self.stations) - 1
 
     def plank(self, start: Sequence[float], end: Sequence[float], *, width: float) -> Course:
-        """A straight board from one point to another, beside the road: no station of the line."""
+        """A straight board from one point on the road to another: no station of the line.
+
+        It comes out of the road where it begins and goes back into it where it ends, each within RAMP: what rolls over meets no
+        edge.
+        """
         a, b = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
-        forward = (b - a) / np.linalg.norm(b - a)
+        length = float(np.linalg.norm(b - a))
+        forward = (b - a) / length
         right = np.cross(forward, (0.0, 1.0, 0.0))
         right /= np.linalg.norm(right)
         up = np.cross(right, forward)
-        count = max(1, round(float(np.linalg.norm(b - a)) / STEP))
-        places = [Place(a + (b - a) * number / count, forward, right, up) for number in range(count + 1)]
+        count = max(1, round(length / STEP))
+        places = []
+        for number in range(count + 1):
+            share = number / count
+            rise = -SUNK + (SUNK + RISE) * _eased(min(1.0, length * min(share, 1.0 - share) / RAMP))
+            places.append(Place(a + (b - a) * share + rise * up, forward, right, up))
+        self.planks.append(places)
         self.stretches.insert(len(self.stretches) - 1, Stretch(width, 0.0, self.look, places))
         return self
+
+    def way_over(self, plank: int, *, leaves: int, joins: int, lead: float = 10.0) -> tuple[Place, ...]:
+        """The line over a plank: the stations up to one, the plank, and the stations from another; in `lead` [m] before and
+        after it goes to the side on which the plank lies.
+        """
+        board = self.planks[plank]
+
+        def aside(place: Place, at: Place, end: Place, distance: float) -> Place:
+            shift = float((end.position - at.position) @ at.right) * _eased(max(0.0, 1.0 - distance / lead))
+            return replace(place, position=place.position + shift * place.right)
+
+        before, after = self.stations[: leaves + 1], self.stations[joins:]
+        first, last = self.stations[leaves], self.stations[joins]
+        return (
+            *(aside(place, first, board[0], STEP * (leaves - number)) for number, place in enumerate(before)),
+            *board,
+            *(aside(place, last, board[-1], STEP * number) for number, place in enumerate(after)),
+        )
 
     def straight(self, length: float, *, climb: float = 0.0) -> Course:
         """Goes on for a length [m] along the ground, and up by `climb` [m], level at both ends."""
@@ -157,7 +190,15 @@ class Course:
         """From here on another width [m], and curb [m]."""
         self.width = width
         self.curb = self.curb if curb is None else curb
+        goes_on = len(self.stretches[-1].places) > 1
         self._begin()
+        if goes_on:
+            # Off an edge where two meshes meet a fast ball jumps: this one begins below the other.
+            here = self.here
+            self.stretches[-1].places[:0] = [
+                replace(here, position=here.position - back * LEAD * here.forward - back**2 * SUNK * here.up)
+                for back in (1.0, 0.75, 0.5, 0.25)
+            ]
         return self
 
     def _advance(self, length: float, angle: float, climb: float, bank: float) -> None:

@@ -66,7 +66,7 @@ def road(course: Course, assets: AssetStore, *, friction: float = 1.2) -> Entity
     return group("Road", stretches)
 
 
-def gate(place: Place, number: int, *, width: float, height: float = 3.4) -> EntityNode:
+def gate(place: Place, number: int, *, width: float, height: float = 5.0) -> EntityNode:
     """A lit arch across the road, that counts when it is gone through the way the road leads."""
     half = width / 2.0 + 0.35
     posts = [
@@ -160,7 +160,7 @@ def menu() -> EntityNode:
     """Which level to race on, and how; its lines are filled in by who knows the times."""
     title = {"text": "Time trial", "size": 0.09, "color": [1.0, 0.8, 0.25]}
     keys = {
-        "text": "arrows: choose, change   space: race   P: menu   backspace: again   E: last gate",
+        "text": "arrows: choose, change   space: go   P: pause   backspace: again   E: last gate",
         "size": 0.026,
     }
     return EntityNode(

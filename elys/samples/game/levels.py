@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
@@ -36,11 +36,18 @@ class Ferry:
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """A level as it was laid out: its scene, and the line along which it can be driven, for who drives by himself."""
+    """A level as it was laid out: its scene, and the line along which it can be driven, for who drives by himself; and the one
+    over its board, if it has one.
+    """
 
     document: SceneDocument
     line: tuple[Place, ...]
     ferries: tuple[Ferry, ...] = ()
+    shortcut: tuple[Place, ...] = ()
+
+    def by_shortcut(self) -> Layout:
+        """The same, to be driven over the board, where no ferry is waited for."""
+        return replace(self, line=self.shortcut, ferries=())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,7 +144,7 @@ def quarry(assets: AssetStore, medals: Medals, players: int) -> Layout:
     far = course.gap(18.0).here
     ferry = kit.ferry("Ferry", near, far)
     line = Ferry("Ferry", at, *kit.docks(near, far, length=4.0))
-    course.plank(near.at(right=-2.5, forward=-0.1), far.at(right=-2.5, forward=0.1), width=1.0)
+    course.plank(near.at(right=-2.3, forward=-4.0), far.at(right=-2.3, forward=4.0), width=1.2)
     gates.append(course.straight(12.0).here)
     bars = [kit.bar("Bar 1", course.straight(8.0).here, length=5.2, speed=1.5)]
     bars.append(kit.bar("Bar 2", course.straight(11.0).here, length=5.2, speed=-1.8))
@@ -156,34 +163,39 @@ def quarry(assets: AssetStore, medals: Medals, players: int) -> Layout:
         kit.wall_of_boxes(bricks, columns=4, rows=4),
         kit.landscape(course, seed=2, ground=(0.34, 0.24, 0.15), trees=40),
     ]
-    return _laid_out("Quarry", assets, medals, players, course, start, gates, things, ferries=(line,))
+    board = course.way_over(0, leaves=at - 8, joins=at + 9)  # 4 m before and after the edges
+    return _laid_out("Quarry", assets, medals, players, course, start, gates, things, ferries=(line,), shortcut=board)
 
 
 def skyline(assets: AssetStore, medals: Medals, players: int) -> Layout:
-    """High and narrow, without curbs: hairpins, gaps to be jumped, and a board across the widest bend for who dares."""
+    """High and narrow, without curbs: hairpins, gaps to be jumped, and a board straight ahead where the road goes round."""
     course = Course(width=5.0, height=30.0, curb=0.0, look=STEEL)
     start = course.straight(8.0).here
     course.straight(14.0)
     course.turn(60.0, radius=14.0, bank=12.0)
     gates = [course.straight(8.0).here]
-    course.gap(3.0).straight(10.0)
-    inner = course.here
-    course.turn(-180.0, radius=12.0, climb=-3.0, bank=20.0)
+    course.gap(3.0).straight(16.0)  # a jump at full speed goes 15 m
+    # Flat, so that the board lies level with the road where it leaves it and where it comes back.
+    fork, leaves = course.here, course.station
+    course.turn(60.0, radius=11.0).turn(-120.0, radius=11.0).turn(60.0, radius=11.0)
+    course.plank(fork.at(right=1.4, forward=-3.0), course.here.at(right=1.4, forward=3.0), width=1.8)
+    joins = course.station
+    course.straight(8.0).turn(-180.0, radius=12.0, climb=-3.0, bank=20.0)
     gates.append(course.straight(6.0).here)
-    course.plank(inner.at(right=2.3, forward=0.5), course.here.at(right=2.3), width=1.2)
     course.widen(3.2).straight(14.0, climb=-2.0)
     course.widen(5.0, curb=0.4).turn(150.0, radius=11.0, bank=22.0)
     gates.append(course.straight(8.0).here)
-    bar = kit.bar("Bar", course.straight(9.0).here, length=4.4, speed=1.4)
+    bar = kit.bar("Bar", course.straight(9.0).here, length=4.4, speed=1.25)
     wind = kit.boost("Wind", course.straight(12.0).here)
     course.straight(4.0).ramp(10.0, climb=2.2).gap(14.0, drop=3.0)
     gates.append(course.widen(7.0).straight(28.0).here)
     course.widen(5.0, curb=0.0).turn(-90.0, radius=13.0, climb=-2.0, bank=16.0).straight(6.0)
-    course.gap(3.5, drop=0.4).straight(8.0)
+    course.gap(3.5, drop=0.4).straight(15.0)
     gates.append(course.turn(60.0, radius=14.0, bank=10.0).straight(12.0).here)
     course.straight(14.0)
     things = [bar, wind, kit.landscape(course, seed=3, ground=(0.05, 0.10, 0.16), trees=0)]
-    return _laid_out("Skyline", assets, medals, players, course, start, gates, things)
+    board = course.way_over(0, leaves=leaves - 6, joins=joins + 6)  # 3 m before and after
+    return _laid_out("Skyline", assets, medals, players, course, start, gates, things, shortcut=board)
 
 
 def _laid_out(
@@ -196,6 +208,7 @@ def _laid_out(
     gates: list[Place],
     things: list[EntityNode],
     ferries: tuple[Ferry, ...] = (),
+    shortcut: tuple[Place, ...] = (),
 ) -> Layout:
     entities = [
         sun((-0.5, -0.75, -0.35), intensity=2.4),
@@ -213,16 +226,15 @@ def _laid_out(
         side = (number - (players + 1) / 2.0) * 1.6
         entities += [*kit.player(start, number, assets, side=side), kit.hud(number)]
     entities.append(kit.menu())  # the last is drawn over all others
-    return Layout(
-        SceneDocument(name=name, settings=SceneSettings(), entities=entities), tuple(course.stations), ferries
-    )
+    document = SceneDocument(name=name, settings=SceneSettings(), entities=entities)
+    return Layout(document, tuple(course.stations), ferries, shortcut)
 
 
 LEVELS: Final[Mapping[str, Level]] = {
     level.name: level
     for level in (
         Level(name="meadow", title="Meadow", medals=Medals(gold=20.0, silver=26.0, bronze=45.0), lay_out=meadow),
-        Level(name="quarry", title="Quarry", medals=Medals(gold=34.0, silver=45.0, bronze=75.0), lay_out=quarry),
-        Level(name="skyline", title="Skyline", medals=Medals(gold=32.0, silver=42.0, bronze=70.0), lay_out=skyline),
+        Level(name="quarry", title="Quarry", medals=Medals(gold=30.0, silver=45.0, bronze=75.0), lay_out=quarry),
+        Level(name="skyline", title="Skyline", medals=Medals(gold=29.0, silver=40.0, bronze=70.0), lay_out=skyline),
     )
 }

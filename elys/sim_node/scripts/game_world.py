@@ -38,13 +38,33 @@ class GameWorld:
 
     @property
     def time(self) -> float:
-        """Simulation time [s]."""
-        return self._scripts.simulation.time
+        """Simulation time [s], but for what of it was held."""
+        return self.tick / self._scripts.simulation.settings.tick_rate
 
     @property
     def tick(self) -> int:
-        """Steps done."""
-        return self._scripts.simulation.tick
+        """Steps done, but for those in which time was held."""
+        return self._scripts.tick
+
+    @property
+    def is_held(self) -> bool:
+        """Whether a script holds time, or will from the next step on."""
+        return bool(self._scripts.hold.by)
+
+    @property
+    def held_time(self) -> float:
+        """How long time was held in all so far [s]."""
+        return self._scripts.hold.ticks / self._scripts.simulation.settings.tick_rate
+
+    def hold(self, by: Behaviour) -> None:
+        """Lets time stand from the next step on, for all but one script: nothing moves, and only its `fixed_update` and `update`
+        are called, until `let_go`, or until it is off or gone. What was told meanwhile is heard then.
+        """
+        self._scripts.hold.by = by.entity.id
+
+    def let_go(self) -> None:
+        """Lets time go on from the next step."""
+        self._scripts.hold.by = 0
 
     @property
     def dt(self) -> float:

@@ -1,7 +1,8 @@
 """Runs the behaviours of a world: who has one, what becomes of them each tick, and what they remember.
 
 A tick, for scripts: those whose component came, changed or went; what happened since, told to each in turn; functions that wait
-go on; `fixed_update`. After physics: `update`. Scripts run in the order of their entities' ids.
+go on; `fixed_update`. After physics: `update`. Scripts run in the order of their entities' ids. While one of them holds time
+(holding.py), only that one is called.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from elys.sim_node.scripts.field_values import field_values
 from elys.sim_node.scripts.game_world import GameWorld
 from elys.sim_node.scripts.handles import EntityHandle
 from elys.sim_node.scripts.happenings import checked_event, contacts_of, visits_of
+from elys.sim_node.scripts.holding import MOST_MISSED, Hold
 from elys.sim_node.scripts.library import LoadedScript, ScriptLibrary
 from elys.sim_node.scripts.memory_watch import MemoryWatch
 from elys.sim_node.scripts.program import Program
@@ -60,6 +62,7 @@ class Scripts:
         self._doomed: list[Entity] = []
         self._events: list[Event] = []
         self.sounds = ScriptSounds(simulation)
+        self.hold = Hold()
         self._recollection = Recollection(self)
         self.watchdog = Watchdog()
         self._budget = Budget()
@@ -71,10 +74,16 @@ class Scripts:
     def __len__(self) -> int:
         return len(self._running)
 
+    @property
+    def tick(self) -> int:
+        """Steps done, but for those in which time was held: what scripts count in."""
+        return self.simulation.tick - self.hold.ticks
+
     # --- the tick
 
     def run(self, world: World) -> None:
         """Before physics: all but `update`."""
+        self.hold.stands = False
         if not (self._running or len(self._query)):
             self._events += self._queue
             self._queue = []
@@ -90,6 +99,11 @@ class Scripts:
         self._follow()
         heard, self._queue = self._queue, []
         self._events += heard
+        holder = self._holder()
+        if holder is not None:
+            self._run_holder(holder, heard)
+            return
+        heard = [*self.hold.take_missed(), *heard]
         for one in self._waiting_to_start():
             one.has_started = True
             self._listening = {}
@@ -101,6 +115,24 @@ class Scripts:
         self._call_all("fixed_update", self.world.dt)
         self._end_doomed()
 
+    def _holder(self) -> Running | None:
+        """Who holds time; nobody does who is off or gone, or time would stand for ever."""
+        one = self._running.get(self.hold.by)
+        if one is None or not one.has_started or not one.hooks:
+            self.hold.by = 0
+            return None
+        return one
+
+    def _run_holder(self, one: Running, heard: list[Event]) -> None:
+        hold = self.hold
+        hold.stands, hold.ticks = True, hold.ticks + 1
+        hold.missed += heard
+        if len(hold.missed) > MOST_MISSED:
+            hold.missed.clear()
+            self.fail(one, ScriptError(f"more than {MOST_MISSED} events were told while it held time"))
+        self._call(one, "fixed_update", self.world.dt)
+        self._end_doomed()
+
     def run_late(self, world: World) -> None:
         """After physics: `update`."""
         if not self._running:
@@ -108,7 +140,10 @@ class Scripts:
         began = time.thread_time()
         self.watchdog.begin()
         with self._memory.bounded():
-            self._call_all("update", self.world.dt)
+            if not self.hold.stands:
+                self._call_all("update", self.world.dt)
+            elif (holder := self._running.get(self.hold.by)) is not None:
+                self._call(holder, "update", self.world.dt)
             self._end_doomed()
         self.watchdog.end()
         spent = self._spent + time.thread_time() - began
@@ -169,9 +204,9 @@ class Scripts:
             self.fail(one, error)
 
     def _begin(self, one: Running, call: Call) -> None:
-        task = Task.of(call, self.simulation.tick, self._ticks_in)
+        task = Task.of(call, self.tick, self._ticks_in)
         one.tasks.append(task)
-        task.advance(self.simulation.tick, self._ticks_in, {})
+        task.advance(self.tick, self._ticks_in, {})
         if task.is_done:
             one.tasks.remove(task)
 
@@ -181,7 +216,7 @@ class Scripts:
         try:
             with self.watchdog.inside():
                 for task in list(one.tasks):
-                    task.advance(self.simulation.tick, self._ticks_in, mine)
+                    task.advance(self.tick, self._ticks_in, mine)
                     if task.is_done and task in one.tasks:
                         one.tasks.remove(task)
         except _FAILURES as error:
@@ -386,7 +421,8 @@ class Scripts:
 
     def saved(self) -> dict[str, Any]:
         """All that scripts remember, for a state."""
-        return {"running": self._recollection.kept(self._running), "queue": tuple(self._queue)}
+        running = self._recollection.kept(self._running)
+        return {"running": running, "queue": tuple(self._queue), "hold": self.hold.saved()}
 
     def load(self, saved: Mapping[str, Any]) -> None:
         """Puts back what `saved` gave; a script that is not there any more, or other, stays off and says so."""
@@ -395,6 +431,7 @@ class Scripts:
         self._events.clear()
         # A state of before there were scripts has neither.
         self._queue = list(saved["queue"] or ())
+        self.hold = Hold.of(saved["hold"])
         self._running = {}
         for one, error in self._recollection.found(saved["running"] or (), self._running):
             self.fail(one, error)

@@ -18,7 +18,7 @@ from elys.bus import ghost_service, topics
 from elys.bus.ghost_following import FollowedGhost, GhostFollower
 from elys.bus.ghost_service import ALIGNED_NOW, MOST_FRAMES, GhostServer, opened_ghosts, positions_between
 from elys.bus.ghost_track import FrameRun, GhostTrack, RecordedTrack
-from elys.bus.messages.ghosts import Ghost, GhostChange, GhostPart, GhostPartRequest, GhostSceneRequest
+from elys.bus.messages.ghosts import UNTIL_TOLD, Ghost, GhostChange, GhostPart, GhostPartRequest, GhostSceneRequest
 from elys.bus.messages.session import SessionStatus
 from elys.bus.recording import Recording
 from elys.bus.session import Session
@@ -46,6 +46,7 @@ class Beside:
         """Serves the recording, and waits until it is followed."""
         server = GhostServer(self.recording, self.host, **options)
         self.servers.append(asyncio.create_task(server.run()))
+        self.last_server = server
         async with asyncio.timeout(10.0):
             while server.told.ghost not in self.follower.tracks:
                 await asyncio.sleep(0.005)
@@ -150,6 +151,24 @@ async def test_a_ghost_begins_when_it_is_wanted_to(tmp_path: Path) -> None:
         followed = await showing
         assert followed.told.offset == -100.0
         check_pair(await made.around(followed, 100.5), 30, 30)
+
+
+async def test_a_ghost_waits_while_its_session_is_held_and_passes_over_where_it_was_held_itself(tmp_path: Path) -> None:
+    async with beside(tmp_path) as made:
+        followed = await made.show(leaves_out=((1.0, 0.5),))
+        check_pair(await made.around(followed, 0.5), 30, 30)
+        check_pair(await made.around(followed, 1.1), 96, 96)  # of its own time 1.6 s
+        made.last_server.wait(((0.5, UNTIL_TOLD),))
+        async with asyncio.timeout(10.0):
+            while not followed.told.waits:
+                await asyncio.sleep(0.005)
+        for time in (0.5, 0.8, 9.0):
+            check_pair(await made.around(followed, time), 30, 30)
+        made.last_server.wait(((0.5, 3.0),))
+        async with asyncio.timeout(10.0):
+            while followed.told.waits[0][1] != 3.0:
+                await asyncio.sleep(0.005)
+        check_pair(await made.around(followed, 3.75), 45, 45)
 
 
 async def test_a_ghost_is_tinted_shifted_and_taken_away(tmp_path: Path) -> None:

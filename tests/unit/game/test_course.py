@@ -8,7 +8,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from elys.samples.game.course import Course
+from elys.samples.game.course import SUNK, Course
 
 
 def test_straights_turns_and_gaps_lead_where_they_should():
@@ -52,3 +52,32 @@ def test_a_mesh_is_closed_and_looks_outwards(curb):
     length = np.linalg.norm(np.diff([place.position for place in course.stations], axis=0), axis=1).sum()
     assert volume == pytest.approx(area * length, rel=0.01)
     assert origin == pytest.approx(course.stations[0].position)
+
+
+def test_where_a_road_becomes_wider_no_edge_stands_in_the_way_of_a_ball():
+    """The next mesh begins below the one before: a fast ball would jump off an edge at the same height."""
+    course = Course(width=5.0, curb=0.0)
+    course.straight(20.0).widen(7.0).straight(10.0)
+    seam = course.stretches[0].places[-1].position
+    first, second = course.stretches
+    assert second.places[0].position[1] == pytest.approx(first.places[-1].position[1] - SUNK)
+    assert second.places[0].position[2] > seam[2] + 1.0  # it begins before the seam, below
+    rising = np.diff([place.position[1] for place in second.places if place.position[2] > seam[2] - 1e-9])
+    assert (rising > 0.0).all() and rising[-1] < 0.01  # and is level with it there
+    assert len(course.stations) == 1 + 40 + 1 + 20  # the line goes on as the road is driven
+
+
+def test_a_plank_comes_out_of_the_road_and_goes_back_into_it():
+    course = Course(width=6.0)
+    start = course.straight(10.0).here
+    end = course.gap(20.0).here
+    course.straight(10.0)
+    course.plank(start.at(right=2.0, forward=-4.0), end.at(right=2.0, forward=4.0), width=1.0)
+    (board,) = course.planks
+    heights = [place.position[1] for place in board]
+    assert heights[0] == pytest.approx(-SUNK) and heights[-1] == pytest.approx(-SUNK)
+    over = [h for place, h in zip(board, heights, strict=True) if -30.0 <= place.position[2] <= -10.0]
+    assert min(over) > 0.0  # higher than the edges of the road
+    line = course.way_over(0, leaves=20 - 8, joins=21 + 8)
+    steps = np.linalg.norm(np.diff([place.position for place in line], axis=0), axis=1)
+    assert steps.max() < 1.0  # without a leap to the side

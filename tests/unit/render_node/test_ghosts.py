@@ -83,10 +83,11 @@ def frame(poses: Poses, time: float = 0.0) -> StateFrame:
 class Track:
     """A ghost of frames that are given."""
 
-    offset = 0.0
-
     def __init__(self, mirror: SceneMirror, *frames: StateFrame, color: tuple[int, int, int] = TINT) -> None:
         self.mirror, self.frames, self.color, self.title = mirror, frames, color, "Other"
+
+    def own_time(self, at: float) -> float:
+        return at
 
     def around(self, time: float) -> tuple[StateFrame, StateFrame] | None:
         earlier = [one for one in self.frames if one.simulation_time <= time + 1e-9]

@@ -1,0 +1,171 @@
+"""A script that holds time: nothing moves, nobody else is called, what was told is heard later; wound back; when it fails."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from elys.common.components import Collider, RigidBody, Transform
+from elys.sim_node.state import State
+from tests.unit.sim_node.scripts.conftest import Playground
+
+COUNTS = """
+    class Counts(Behaviour):
+        def start(self):
+            self.early = self.late = self.rang = 0
+            self.heard = []
+            self.every(0.1, self.ring)
+
+        def ring(self):
+            self.rang += 1
+            self.at = self.world.time
+
+        def fixed_update(self, dt):
+            self.early += 1
+
+        def update(self, dt):
+            self.late += 1
+
+        def on_event(self, event):
+            if event.kind == "said":
+                self.heard.append(event.values["number"])
+"""
+HOLDS = """
+    class Holds(Behaviour):
+        first: int = 30
+        last: int = 60
+
+        def start(self):
+            self.steps = 0
+
+        def fixed_update(self, dt):
+            self.steps += 1
+            if self.steps == self.first:
+                self.world.hold(self)
+                self.world.emit("said", number=1)
+            if self.steps == self.first + 5:
+                self.world.emit("said", number=2)
+            if self.steps == self.last:
+                self.world.let_go()
+                self.world.emit("said", number=3)
+"""
+
+
+def thrown(play: Playground, **values: int) -> tuple[int, int, int]:
+    """A ball that flies, one who counts, and one who holds time from step 31 to 60."""
+    ball = play.simulation.world.spawn(
+        [
+            Transform(position=(0.0, 50.0, 0.0)),
+            RigidBody(linear_velocity=(3.0, 4.0, 0.0), angular_velocity=(0.0, 9.0, 0.0)),
+            Collider(shape="sphere"),
+        ],
+        name="Ball",
+    )
+    counts = play.spawn(play.write("counts.py", COUNTS), "Counts")
+    holds = play.spawn(play.write("holds.py", HOLDS), "Holds", **values)
+    return ball, counts, holds
+
+
+def test_nothing_moves_and_nobody_else_is_called_while_time_is_held(play: Playground) -> None:
+    ball, counts, holds = thrown(play)
+    simulation = play.simulation
+    play.run(30)
+    before, hash_before = simulation.world.get(ball, RigidBody), simulation.state_hash()
+    place = simulation.world.get(ball, Transform).position
+    play.run(30)
+    assert simulation.is_held and simulation.tick == 60
+    assert simulation.world.get(ball, RigidBody) == before and simulation.state_hash() == hash_before
+    assert simulation.world.get(ball, Transform).position == place
+    counting = play.on(counts)
+    assert (counting.early, counting.late, play.on(holds).steps) == (30, 30, 60)
+    assert counting.world.time == pytest.approx(0.5) and counting.world.held_time == pytest.approx(0.5)
+    play.run(30)
+    assert not simulation.is_held and (counting.early, counting.late) == (60, 60)
+    assert counting.rang == 9  # of its own second, in which half a second was not counted
+    assert counting.heard == [1, 2, 3]
+
+
+def test_it_goes_on_as_if_nobody_had_held_it(play: Playground, tmp_path) -> None:
+    thrown(play)
+    play.run(130)
+    simulation = play.simulation
+    (tmp_path / "other").mkdir()
+    other = Playground(play.folder)
+    thrown(other, first=-1, last=-1)
+    other.run(100)
+    assert simulation.state_hash() == other.simulation.state_hash()
+
+
+@pytest.mark.parametrize("before", [30, 45, 59, 60, 61])
+def test_a_state_from_the_middle_of_a_hold_goes_on_the_same(play: Playground, before: int) -> None:
+    _, counts, _ = thrown(play)
+    simulation = play.simulation
+
+    def seen() -> tuple[object, ...]:
+        counting = play.on(counts)
+        return simulation.state_hash(), counting.early, counting.rang, counting.heard[:], counting.world.time
+
+    play.run(before)
+    state = State.from_bytes(simulation.capture().to_bytes())
+    play.run(50)
+    first = seen()
+    simulation.restore(state)
+    play.run(50)
+    assert seen() == first
+
+
+@pytest.mark.parametrize("how", ["fails", "is switched off", "is gone", "tells without end"])
+def test_time_goes_on_where_the_one_who_holds_it_cannot_let_go(play: Playground, how: str) -> None:
+    _, counts, _ = thrown(play, first=-1, last=-1)
+    source = play.write(
+        "stuck.py",
+        """
+        class Stuck(Behaviour):
+            how: str = ""
+
+            def start(self):
+                self.world.hold(self)
+                self.steps = 0
+
+            def fixed_update(self, dt):
+                self.steps += 1
+                if self.steps == 10 and self.how == "fails":
+                    raise ValueError("no")
+                if self.how == "tells without end":
+                    for number in range(2000):
+                        self.world.emit("noise", number=number)
+                if self.steps == 10 and self.how == "is gone":
+                    self.entity.destroy()
+                if self.steps == 10 and self.how == "is switched off":
+                    self.entity.set("Script", enabled=False)
+        """,
+    )
+    play.spawn(source, "Stuck", how=how)
+    play.run(40)
+    assert not play.simulation.is_held and not play.on(counts).world.is_held
+    assert 25 <= play.on(counts).early < 40
+
+
+def test_who_comes_while_time_is_held_starts_when_it_goes_on(play: Playground) -> None:
+    thrown(play)
+    play.run(40)
+    late = play.spawn(play.source("counts.py"), "Late")
+    play.run(10)
+    assert not hasattr(play.on(late), "early")
+    play.run(20)
+    assert play.on(late).early == 10
+
+
+def test_a_state_of_before_time_could_be_held_can_be_gone_back_to(play: Playground) -> None:
+    _, counts, _ = thrown(play, first=-1, last=-1)
+    play.run(20)
+    state = play.simulation.capture()
+    older = dataclasses.replace(
+        state, values={path: value for path, value in state.values.items() if path != "scripts/hold"}
+    )
+    assert len(older.values) == len(state.values) - 1
+    play.run(5)
+    play.simulation.restore(older)
+    assert play.on(counts).early == 20 and not play.on(counts).world.is_held
+    assert play.on(counts).world.held_time == 0.0
