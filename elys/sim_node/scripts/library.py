@@ -123,6 +123,11 @@ class ScriptLibrary:
             "must lie beside it, and the name must stand in the script as one text, or be a field's value in the scene"
         )
 
+    def place_of(self, source: str) -> str:
+        """What tracebacks call the file of a script."""
+        path = self._path_of(source)
+        return str(path) if path.name else decode_script(self._assets.get(source)).main
+
     def _is_ours(self, source: str) -> bool:
         """Whether a script that came with a recording is, text for text, one that ELYS brings."""
         try:

@@ -6,10 +6,11 @@ go on; `fixed_update`. After physics: `update`. Scripts run in the order of thei
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import random
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import numpy as np
@@ -26,6 +27,7 @@ from elys.sim_node.scripts.handles import EntityHandle
 from elys.sim_node.scripts.happenings import checked_event, contacts_of, visits_of
 from elys.sim_node.scripts.library import LoadedScript, ScriptLibrary
 from elys.sim_node.scripts.memory_watch import MemoryWatch
+from elys.sim_node.scripts.modules import line_in
 from elys.sim_node.scripts.program import Program
 from elys.sim_node.scripts.recollection import Recollection
 from elys.sim_node.scripts.running import Running, failure_text
@@ -61,7 +63,7 @@ class Scripts:
         self._events: list[Event] = []
         self.sounds = ScriptSounds(simulation)
         self._recollection = Recollection(self)
-        self.watchdog = Watchdog()
+        self.watchdog = Watchdog(named=self.named_script)
         self._budget = Budget()
         self._memory = MemoryWatch()
         self._spent = 0.0  # [s] in this tick, before physics
@@ -80,10 +82,8 @@ class Scripts:
             self._queue = []
             return
         began = time.thread_time()
-        self.watchdog.begin()
-        with self._memory.bounded():
+        with self._watched():
             self._run_early()
-        self.watchdog.end()
         self._spent = time.thread_time() - began
 
     def _run_early(self) -> None:
@@ -106,14 +106,22 @@ class Scripts:
         if not self._running:
             return
         began = time.thread_time()
-        self.watchdog.begin()
-        with self._memory.bounded():
+        with self._watched():
             self._call_all("update", self.world.dt)
             self._end_doomed()
-        self.watchdog.end()
         spent = self._spent + time.thread_time() - began
         self._budget.look(spent, self._running.values(), dt=self.world.dt, named=self.named_script)
         self._look_at_memory()
+
+    @contextlib.contextmanager
+    def _watched(self) -> Iterator[None]:
+        """A pass of scripts, which may take only so much time and memory."""
+        self.watchdog.begin()
+        try:
+            with self._memory.bounded():
+                yield
+        finally:
+            self.watchdog.end()
 
     def _waiting_to_start(self) -> list[Running]:
         if not self._are_new:
@@ -146,6 +154,7 @@ class Scripts:
             try:
                 for one in listening[place:]:
                     watchdog.call += 1
+                    watchdog.who = one
                     place += 1
                     began = time.thread_time() if measures else 0.0
                     result = getattr(one.itself, hook)(*arguments)
@@ -154,14 +163,16 @@ class Scripts:
                     if measures:
                         one.spent += time.thread_time() - began
             except _FAILURES as error:
+                watchdog.is_inside = False
                 self.fail(listening[place - 1], error)
+                watchdog.is_inside = True
         watchdog.is_inside = False
 
     def _call(self, one: Running, hook: str, *arguments: Any) -> None:
         if hook not in one.hooks or not self.simulation.world.is_alive(one.entity):
             return
         try:
-            with self.watchdog.inside():
+            with self.watchdog.inside(who=one):
                 result = getattr(one.itself, hook)(*arguments)
                 if type(result) is Call:
                     self._begin(one, result)
@@ -179,7 +190,7 @@ class Scripts:
         began = time.thread_time() if self._budget.measures else 0.0
         mine = {kind: event for kind, event in happened.items() if event.entity in (0, one.entity)}
         try:
-            with self.watchdog.inside():
+            with self.watchdog.inside(who=one):
                 for task in list(one.tasks):
                     task.advance(self.simulation.tick, self._ticks_in, mine)
                     if task.is_done and task in one.tasks:
@@ -230,7 +241,7 @@ class Scripts:
     def _become(self, one: Running, component: Script) -> None:
         try:
             script = self.loaded(component.source) if component.source != one.source else None
-            with self.watchdog.inside():
+            with self.watchdog.inside(who=one):
                 if script is not None:
                     self._change_script(one, script)
                 one.source = component.source
@@ -250,7 +261,10 @@ class Scripts:
             with self.watchdog.inside(LOADING_LIMIT):
                 return self.library.load(source)
         except ScriptTimeout as error:
-            raise ScriptError(f"the file did not come back within {LOADING_LIMIT:g} s as it was loaded") from error
+            where = line_in(self.library.place_of(source), error)
+            raise ScriptError(
+                f"{where}: the file did not come back within {LOADING_LIMIT:g} s as it was loaded"
+            ) from error
         finally:
             self.watchdog.end()
 
@@ -283,7 +297,7 @@ class Scripts:
         self._listening = {}
         if one.has_started and "on_destroy" in one.hooks and one.itself is not None:
             try:
-                with self.watchdog.inside():
+                with self.watchdog.inside(who=one):
                     one.itself.on_destroy()
             except _FAILURES as error:
                 self.fail(one, error)

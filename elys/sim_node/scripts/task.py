@@ -90,8 +90,10 @@ class Task:
         try:
             if self.wait is None or self._end_wait(now, ticks_in, happened):
                 self._run(now, ticks_in)
-        except BaseException:
+        except BaseException as error:
             self.is_done = True
+            if self.frames and not hasattr(error, "place"):  # ended from outside: that may have been between two blocks
+                error.place = self.frames[-1].program.place_at(self.frames[-1].place)  # type: ignore[attr-defined]
             raise
 
     def _end_wait(self, now: int, ticks_in: Callable[[float], int], happened: dict[str, Any]) -> bool:
