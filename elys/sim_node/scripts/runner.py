@@ -6,11 +6,11 @@ go on; `fixed_update`. After physics: `update`. Scripts run in the order of thei
 
 from __future__ import annotations
 
-import contextlib
 import logging
 import random
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import numpy as np
@@ -21,10 +21,11 @@ from elys.common.errors import ScriptError
 from elys.common.ids import Entity
 from elys.sim_node.scripts.behaviour import Behaviour, is_a
 from elys.sim_node.scripts.budget import Budget
+from elys.sim_node.scripts.event_queue import EventQueue
 from elys.sim_node.scripts.field_values import field_values
 from elys.sim_node.scripts.game_world import GameWorld
 from elys.sim_node.scripts.handles import EntityHandle
-from elys.sim_node.scripts.happenings import checked_event, contacts_of, visits_of
+from elys.sim_node.scripts.happenings import contacts_of, visits_of
 from elys.sim_node.scripts.library import LoadedScript, ScriptLibrary
 from elys.sim_node.scripts.memory_watch import MemoryWatch
 from elys.sim_node.scripts.modules import line_in
@@ -32,7 +33,7 @@ from elys.sim_node.scripts.program import Program
 from elys.sim_node.scripts.recollection import Recollection
 from elys.sim_node.scripts.running import Running, failure_text
 from elys.sim_node.scripts.sounds import ScriptSounds
-from elys.sim_node.scripts.task import Task
+from elys.sim_node.scripts.task import Hear, Task, hear_nothing
 from elys.sim_node.scripts.waiting import Call
 from elys.sim_node.scripts.watchdog import ScriptGrowth, ScriptTimeout, Watchdog
 
@@ -42,7 +43,6 @@ if TYPE_CHECKING:
 
 B = TypeVar("B", bound=Behaviour)
 LOADING_LIMIT: Final = 20.0  # [s] that a file may take to be run as it is loaded: it may import much
-MOST_EVENTS: Final = 10_000  # told in a tick; a script that tells more fails
 _FAILURES: Final = (Exception, SystemExit, ScriptTimeout, ScriptGrowth)  # of a script, which end it alone
 _log = logging.getLogger(__name__)
 
@@ -58,7 +58,7 @@ class Scripts:
         self._query = simulation.world.query(Script)
         self._running: dict[int, Running] = {}  # by entity, rising
         self._seen: tuple[object, ...] = ()
-        self._queue: list[Event] = []  # told in this tick, heard in the next
+        self.events = EventQueue(self)
         self._doomed: list[Entity] = []
         self._events: list[Event] = []
         self.sounds = ScriptSounds(simulation)
@@ -78,17 +78,16 @@ class Scripts:
     def run(self, world: World) -> None:
         """Before physics: all but `update`."""
         if not (self._running or len(self._query)):
-            self._events += self._queue
-            self._queue = []
+            self._events += self.events.take()
             return
         began = time.thread_time()
-        with self._watched():
+        with self.watchdog.watching(), self._memory.bounded():
             self._run_early()
         self._spent = time.thread_time() - began
 
     def _run_early(self) -> None:
         self._follow()
-        heard, self._queue = self._queue, []
+        heard = self.events.take()
         self._events += heard
         for one in self._waiting_to_start():
             one.has_started = True
@@ -106,22 +105,12 @@ class Scripts:
         if not self._running:
             return
         began = time.thread_time()
-        with self._watched():
+        with self.watchdog.watching(), self._memory.bounded():
             self._call_all("update", self.world.dt)
             self._end_doomed()
         spent = self._spent + time.thread_time() - began
         self._budget.look(spent, self._running.values(), dt=self.world.dt, named=self.named_script)
         self._look_at_memory()
-
-    @contextlib.contextmanager
-    def _watched(self) -> Iterator[None]:
-        """A pass of scripts, which may take only so much time and memory."""
-        self.watchdog.begin()
-        try:
-            with self._memory.bounded():
-                yield
-        finally:
-            self.watchdog.end()
 
     def _waiting_to_start(self) -> list[Running]:
         if not self._are_new:
@@ -135,7 +124,8 @@ class Scripts:
         for one in self.listening("on_event") if heard else ():
             for event in heard:
                 if not event.entity or event.entity == one.entity:
-                    self._call(one, "on_event", event)
+                    for told in self.events.as_heard(one, event):
+                        self._call(one, "on_event", told)
         for player in self.world.players:
             self._call_all("on_input", player)
 
@@ -182,17 +172,20 @@ class Scripts:
     def _begin(self, one: Running, call: Call) -> None:
         task = Task.of(call, self.simulation.tick, self._ticks_in)
         one.tasks.append(task)
-        task.advance(self.simulation.tick, self._ticks_in, {})
+        task.advance(self.simulation.tick, self._ticks_in, hear_nothing)
         if task.is_done:
             one.tasks.remove(task)
 
     def _resume(self, one: Running, happened: Mapping[str, Event]) -> None:
         began = time.thread_time() if self._budget.measures else 0.0
-        mine = {kind: event for kind, event in happened.items() if event.entity in (0, one.entity)}
+        hear: Hear = hear_nothing
+        if happened:
+            mine = {kind: event for kind, event in happened.items() if event.entity in (0, one.entity)}
+            hear = partial(self.events.awaited, mine)
         try:
             with self.watchdog.inside(who=one):
                 for task in list(one.tasks):
-                    task.advance(self.simulation.tick, self._ticks_in, mine)
+                    task.advance(self.simulation.tick, self._ticks_in, hear)
                     if task.is_done and task in one.tasks:
                         one.tasks.remove(task)
         except _FAILURES as error:
@@ -256,17 +249,14 @@ class Scripts:
 
     def loaded(self, source: str) -> LoadedScript:
         """A script's class. Raises ScriptError, also for a file that does not come back."""
-        self.watchdog.begin()
         try:
-            with self.watchdog.inside(LOADING_LIMIT):
+            with self.watchdog.watching(), self.watchdog.inside(LOADING_LIMIT):
                 return self.library.load(source)
         except ScriptTimeout as error:
             where = line_in(self.library.place_of(source), error)
             raise ScriptError(
                 f"{where}: the file did not come back within {LOADING_LIMIT:g} s as it was loaded"
             ) from error
-        finally:
-            self.watchdog.end()
 
     def _change_script(self, one: Running, script: LoadedScript) -> None:
         """A new behaviour, or the same one as its file was saved anew, which goes on with what it remembers."""
@@ -337,19 +327,17 @@ class Scripts:
 
     # --- what scripts ask
 
+    def tasks(self) -> list[Task]:
+        """All async functions that have begun."""
+        return [task for one in self._running.values() for task in one.tasks]
+
     def world_of(self, source: str) -> GameWorld:
         """The world as one script sees it."""
         return self._worlds.setdefault(source, GameWorld(self, source))
 
-    def emit(self, kind: str, entity: int, values: dict[str, Any]) -> None:
-        """Tells an event, heard in the next tick."""
-        if len(self._queue) >= MOST_EVENTS:
-            raise ScriptError(f"more than {MOST_EVENTS} events were told in one tick")
-        self._queue.append(checked_event(kind, entity, values))
-
     def hear(self, events: list[Event]) -> None:
         """Tells what happened in this tick; heard in the next one."""
-        self._queue += events
+        self.events.waiting += events
 
     def require_trust(self) -> None:
         """Raises ScriptError if any script may not run here, so that ticks would be other than they were."""
@@ -400,7 +388,7 @@ class Scripts:
 
     def saved(self) -> dict[str, Any]:
         """All that scripts remember, for a state."""
-        return {"running": self._recollection.kept(self._running), "queue": tuple(self._queue)}
+        return {"running": self._recollection.kept(self._running), "queue": tuple(self.events.waiting)}
 
     def load(self, saved: Mapping[str, Any]) -> None:
         """Puts back what `saved` gave; a script that is not there any more, or other, stays off and says so."""
@@ -408,7 +396,7 @@ class Scripts:
         self._doomed.clear()
         self._events.clear()
         # A state of before there were scripts has neither.
-        self._queue = list(saved["queue"] or ())
+        self.events.waiting = list(saved["queue"] or ())
         self._running = {}
         for one, error in self._recollection.found(saved["running"] or (), self._running):
             self.fail(one, error)

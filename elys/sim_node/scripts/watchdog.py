@@ -3,10 +3,10 @@
     looks, every 0.1 s by a thread ─ too long ─▶ a signal to the main thread ─▶ its handler raises the error in the script
            every 0.5 s of processor time by a timer of the system's ────────────▲
 
-Sleeping, waiting for a lock and reading end with the signal. Python's `re` and large numbers let no thread run, but look for signals by
-themselves, which is why the timer is there. Some calls into C do neither (`sum(range(10**10))`): what those hold up nothing in this
-process can end, and not even say; `NativeWatch` does. In other threads than the main one, and on Windows, an error is
-put between two bytecodes instead, which ends loops alone.
+Sleeping, waiting for a lock and reading end with the signal. Python's `re` and large numbers let no thread run, but look for
+signals by themselves, which is why the timer is there. Some calls into C do neither (`sum(range(10**10))`): what those hold up
+nothing in this process can end, and not even say; `NativeWatch` does. In other threads than the main one, and on Windows, an
+error is put between two bytecodes instead, which ends loops alone.
 
 What the script did until then stays, so a run in which this happened is not repeated exactly.
 """
@@ -113,6 +113,15 @@ class Watchdog:
             signal.setitimer(signal.ITIMER_VIRTUAL, AGAIN, AGAIN)
 
     @contextlib.contextmanager
+    def watching(self) -> Iterator[None]:
+        """Inside, scripts run."""
+        self.begin()
+        try:
+            yield
+        finally:
+            self.end()
+
+    @contextlib.contextmanager
     def inside(self, limit: float = 0.0, *, who: Running | None = None) -> Iterator[None]:
         """A call into a script, that may take `limit` [s]; 0: as long as all."""
         self._allowed = limit or self._limit
@@ -203,7 +212,9 @@ class Watchdog:
         with self._lock:
             if self.is_inside and self._seen == self.call and self.is_raised_anew():
                 self._has_async_error = True
-                kind = type(type(error).__name__, (type(error),), {"limit": self._allowed})  # an object cannot be raised
+                kind = type(
+                    type(error).__name__, (type(error),), {"limit": self._allowed}
+                )  # an object cannot be raised
                 ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(self._watched), ctypes.py_object(kind))
 
     def _say_stuck(self) -> None:
