@@ -94,9 +94,7 @@ class Scripts:
             self._listening = {}
             self._call(one, "start")
         self._tell(heard)
-        happened = {event.kind: event for event in reversed(heard)}
-        for one in [one for one in self._running.values() if one.tasks and one.is_enabled]:
-            self._resume(one, happened)
+        self._resume_all(heard)
         self._call_all("fixed_update", self.world.dt)
         self._end_doomed()
 
@@ -176,22 +174,38 @@ class Scripts:
         if task.is_done:
             one.tasks.remove(task)
 
-    def _resume(self, one: Running, happened: Mapping[str, Event]) -> None:
-        began = time.thread_time() if self._budget.measures else 0.0
+    def _resume_all(self, heard: list[Event]) -> None:
+        """Async functions go on, of who has any. One loop as in `_call_all`, for the same reason."""
+        waiting, place, watchdog = (
+            [one for one in self._running.values() if one.tasks and one.is_enabled],
+            0,
+            self.watchdog,
+        )
+        tick, measures = self.simulation.tick, self._budget.measures
         hear: Hear = hear_nothing
-        if happened:
-            mine = {kind: event for kind, event in happened.items() if event.entity in (0, one.entity)}
-            hear = partial(self.events.awaited, mine)
-        try:
-            with self.watchdog.inside(who=one):
-                for task in list(one.tasks):
-                    task.advance(self.simulation.tick, self._ticks_in, hear)
-                    if task.is_done and task in one.tasks:
-                        one.tasks.remove(task)
-        except _FAILURES as error:
-            self.fail(one, error)
-        if self._budget.measures:
-            one.spent += time.thread_time() - began
+        happened = {event.kind: event for event in reversed(heard)}
+        watchdog.is_inside = True
+        while place < len(waiting):
+            try:
+                for one in waiting[place:]:
+                    watchdog.call += 1
+                    watchdog.who = one
+                    place += 1
+                    began = time.thread_time() if measures else 0.0
+                    if happened:
+                        mine = {kind: event for kind, event in happened.items() if event.entity in (0, one.entity)}
+                        hear = partial(self.events.awaited, mine)
+                    for task in one.tasks.copy():
+                        task.advance(tick, self._ticks_in, hear)
+                        if task.is_done and task in one.tasks:
+                            one.tasks.remove(task)
+                    if measures:
+                        one.spent += time.thread_time() - began
+            except _FAILURES as error:
+                watchdog.is_inside = False
+                self.fail(waiting[place - 1], error)
+                watchdog.is_inside = True
+        watchdog.is_inside = False
 
     def _ticks_in(self, seconds: float) -> int:
         return round(min(seconds, 1e9) * self.simulation.settings.tick_rate)

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 from elys.sim_node.scripts.event_names import is_event_class
 from elys.sim_node.scripts.program import Program
@@ -78,6 +78,7 @@ class Several(Waits):
 
 
 Awaited = Seconds | Ticks | EventNamed | Until | Call | Several
+_AWAITED: Final = (Seconds, Ticks, EventNamed, Until, Call, Several)  # a union would be made anew each time
 
 
 def seconds(duration: float) -> Seconds:
@@ -133,7 +134,7 @@ def _checked(name: str, parts: tuple[Any, ...]) -> tuple[Awaited, ...]:
 
 def require_awaited(value: Any, what: str) -> None:
     """Raises TypeError for what a script cannot await."""
-    if not isinstance(value, Seconds | Ticks | EventNamed | Until | Call | Several):
+    if not isinstance(value, _AWAITED):
         raise TypeError(
             f"{what} cannot wait for a {type(value).__name__}: await seconds(...), ticks(...), event(...), until(...), "
             "all_of(...), first_of(...) or an async function of a script"
