@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from elys.common.math import quaternion
-from elys.common.scene import EntityNode, SceneDocument
+from elys.common.scene import ComponentChanges, EntityNode, SceneDocument
 from elys.samples.entities import Color, Vector, body, camera, group, joined, obstacle, ornament, rounded, sun
 from elys.samples.pieces import piece
 
@@ -85,7 +85,7 @@ def _camera() -> EntityNode:
 
 
 def _overview() -> EntityNode:
-    node = camera((3.0, 17.0, 24.0), (0.0, 0.0, -3.5), field_of_view=0.85)
+    node = camera((2.0, 24.0, 33.0), (-0.5, 0.0, 0.5), field_of_view=0.95)
     node.name = "Overview"
     return node
 
@@ -321,7 +321,7 @@ def _pool() -> EntityNode:
 
 def _lift() -> EntityNode:
     """A platform up to a landing, and down again."""
-    platform = {"Material": {"base_color": list(_MOVES)}}
+    platform: ComponentChanges = {"Material": {"base_color": list(_MOVES)}}
     lift = piece(
         "Lift",
         "moving_platform",

@@ -2,8 +2,8 @@
 
 python -m tests.benchmarks scripts
 
-Asked are less than 2 ms for a thousand scripts that do nothing, and less than 8 ms for a tick with a thousand scripts and a hundred
-characters that walk about. Time is processor time of the thread, so that what else the machine does counts little.
+Asked are less than 2 ms for a thousand scripts that do nothing, and less than 8 ms for a tick with a thousand scripts and a
+hundred characters that walk about. Time is processor time of the thread, so that what else the machine does counts little.
 """
 
 from __future__ import annotations
@@ -53,7 +53,10 @@ def measure() -> list[Row]:
         folder = Path(name).resolve()
         trust.trust(folder)
         return [
-            (f"{COUNT} empty scripts with `update` and `fixed_update`, beyond their own code, p50 / p99", empty(folder)),
+            (
+                f"{COUNT} empty scripts with `update` and `fixed_update`, beyond their own code, p50 / p99",
+                empty(folder),
+            ),
             (f"{COUNT} async functions that wait for each tick, p50 / p99", waiting(folder)),
             (f"tick at 60 Hz, {COUNT} scripts and {CHARACTERS} characters, p50 / p99", together(folder)),
         ]

@@ -33,6 +33,8 @@ class EventQueue:
         self._scripts = scripts
         self._classes = EventClasses(scripts.library.names_beside, lambda entity: EntityHandle(scripts, entity))
         self.waiting: list[Event] = []
+        self._listening: list[Running] = []  # of whom `_taken` says, by name, which classes they take
+        self._taken: dict[str, list[type[Any]]] = {}
 
     def take(self) -> list[Event]:
         """What is heard now."""
@@ -93,8 +95,13 @@ class EventQueue:
 
     def _heard_by_hooks(self, name: str) -> list[type[Any]]:
         """The classes as which `on_event` of somebody takes an event."""
-        scripts = {id(one.script): one.script for one in self._scripts.listening("on_event") if one.script is not None}
-        return [kind for script in scripts.values() for kind in script.events if event_name(kind) == name]
+        listening = self._scripts.listening("on_event")
+        if listening is not self._listening:
+            self._listening, self._taken = listening, {}
+            for script in {id(one.script): one.script for one in listening if one.script is not None}.values():
+                for kind in script.events:
+                    self._taken.setdefault(event_name(kind), []).append(kind)
+        return self._taken.get(name, [])
 
     def _require_fitting(self, told: Event, kinds: Iterable[type[Any]]) -> None:
         for kind in kinds:

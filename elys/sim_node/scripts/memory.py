@@ -257,8 +257,8 @@ class Finder:
             return made
         if issubclass(kind, msgspec.Struct):
             found = dict(zip(_fields_of(kind), map(self.found, parts), strict=True))
-            made = self._made[number] = kind(**found)
-            return made
+            self._made[number] = kind(**found)
+            return self._made[number]
         made = self._made[number] = object.__new__(kind)
         for field, part in zip(_fields_of(kind), parts, strict=True):
             object.__setattr__(made, field, self.found(part))

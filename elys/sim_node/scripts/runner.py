@@ -10,7 +10,6 @@ import logging
 import random
 import time
 from collections.abc import Mapping
-from functools import partial
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import numpy as np
@@ -21,6 +20,7 @@ from elys.common.errors import ScriptError
 from elys.common.ids import Entity
 from elys.sim_node.scripts.behaviour import Behaviour, is_a
 from elys.sim_node.scripts.budget import Budget
+from elys.sim_node.scripts.calls import FAILURES, Calls
 from elys.sim_node.scripts.event_queue import EventQueue
 from elys.sim_node.scripts.field_values import field_values
 from elys.sim_node.scripts.game_world import GameWorld
@@ -33,9 +33,9 @@ from elys.sim_node.scripts.program import Program
 from elys.sim_node.scripts.recollection import Recollection
 from elys.sim_node.scripts.running import Running, failure_text
 from elys.sim_node.scripts.sounds import ScriptSounds
-from elys.sim_node.scripts.task import Hear, Task, hear_nothing
+from elys.sim_node.scripts.task import Task
 from elys.sim_node.scripts.waiting import Call
-from elys.sim_node.scripts.watchdog import ScriptGrowth, ScriptTimeout, Watchdog
+from elys.sim_node.scripts.watchdog import ScriptTimeout, Watchdog
 
 if TYPE_CHECKING:
     from elys.sim_node.ecs.world import World
@@ -43,7 +43,6 @@ if TYPE_CHECKING:
 
 B = TypeVar("B", bound=Behaviour)
 LOADING_LIMIT: Final = 20.0  # [s] that a file may take to be run as it is loaded: it may import much
-_FAILURES: Final = (Exception, SystemExit, ScriptTimeout, ScriptGrowth)  # of a script, which end it alone
 _log = logging.getLogger(__name__)
 
 
@@ -65,6 +64,7 @@ class Scripts:
         self._recollection = Recollection(self)
         self.watchdog = Watchdog(named=self.named_script)
         self._budget = Budget()
+        self._calls = Calls(self, self._budget)
         self._memory = MemoryWatch()
         self._spent = 0.0  # [s] in this tick, before physics
         self._are_new = False  # some have not started yet
@@ -92,10 +92,10 @@ class Scripts:
         for one in self._waiting_to_start():
             one.has_started = True
             self._listening = {}
-            self._call(one, "start")
+            self._calls.one(one, "start")
         self._tell(heard)
-        self._resume_all(heard)
-        self._call_all("fixed_update", self.world.dt)
+        self._calls.resume(heard)
+        self._calls.all("fixed_update", self.world.dt)
         self._end_doomed()
 
     def run_late(self, world: World) -> None:
@@ -104,7 +104,7 @@ class Scripts:
             return
         began = time.thread_time()
         with self.watchdog.watching(), self._memory.bounded():
-            self._call_all("update", self.world.dt)
+            self._calls.all("update", self.world.dt)
             self._end_doomed()
         spent = self._spent + time.thread_time() - began
         self._budget.look(spent, self._running.values(), dt=self.world.dt, named=self.named_script)
@@ -118,97 +118,20 @@ class Scripts:
 
     def _tell(self, heard: list[Event]) -> None:
         for happening in (*visits_of(self), *contacts_of(self)):
-            self._call(self._running[happening.entity], happening.hook, *happening.arguments)
+            self._calls.one(self._running[happening.entity], happening.hook, *happening.arguments)
         for one in self.listening("on_event") if heard else ():
             for event in heard:
                 if not event.entity or event.entity == one.entity:
                     for told in self.events.as_heard(one, event):
-                        self._call(one, "on_event", told)
+                        self._calls.one(one, "on_event", told)
         for player in self.world.players:
-            self._call_all("on_input", player)
+            self._calls.all("on_input", player)
 
     def listening(self, hook: str) -> list[Running]:
         """Those whose hook is called now, in their order."""
         if hook not in self._listening:
             self._listening[hook] = [one for one in self._running.values() if one.has_started and hook in one.hooks]
         return self._listening[hook]
-
-    def _call_all(self, hook: str, *arguments: Any) -> None:
-        """Calls a hook of all that have it. One loop, entered anew only behind a script that fails: this is what a tick costs."""
-        listening, place, watchdog = self.listening(hook), 0, self.watchdog
-        measures = self._budget.measures
-        watchdog.is_inside = True
-        while place < len(listening):
-            try:
-                for one in listening[place:]:
-                    watchdog.call += 1
-                    watchdog.who = one
-                    place += 1
-                    began = time.thread_time() if measures else 0.0
-                    result = getattr(one.itself, hook)(*arguments)
-                    if result is not None and type(result) is Call:
-                        self._begin(one, result)
-                    if measures:
-                        one.spent += time.thread_time() - began
-            except _FAILURES as error:
-                watchdog.is_inside = False
-                self.fail(listening[place - 1], error)
-                watchdog.is_inside = True
-        watchdog.is_inside = False
-
-    def _call(self, one: Running, hook: str, *arguments: Any) -> None:
-        if hook not in one.hooks or not self.simulation.world.is_alive(one.entity):
-            return
-        try:
-            with self.watchdog.inside(who=one):
-                result = getattr(one.itself, hook)(*arguments)
-                if type(result) is Call:
-                    self._begin(one, result)
-        except _FAILURES as error:
-            self.fail(one, error)
-
-    def _begin(self, one: Running, call: Call) -> None:
-        task = Task.of(call, self.simulation.tick, self._ticks_in)
-        one.tasks.append(task)
-        task.advance(self.simulation.tick, self._ticks_in, hear_nothing)
-        if task.is_done:
-            one.tasks.remove(task)
-
-    def _resume_all(self, heard: list[Event]) -> None:
-        """Async functions go on, of who has any. One loop as in `_call_all`, for the same reason."""
-        waiting, place, watchdog = (
-            [one for one in self._running.values() if one.tasks and one.is_enabled],
-            0,
-            self.watchdog,
-        )
-        tick, measures = self.simulation.tick, self._budget.measures
-        hear: Hear = hear_nothing
-        happened = {event.kind: event for event in reversed(heard)}
-        watchdog.is_inside = True
-        while place < len(waiting):
-            try:
-                for one in waiting[place:]:
-                    watchdog.call += 1
-                    watchdog.who = one
-                    place += 1
-                    began = time.thread_time() if measures else 0.0
-                    if happened:
-                        mine = {kind: event for kind, event in happened.items() if event.entity in (0, one.entity)}
-                        hear = partial(self.events.awaited, mine)
-                    for task in one.tasks.copy():
-                        task.advance(tick, self._ticks_in, hear)
-                        if task.is_done and task in one.tasks:
-                            one.tasks.remove(task)
-                    if measures:
-                        one.spent += time.thread_time() - began
-            except _FAILURES as error:
-                watchdog.is_inside = False
-                self.fail(waiting[place - 1], error)
-                watchdog.is_inside = True
-        watchdog.is_inside = False
-
-    def _ticks_in(self, seconds: float) -> int:
-        return round(min(seconds, 1e9) * self.simulation.settings.tick_rate)
 
     # --- who runs
 
@@ -257,7 +180,7 @@ class Scripts:
                     one.values = component.values
                     for name, value in given.items():
                         setattr(one.itself, name, value)
-        except _FAILURES as error:
+        except FAILURES as error:
             one.source = component.source
             self.fail(one, error)
 
@@ -303,7 +226,7 @@ class Scripts:
             try:
                 with self.watchdog.inside(who=one):
                     one.itself.on_destroy()
-            except _FAILURES as error:
+            except FAILURES as error:
                 self.fail(one, error)
         one.has_started = False
 
@@ -341,6 +264,10 @@ class Scripts:
 
     # --- what scripts ask
 
+    def running(self) -> list[Running]:
+        """All behaviours, in their order."""
+        return list(self._running.values())
+
     def tasks(self) -> list[Task]:
         """All async functions that have begun."""
         return [task for one in self._running.values() for task in one.tasks]
@@ -377,7 +304,7 @@ class Scripts:
     def start_task(self, owner: Behaviour, call: Call) -> None:
         """Begins an async function beside what runs."""
         one = self._running[owner.entity.id]
-        self._begin(one, call)
+        self._calls.begin(one, call)
 
     def prelude(self, name: str, *arguments: Any) -> Call:
         """A function of prelude.py, to be awaited."""
