@@ -66,7 +66,7 @@ def reason_of(error: BaseException) -> str:
 
 
 class Watchdog:
-    """Watches the thread that makes it.
+    """Watches the thread in which scripts run.
 
     Attributes:
         call: changes with every call into a script. To set it, and `who` is called, is all that watching costs a call.
@@ -101,9 +101,10 @@ class Watchdog:
         if self._depth > 1:
             return
         self._resident = memory_watch.resident_size()
-        if self._thread is None:
+        if self._watched != threading.get_ident() or self._thread is None:
             self._watched = threading.get_ident()
             self._has_signals = _HAS_SIGNALS and _take_signal()
+        if self._thread is None:
             self._thread = threading.Thread(
                 target=_look_on, args=(weakref.ref(self),), name="elys-script-watchdog", daemon=True
             )

@@ -118,12 +118,15 @@ def test_what_cannot_be_interrupted_is_said_once_while_it_is_stuck(
         import threading
         gate = threading.Event()
         class A(Behaviour):
+            calls = 0
             def update(self, dt):
-                gate.wait()
+                self.calls += 1
+                if self.calls == 2: gate.wait()
         """,
     )
     play.simulation.scripts.watchdog._limit = 0.2
     thing = play.spawn(source, "Gate")
+    play.run()  # here, where a signal would come
     listener = Listens()
     logger = logging.getLogger("elys.sim_node.scripts.watchdog")
     logger.addHandler(listener)
@@ -141,8 +144,8 @@ def test_what_cannot_be_interrupted_is_said_once_while_it_is_stuck(
     told = [record.getMessage() for record in caplog.records if "does not come back" in record.getMessage()]
     assert len(told) == 1
     assert "a.py:A of entity 1 'Gate'" in told[0]
-    assert f"{play.folder / 'a.py'}:8" in told[0] and "The simulation stands until it ends" in told[0]
-    assert "a.py:8: it did not come back" in play.failure(thing)
+    assert f"{play.folder / 'a.py'}:10" in told[0] and "The simulation stands until it ends" in told[0]
+    assert "a.py:10: it did not come back" in play.failure(thing)
 
 
 PROGRAM = """
