@@ -10,7 +10,10 @@ from typing import Final
 from elys.sim_node.scripts.running import Running
 
 BUDGET: Final = 0.5  # of a tick's length, for all scripts together
-MEASURED_TICKS: Final = 300  # in which who took too long is waited for once more
+# In how many ticks who took too long is waited for once more: each time that it was in vain, twice as many. To measure costs as
+# much as a thousand scripts do otherwise, and scripts that all start in one tick take long only then.
+FIRST_WAIT: Final = 30
+LONGEST_WAIT: Final = 300
 _SAID_EVERY: Final = 5.0  # [s]
 _log = logging.getLogger(__name__)
 
@@ -25,6 +28,7 @@ class Budget:
 
     def __init__(self) -> None:
         self.measures = False
+        self._wait = FIRST_WAIT
         self._ticks_left = 0
         self._said = -_SAID_EVERY
 
@@ -33,7 +37,7 @@ class Budget:
         is_over = spent > BUDGET * dt
         if not self.measures:
             self.measures = is_over and time.monotonic() - self._said > _SAID_EVERY
-            self._ticks_left = MEASURED_TICKS
+            self._ticks_left = self._wait
             return
         every = list(running)
         worst = max(every, key=lambda one: one.spent, default=None)
@@ -50,3 +54,5 @@ class Budget:
             one.spent = 0.0
         self._ticks_left -= 1
         self.measures = not is_over and self._ticks_left > 0
+        if not self.measures:
+            self._wait = FIRST_WAIT if is_over else min(2 * self._wait, LONGEST_WAIT)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from elys.sim_node.scripts.budget import BUDGET, MEASURED_TICKS, Budget
+from elys.sim_node.scripts.budget import BUDGET, FIRST_WAIT, Budget
 from elys.sim_node.scripts.running import Running
 
 DT = 1.0 / 60.0
@@ -61,7 +61,7 @@ def test_one_spike_ends_in_no_measuring_for_ever(caplog: pytest.LogCaptureFixtur
     ticks = Ticks()
     ticks.tick(0.0, 0.0, MUCH)
     assert ticks.budget.measures
-    for _ in range(MEASURED_TICKS):
+    for _ in range(FIRST_WAIT):
         ticks.tick(LITTLE, 0.0, 0.0)
     assert not ticks.budget.measures and not told(caplog)
 
