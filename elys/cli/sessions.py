@@ -191,6 +191,21 @@ def view(
 
 
 @app.command()
+@shows_credentials
+def tell(
+    event: Annotated[str, typer.Argument(help="what it is called")],
+    values: Annotated[Optional[list[str]], typer.Argument(help="its values, NAME=VALUE; as in JSON, or a text")] = None,  # noqa: UP045
+    to: Annotated[str, typer.Option("--to", help="entity whose script hears it, by name or id; default: all")] = "",
+    connect: Connect = None,
+    session: SessionName = "",
+) -> None:
+    """Tell the scripts of a running session an event (see docs/scripts.md)."""
+    from elys.verbs import tell as verb
+
+    verb.tell(event, values or [], place(connect, session), to=to)
+
+
+@app.command()
 def demo(
     directory: Annotated[Path, typer.Option(help="where demo.mcap, demo.png and demo.mp4 go")] = Path(),
     headless: Annotated[bool, typer.Option("--headless", help="write files even where there is a screen")] = False,

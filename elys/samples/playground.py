@@ -10,13 +10,16 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from elys.common.math import quaternion
-from elys.common.scene import EntityNode, SceneDocument
+from elys.common.scene import ComponentChanges, EntityNode, SceneDocument
 from elys.samples.entities import Color, Vector, body, camera, group, joined, obstacle, ornament, rounded, sun
+from elys.samples.pieces import piece
 
 START: Final = (0.0, 0.01, 13.0)  # [m] where the walker stands at first
 STEPS: Final = (0.05, 0.10, 0.20, 0.30, 0.35, 0.40)  # [m] high; the last is too high
 SLOPES: Final = (20.0, 35.0, 48.0, 60.0)  # [deg]; the last is too steep
 CEILING: Final = 1.3  # [m] under which only who crouches fits
+WATER: Final = 1.5  # [m] high it stands in the pool, whose floor is the ground
+LANDING: Final = 3.25  # [m] high, where the lift goes
 STEP_HEIGHT: Final = 0.35  # [m] as the default sheet of a Character has it
 SLOPE_LIMIT: Final = 50.0  # [deg] likewise
 
@@ -45,6 +48,8 @@ def playground() -> SceneDocument:
         _crates(),
         _seesaw(),
         _fence(),
+        _pool(),
+        _lift(),
     ]
     surroundings = [sun((-0.5, -0.72, -0.42), intensity=3.3), _camera(), _overview(), _ground()]
     return SceneDocument(name="Playground", entities=[*surroundings, *stations, _walker()])
@@ -80,7 +85,7 @@ def _camera() -> EntityNode:
 
 
 def _overview() -> EntityNode:
-    node = camera((3.0, 17.0, 24.0), (0.0, 0.0, -3.5), field_of_view=0.85)
+    node = camera((2.0, 24.0, 33.0), (-0.5, 0.0, 0.5), field_of_view=0.95)
     node.name = "Overview"
     return node
 
@@ -273,3 +278,57 @@ def _fence() -> EntityNode:
         ],
         position=(0.0, 0.0, -21.0),
     )
+
+
+def _pool() -> EntityNode:
+    """Stairs up to its rim, and down into water in which one cannot stand any more."""
+    rise, run, count, length, inner = 0.2, 0.32, 8, 8.0, 4.0
+    rim = count * rise
+    first = count * run + 1.0  # behind the rim
+    parts = [
+        obstacle(
+            f"Stair {side} {k + 1}",
+            size=(run, rise * (k + 1), inner),
+            position=(x + way * run * (k + 0.5), rise * (k + 1) / 2.0, 0.0),
+            color=_TILES[k % 2],
+        )
+        for side, x, way, steps in (("up", 0.0, 1.0, count), ("down", first + (count - 1) * run, -1.0, count - 1))
+        for k in range(steps)
+    ]
+    parts.append(obstacle("Rim", size=(1.0, rim, inner), position=(first - 0.5, rim / 2.0, 0.0), color=_CAN))
+    parts += [
+        obstacle(
+            f"Side {name}",
+            size=(length + 1.0, rim + 0.3, 0.3),
+            position=(first - 1.0 + (length + 1.0) / 2.0, rim / 2.0 + 0.15, side * (inner / 2.0 + 0.15)),
+            color=_WALL,
+        )
+        for name, side in (("A", 1.0), ("B", -1.0))
+    ]
+    parts.append(
+        obstacle(
+            "End",
+            size=(0.3, rim + 0.3, inner + 0.6),
+            position=(first + length + 0.15, rim / 2.0 + 0.15, 0.0),
+            color=_WALL,
+        )
+    )
+    volume = {"position": [0.0, -WATER / 2.0 + 0.01, 0.0], "scale": [length, WATER, inner]}
+    water = piece("Water", "water", (first + length / 2.0, WATER, 0.0), overrides={"Volume": {"Transform": volume}})
+    water.components["Collider"] = {"size": [length, 2.2, inner]}
+    return group("Pool", [*parts, water], position=(-21.0, 0.0, 13.0))
+
+
+def _lift() -> EntityNode:
+    """A platform up to a landing, and down again."""
+    platform: ComponentChanges = {"Material": {"base_color": list(_MOVES)}}
+    lift = piece(
+        "Lift",
+        "moving_platform",
+        (0.0, 0.125, 0.0),
+        overrides={"Platform": platform, "Path/Point 2": {"Transform": {"position": [0.0, LANDING - 0.25, 0.0]}}},
+    )
+    landing = obstacle(
+        "Landing", size=(4.0, LANDING, 2.4), position=(3.15, LANDING / 2.0, 0.0), color=_CAN, roughness=0.9
+    )
+    return group("Lift's place", [lift, landing], position=(14.0, 0.0, 13.0))

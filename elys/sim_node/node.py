@@ -38,6 +38,7 @@ from elys.bus.messages.commands import (
     SetPlaying,
     SetRate,
     StepTicks,
+    Tell,
     Time,
     Undo,
 )
@@ -448,6 +449,13 @@ class SimulationNode:
                 raise RequestError("this is the past: go on from here, or return to now, before taking hold of a body")
             case Input() if self._is_rewound:
                 raise RequestError("this is the past: go on from here, or return to now, before playing")
+            case Tell() if self._is_rewound:
+                raise RequestError(
+                    "this is the past: go on from here, or return to now, before telling scripts anything"
+                )
+            case Tell():
+                apply_command(self.simulation, command)
+                return Done((), command, {})
             case Input():
                 played = msgspec.structs.replace(command, source=request.origin)
                 apply_command(self.simulation, played)

@@ -7,12 +7,12 @@ from typing import Any, Final
 
 import msgspec
 
-from elys.bus.messages.commands import Batch, Edit, Grab, LoadScene, Release
+from elys.bus.messages.commands import Batch, Edit, Grab, LoadScene, Release, Tell
 from elys.common.errors import ElysError, SceneError
 from elys.sim_node.simulation import Simulation
 from elys.sim_node.systems.apply_edits import apply_again
 
-Change = Edit | Batch | LoadScene | Grab | Release  # what changes how a session goes on
+Change = Edit | Batch | LoadScene | Grab | Release | Tell  # what changes how a session goes on
 _NAMED: Final = ("entity", "parent")
 _MOST: Final = 16 << 20  # [bytes]
 

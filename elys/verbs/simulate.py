@@ -113,6 +113,7 @@ async def simulate(
         BusError: the endpoint cannot be listened at. RecordingError: the recording cannot be written.
     """
     from elys.sim_node.node import SimulationNode
+    from elys.sim_node.scripts.watchdog import native_calls_said
     from elys.verbs.recording_child import RecordingChild
 
     scene, epoch = simulation.name, time.time_ns()
@@ -141,7 +142,8 @@ async def simulate(
         started = time.perf_counter()
         try:
             async with discoverable(session, endpoint, wanted=discover, needs_secret=not listen.insecure):
-                await node.run()
+                with native_calls_said():
+                    await node.run()
         except Exception:
             if node.guard is not None:
                 node.guard.keep()  # what led to it

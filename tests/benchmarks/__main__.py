@@ -26,6 +26,7 @@ from tests.benchmarks import (
     queries,
     rigid_bodies,
     scene_tree,
+    scripts,
     starts,
     streams,
     ticks,
@@ -52,12 +53,14 @@ SUITES: dict[str, Callable[[], list[tuple[str, str]]]] = {
     "streams": streams.measure,
     "web": web_page.measure,
     "characters": characters.measure,
+    "scripts": scripts.measure,
 }
 PAGES = {
     "editor": "docs/editor.md",
     "streams": "docs/streaming.md",
     "web": "docs/web.md",
     "characters": "docs/characters.md",
+    "scripts": "docs/scripts.md",
 }  # whose rows stand there and not in the README
 
 

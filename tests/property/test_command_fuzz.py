@@ -32,6 +32,7 @@ from elys.bus.messages.commands import (
     SetSettings,
     Spawn,
     StepTicks,
+    Tell,
 )
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.mirror import MirrorEntity, SceneMirror
@@ -119,6 +120,11 @@ class CommandMaker:
                 Rewind(tick=choose((0, 1, 5, 10**30, -1))),
                 Resume(),
                 SetLoop(loop=True),
+                Tell(
+                    kind=choose(("door", "script", "", "\x00", "x" * 300)),
+                    entity=choose((0, entity)),
+                    values={"a": choose(ABSURD), "b": [choose(ABSURD)]},
+                ),
             )
         )
 

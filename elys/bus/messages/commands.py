@@ -217,11 +217,23 @@ class Input(msgspec.Struct, frozen=True, kw_only=True, tag="input"):
     done_at: float = 0.0  # [s since 1970] by the host's clock, as the sender knows it; 0: not told
 
 
+class Tell(msgspec.Struct, frozen=True, kw_only=True, tag="tell"):
+    """Simulation only: tells scripts an event, those of one entity or (0) all; they hear it in the next step.
+
+    Values are numbers, texts, true, false, null and lists of such; entities are told by their ids. It is refused where a script
+    that listens says that they are others.
+    """
+
+    kind: str
+    entity: int = 0
+    values: dict[str, Any] = {}
+
+
 Hand = Grab | Release  # what changes how a simulation goes on, without being an edit of the scene
 Time = (
     SetPlaying | StepTicks | Seek | SetRate | SetLoop | SetRange | Rewind | Resume | KeepLast
 )  # what is asked of the clock
-Command = Edit | Batch | Undo | Redo | LoadScene | NoteSaved | Time | Hand | Input
+Command = Edit | Batch | Undo | Redo | LoadScene | NoteSaved | Time | Hand | Input | Tell
 
 
 OWNERS_COMMANDS: Final = (LoadScene, KeepLast)  # replace all that is there, or write on the host's disk

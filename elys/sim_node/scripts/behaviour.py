@@ -108,8 +108,10 @@ class Behaviour:
 
     def log(self, text: str, *, level: Literal["info", "warning", "error"] = "info") -> None:
         """A line for the console, with the entity's name."""
-        number = {"info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}[level]
-        _log.log(number, "%s: %s", self.entity._scripts.simulation.named(self.entity.id), text)
+        levels = {"info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
+        if level not in levels:
+            raise ValueError(f"log() takes the levels {', '.join(levels)}, not {level!r}")
+        _log.log(levels[level], "%s: %s", self.entity._scripts.simulation.named(self.entity.id), text)
 
     def start(self) -> Any:
         """It begins: in the first tick in which its entity and script are there and enabled."""

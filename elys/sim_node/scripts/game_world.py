@@ -224,9 +224,16 @@ class GameWorld:
         """Those who do or hold anything."""
         return self._scripts.simulation.inputs.players
 
-    def emit(self, name: str, /, to: EntityHandle | None = None, **values: Any) -> None:
-        """Tells an event: to one entity's script, or to all; they hear it in the next tick, in the order in which it was told."""
-        self._scripts.emit(name, to.id if to is not None else NO_ENTITY, values)
+    def emit(self, event: str | Any, /, to: EntityHandle | None = None, **values: Any) -> None:
+        """Tells an event: to one entity's script, or to all; they hear it in the next tick, in the order in which it was told.
+
+        Args:
+            event: its name, with `values`; or a value of a class that declares it, a named tuple or a msgspec Struct.
+
+        Raises:
+            TypeError: something of it is of another type than its class, or that of a listener, says.
+        """
+        self._scripts.events.emit(event, to.id if to is not None else NO_ENTITY, values)
 
     def play_sound(self, sound: str, *, volume: float = 1.0, pitch: float = 1.0) -> None:
         """Lets a sound be heard once, on both sides alike, wherever the camera is."""

@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+import math
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import msgspec
 import numpy as np
 
+from elys.bus.messages.commands import Tell
 from elys.bus.messages.session import Event
+from elys.bus.messages.sounds import SOUND
+from elys.common.errors import RequestError
 from elys.sim_node.scripts.handles import EntityHandle, Touch
 from elys.sim_node.scripts.vector import Vector
 
 if TYPE_CHECKING:
     from elys.sim_node.scripts.runner import Scripts
+
+
+NAME_LENGTH: Final = 200  # characters
+EVENT_SIZE: Final = 64 << 10  # [bytes] that somebody may tell from outside
+# What nodes do something at: who could tell it could have them show what is not so.
+OF_THE_HOST: Final = frozenset(
+    ("playing", "paused", "forked", "scene_loaded", "kept", "script", "physics", "animation", "joint_broken", SOUND)
+)
 
 
 class Happening(NamedTuple):
@@ -81,6 +93,38 @@ def checked_event(kind: str, entity: int, values: dict[str, Any]) -> Event:
             )
     msgspec.json.encode(told)
     return told
+
+
+def event_of(command: Tell, *, is_alive: Callable[[int], bool]) -> Event:
+    """An event that somebody tells from outside; RequestError saying what of it cannot be."""
+    if not 0 < len(command.kind) <= NAME_LENGTH:
+        raise RequestError(f"an event is called by 1 to {NAME_LENGTH} characters")
+    if command.kind in OF_THE_HOST:
+        raise RequestError(f"{command.kind!r} is told by the host alone: call the event otherwise")
+    if command.entity and not is_alive(command.entity):
+        raise RequestError(f"there is no entity {command.entity} to be told anything")
+    values = {name: _without_lists(value) for name, value in command.values.items()}
+    if not all(map(_is_finite, values.values())):
+        raise RequestError(f"the values of {command.kind!r} must be finite, and whole numbers below 2^63")
+    try:
+        told = checked_event(command.kind, command.entity, values)
+    except (TypeError, ValueError) as error:
+        raise RequestError(str(error)) from error
+    if len(msgspec.json.encode(told)) > EVENT_SIZE:
+        raise RequestError(f"an event may take {EVENT_SIZE >> 10} KB")
+    return told
+
+
+def _without_lists(value: Any) -> Any:
+    return tuple(map(_without_lists, value)) if isinstance(value, list | tuple) else value
+
+
+def _is_finite(value: Any) -> bool:
+    if isinstance(value, tuple):
+        return all(map(_is_finite, value))
+    return not isinstance(value, int | float) or (
+        math.isfinite(value) if isinstance(value, float) else abs(value) < 2**63
+    )
 
 
 def _is_plain(value: object) -> bool:

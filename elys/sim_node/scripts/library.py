@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -20,6 +21,7 @@ from elys.common.trust import is_trusted
 from elys.sim_node.scripts.behaviour import HOOKS, Behaviour, fields_of
 from elys.sim_node.scripts.modules import ScriptModules
 from elys.sim_node.scripts.program import Program
+from elys.sim_node.scripts.typed_events import classes_heard_by, module_names
 
 _PRELUDE: Final = Path(__file__).with_name("prelude.py")
 
@@ -33,6 +35,7 @@ class LoadedScript:
         name: how sentences call it, "door.py:Door".
         hooks: those that it writes itself.
         prefabs: those that it brings, as its texts name them.
+        events: the classes of those that `on_event` takes; () for all.
     """
 
     source: str
@@ -42,6 +45,7 @@ class LoadedScript:
     modules: ScriptModules
     hooks: frozenset[str]
     prefabs: dict[str, list[EntityRecord]]
+    events: tuple[type[Any], ...] = ()
 
 
 class ScriptLibrary:
@@ -107,6 +111,13 @@ class ScriptLibrary:
                 return script.source, name
         return None
 
+    def names_beside(self, kind: type[Any]) -> Mapping[str, Any]:
+        """What the module knows that declares a class."""
+        for script in self._scripts():
+            if script.modules.name_of(kind) is not None:
+                return script.modules.names_of(kind)
+        return module_names(kind)
+
     def prefab(self, name: str, source: str) -> list[EntityRecord]:
         """The records of a prefab that a script names; ScriptError if there is none here."""
         if is_reference(name):
@@ -122,6 +133,11 @@ class ScriptLibrary:
             f"there is no prefab {name!r} with the script, which brings {', '.join(carried) or 'none'}: a file of that name "
             "must lie beside it, and the name must stand in the script as one text, or be a field's value in the scene"
         )
+
+    def place_of(self, source: str) -> str:
+        """What tracebacks call the file of a script."""
+        path = self._path_of(source)
+        return str(path) if path.name else decode_script(self._assets.get(source)).main
 
     def _is_ours(self, source: str) -> bool:
         """Whether a script that came with a recording is, text for text, one that ELYS brings."""
@@ -162,6 +178,7 @@ class ScriptLibrary:
             modules=modules,
             hooks=hooks,
             prefabs=bundle.prefabs,
+            events=classes_heard_by(behaviour, modules.names_of(behaviour)),
         )
 
 

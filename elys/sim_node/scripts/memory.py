@@ -1,9 +1,9 @@
 """What scripts remember, as values that a state of the simulation can hold, and back.
 
 Numbers, texts, tuples, lists, dicts, sets, arrays, entities, components, other behaviours, random generators, Python's own
-exceptions (without where they were raised), what can be awaited, and records (named tuples, dataclasses, enumerations) that a
-script file declares. What two places share they share again afterwards. Anything else, an open file or a socket, has no other
-time to go back to and is refused by name.
+exceptions (without where they were raised), what can be awaited, and records (named tuples, dataclasses, Structs, enumerations)
+that a script file declares, with their classes. What two places share they share again afterwards. Anything else, an open file
+or a socket, has no other time to go back to and is refused by name.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, Final, Protocol
 
+import msgspec
 import numpy as np
 
 from elys.bus.messages.session import Event
@@ -101,6 +102,8 @@ class Keeper:
         if kind is Call:
             parts = (value.program.name, value.program.digest, self._kept(value.arguments), self._kept(value.named))
             return (f"{_MARK}Call", *parts)
+        if isinstance(value, type) and (name := self._world.name_of_record(value)) is not None:
+            return (f"{_MARK}class", name)
         if (number := self._seen.get(id(value))) is not None:
             return (f"{_MARK}again", number)
         number = self._seen[id(value)] = len(self._seen)
@@ -122,7 +125,7 @@ class Keeper:
             return (f"{_MARK}random", number, version, np.array(state, np.uint32).tobytes(), gauss)
         if _ERRORS.get(kind.__name__) is kind:
             return (f"{_MARK}error", number, kind.__name__, *self._items(value.__reduce__()[1]))
-        if (name := self._world.name_of_record(kind)) is not None:
+        if _is_record(kind) and (name := self._world.name_of_record(kind)) is not None:
             return self._record(value, kind, name, number)
         raise ScriptError(
             f"{self._way[0]}{''.join(self._way[1:])} is a {kind.__qualname__}, which cannot be kept: a script may remember "
@@ -134,7 +137,7 @@ class Keeper:
             return (f"{_MARK}choice", number, name, value.name)
         if isinstance(value, tuple):
             return (f"{_MARK}record", number, name, *self._items(value))
-        fields = [field.name for field in dataclasses.fields(kind)]
+        fields = _fields_of(kind)
         parts = (self._inside(f".{field}", getattr(value, field)) for field in fields)
         return (f"{_MARK}record", number, name, *parts)
 
@@ -151,7 +154,7 @@ class Keeper:
         )
         wait = task.wait
         parts = tuple(self._task(part) for part in wait.parts) if wait is not None else ()
-        waits = None if wait is None else (wait.due, wait.names, parts, wait.is_first, wait.asks)
+        waits = None if wait is None else (wait.due, self._items(wait.names), parts, wait.is_first, wait.asks)
         return (frames, waits, task.is_done, self._inside(" result", task.result))
 
     def _items(self, values: Any) -> tuple[Any, ...]:
@@ -168,6 +171,17 @@ class Keeper:
         kept = self._kept(value)
         self._way.pop()
         return kept
+
+
+def _is_record(kind: type[Any]) -> bool:
+    is_plain = issubclass(kind, msgspec.Struct | enum.Enum) or (issubclass(kind, tuple) and hasattr(kind, "_fields"))
+    return is_plain or dataclasses.is_dataclass(kind)
+
+
+def _fields_of(kind: type[Any]) -> tuple[str, ...]:
+    if issubclass(kind, msgspec.Struct):
+        return kind.__struct_fields__
+    return tuple(field.name for field in dataclasses.fields(kind))
 
 
 class Finder:
@@ -189,6 +203,8 @@ class Finder:
                 return self._world.named_by(tuple(parts))
             case "again":
                 return self._made[parts[0]]
+            case "class":
+                return self._kind(parts[0])
             case "component":
                 return component_from(parts[0], self.found(parts[1]))
             case "Event":
@@ -239,9 +255,13 @@ class Finder:
         if issubclass(kind, tuple):
             made = self._made[number] = kind(*map(self.found, parts))
             return made
+        if issubclass(kind, msgspec.Struct):
+            found = dict(zip(_fields_of(kind), map(self.found, parts), strict=True))
+            self._made[number] = kind(**found)
+            return self._made[number]
         made = self._made[number] = object.__new__(kind)
-        for field, part in zip(dataclasses.fields(kind), parts, strict=True):
-            object.__setattr__(made, field.name, self.found(part))
+        for field, part in zip(_fields_of(kind), parts, strict=True):
+            object.__setattr__(made, field, self.found(part))
         return made
 
     def _kind(self, name: str) -> type[Any]:
@@ -261,5 +281,5 @@ class Finder:
         wait = None
         if waits is not None:
             due, names, parts, is_first, asks = waits
-            wait = Wait(due, tuple(names), [self.task(part) for part in parts], is_first, asks)
+            wait = Wait(due, tuple(map(self.found, names)), [self.task(part) for part in parts], is_first, asks)
         return Task(made, wait, is_done, self.found(result))

@@ -135,6 +135,13 @@ class Program:
     digest: str
     signature: inspect.Signature
 
+    def place_at(self, place: int) -> str:
+        """The line of a step, "door.py:12": that of the nearest block, for jumps have none."""
+        blocks = ((abs(number - place), getattr(step, "run", None)) for number, step in enumerate(self.steps))
+        nearest = min((pair for pair in blocks if pair[1] is not None), key=lambda pair: pair[0], default=None)
+        code = getattr(nearest[1], "__code__", None) if nearest is not None else None
+        return f"{code.co_filename}:{code.co_firstlineno}" if code is not None else ""
+
     def bind(self, *arguments: Any, **named: Any) -> Locals:
         """The variables it begins with; TypeError as from a call."""
         try:

@@ -21,20 +21,23 @@ from elys.common.errors import ScriptError
 from elys.common.ids import Entity
 from elys.sim_node.scripts.behaviour import Behaviour, is_a
 from elys.sim_node.scripts.budget import Budget
+from elys.sim_node.scripts.calls import FAILURES, Calls
+from elys.sim_node.scripts.event_queue import EventQueue
 from elys.sim_node.scripts.field_values import field_values
 from elys.sim_node.scripts.game_world import GameWorld
 from elys.sim_node.scripts.handles import EntityHandle
-from elys.sim_node.scripts.happenings import checked_event, contacts_of, visits_of
+from elys.sim_node.scripts.happenings import contacts_of, visits_of
 from elys.sim_node.scripts.holding import MOST_MISSED, Hold
 from elys.sim_node.scripts.library import LoadedScript, ScriptLibrary
 from elys.sim_node.scripts.memory_watch import MemoryWatch
+from elys.sim_node.scripts.modules import line_in
 from elys.sim_node.scripts.program import Program
 from elys.sim_node.scripts.recollection import Recollection
 from elys.sim_node.scripts.running import Running, failure_text
 from elys.sim_node.scripts.sounds import ScriptSounds
 from elys.sim_node.scripts.task import Task
 from elys.sim_node.scripts.waiting import Call
-from elys.sim_node.scripts.watchdog import ScriptGrowth, ScriptTimeout, Watchdog
+from elys.sim_node.scripts.watchdog import ScriptTimeout, Watchdog
 
 if TYPE_CHECKING:
     from elys.sim_node.ecs.world import World
@@ -42,8 +45,6 @@ if TYPE_CHECKING:
 
 B = TypeVar("B", bound=Behaviour)
 LOADING_LIMIT: Final = 20.0  # [s] that a file may take to be run as it is loaded: it may import much
-MOST_EVENTS: Final = 10_000  # told in a tick; a script that tells more fails
-_FAILURES: Final = (Exception, SystemExit, ScriptTimeout, ScriptGrowth)  # of a script, which end it alone
 _log = logging.getLogger(__name__)
 
 
@@ -58,14 +59,15 @@ class Scripts:
         self._query = simulation.world.query(Script)
         self._running: dict[int, Running] = {}  # by entity, rising
         self._seen: tuple[object, ...] = ()
-        self._queue: list[Event] = []  # told in this tick, heard in the next
+        self.events = EventQueue(self)
         self._doomed: list[Entity] = []
         self._events: list[Event] = []
         self.sounds = ScriptSounds(simulation)
         self.hold = Hold()
         self._recollection = Recollection(self)
-        self.watchdog = Watchdog()
+        self.watchdog = Watchdog(named=self.named_script)
         self._budget = Budget()
+        self._calls = Calls(self, self._budget)
         self._memory = MemoryWatch()
         self._spent = 0.0  # [s] in this tick, before physics
         self._are_new = False  # some have not started yet
@@ -85,19 +87,16 @@ class Scripts:
         """Before physics: all but `update`."""
         self.hold.stands = False
         if not (self._running or len(self._query)):
-            self._events += self._queue
-            self._queue = []
+            self._events += self.events.take()
             return
         began = time.thread_time()
-        self.watchdog.begin()
-        with self._memory.bounded():
+        with self.watchdog.watching(), self._memory.bounded():
             self._run_early()
-        self.watchdog.end()
         self._spent = time.thread_time() - began
 
     def _run_early(self) -> None:
         self._follow()
-        heard, self._queue = self._queue, []
+        heard = self.events.take()
         self._events += heard
         holder = self._holder()
         if holder is not None:
@@ -107,12 +106,10 @@ class Scripts:
         for one in self._waiting_to_start():
             one.has_started = True
             self._listening = {}
-            self._call(one, "start")
+            self._calls.one(one, "start")
         self._tell(heard)
-        happened = {event.kind: event for event in reversed(heard)}
-        for one in [one for one in self._running.values() if one.tasks and one.is_enabled]:
-            self._resume(one, happened)
-        self._call_all("fixed_update", self.world.dt)
+        self._calls.resume(heard)
+        self._calls.all("fixed_update", self.world.dt)
         self._end_doomed()
 
     def _holder(self) -> Running | None:
@@ -130,7 +127,7 @@ class Scripts:
         if len(hold.missed) > MOST_MISSED:
             hold.missed.clear()
             self.fail(one, ScriptError(f"more than {MOST_MISSED} events were told while it held time"))
-        self._call(one, "fixed_update", self.world.dt)
+        self._calls.one(one, "fixed_update", self.world.dt)
         self._end_doomed()
 
     def run_late(self, world: World) -> None:
@@ -138,14 +135,12 @@ class Scripts:
         if not self._running:
             return
         began = time.thread_time()
-        self.watchdog.begin()
-        with self._memory.bounded():
+        with self.watchdog.watching(), self._memory.bounded():
             if not self.hold.stands:
-                self._call_all("update", self.world.dt)
+                self._calls.all("update", self.world.dt)
             elif (holder := self._running.get(self.hold.by)) is not None:
-                self._call(holder, "update", self.world.dt)
+                self._calls.one(holder, "update", self.world.dt)
             self._end_doomed()
-        self.watchdog.end()
         spent = self._spent + time.thread_time() - began
         self._budget.look(spent, self._running.values(), dt=self.world.dt, named=self.named_script)
         self._look_at_memory()
@@ -158,74 +153,20 @@ class Scripts:
 
     def _tell(self, heard: list[Event]) -> None:
         for happening in (*visits_of(self), *contacts_of(self)):
-            self._call(self._running[happening.entity], happening.hook, *happening.arguments)
+            self._calls.one(self._running[happening.entity], happening.hook, *happening.arguments)
         for one in self.listening("on_event") if heard else ():
             for event in heard:
                 if not event.entity or event.entity == one.entity:
-                    self._call(one, "on_event", event)
+                    for told in self.events.as_heard(one, event):
+                        self._calls.one(one, "on_event", told)
         for player in self.world.players:
-            self._call_all("on_input", player)
+            self._calls.all("on_input", player)
 
     def listening(self, hook: str) -> list[Running]:
         """Those whose hook is called now, in their order."""
         if hook not in self._listening:
             self._listening[hook] = [one for one in self._running.values() if one.has_started and hook in one.hooks]
         return self._listening[hook]
-
-    def _call_all(self, hook: str, *arguments: Any) -> None:
-        """Calls a hook of all that have it. One loop, entered anew only behind a script that fails: this is what a tick costs."""
-        listening, place, watchdog = self.listening(hook), 0, self.watchdog
-        measures = self._budget.measures
-        watchdog.is_inside = True
-        while place < len(listening):
-            try:
-                for one in listening[place:]:
-                    watchdog.call += 1
-                    place += 1
-                    began = time.thread_time() if measures else 0.0
-                    result = getattr(one.itself, hook)(*arguments)
-                    if result is not None and type(result) is Call:
-                        self._begin(one, result)
-                    if measures:
-                        one.spent += time.thread_time() - began
-            except _FAILURES as error:
-                self.fail(listening[place - 1], error)
-        watchdog.is_inside = False
-
-    def _call(self, one: Running, hook: str, *arguments: Any) -> None:
-        if hook not in one.hooks or not self.simulation.world.is_alive(one.entity):
-            return
-        try:
-            with self.watchdog.inside():
-                result = getattr(one.itself, hook)(*arguments)
-                if type(result) is Call:
-                    self._begin(one, result)
-        except _FAILURES as error:
-            self.fail(one, error)
-
-    def _begin(self, one: Running, call: Call) -> None:
-        task = Task.of(call, self.tick, self._ticks_in)
-        one.tasks.append(task)
-        task.advance(self.tick, self._ticks_in, {})
-        if task.is_done:
-            one.tasks.remove(task)
-
-    def _resume(self, one: Running, happened: Mapping[str, Event]) -> None:
-        began = time.thread_time() if self._budget.measures else 0.0
-        mine = {kind: event for kind, event in happened.items() if event.entity in (0, one.entity)}
-        try:
-            with self.watchdog.inside():
-                for task in list(one.tasks):
-                    task.advance(self.tick, self._ticks_in, mine)
-                    if task.is_done and task in one.tasks:
-                        one.tasks.remove(task)
-        except _FAILURES as error:
-            self.fail(one, error)
-        if self._budget.measures:
-            one.spent += time.thread_time() - began
-
-    def _ticks_in(self, seconds: float) -> int:
-        return round(min(seconds, 1e9) * self.simulation.settings.tick_rate)
 
     # --- who runs
 
@@ -265,7 +206,7 @@ class Scripts:
     def _become(self, one: Running, component: Script) -> None:
         try:
             script = self.loaded(component.source) if component.source != one.source else None
-            with self.watchdog.inside():
+            with self.watchdog.inside(who=one):
                 if script is not None:
                     self._change_script(one, script)
                 one.source = component.source
@@ -274,20 +215,20 @@ class Scripts:
                     one.values = component.values
                     for name, value in given.items():
                         setattr(one.itself, name, value)
-        except _FAILURES as error:
+        except FAILURES as error:
             one.source = component.source
             self.fail(one, error)
 
     def loaded(self, source: str) -> LoadedScript:
         """A script's class. Raises ScriptError, also for a file that does not come back."""
-        self.watchdog.begin()
         try:
-            with self.watchdog.inside(LOADING_LIMIT):
+            with self.watchdog.watching(), self.watchdog.inside(LOADING_LIMIT):
                 return self.library.load(source)
         except ScriptTimeout as error:
-            raise ScriptError(f"the file did not come back within {LOADING_LIMIT:g} s as it was loaded") from error
-        finally:
-            self.watchdog.end()
+            where = line_in(self.library.place_of(source), error)
+            raise ScriptError(
+                f"{where}: the file did not come back within {LOADING_LIMIT:g} s as it was loaded"
+            ) from error
 
     def _change_script(self, one: Running, script: LoadedScript) -> None:
         """A new behaviour, or the same one as its file was saved anew, which goes on with what it remembers."""
@@ -318,9 +259,9 @@ class Scripts:
         self._listening = {}
         if one.has_started and "on_destroy" in one.hooks and one.itself is not None:
             try:
-                with self.watchdog.inside():
+                with self.watchdog.inside(who=one):
                     one.itself.on_destroy()
-            except _FAILURES as error:
+            except FAILURES as error:
                 self.fail(one, error)
         one.has_started = False
 
@@ -358,19 +299,21 @@ class Scripts:
 
     # --- what scripts ask
 
+    def running(self) -> list[Running]:
+        """All behaviours, in their order."""
+        return list(self._running.values())
+
+    def tasks(self) -> list[Task]:
+        """All async functions that have begun."""
+        return [task for one in self._running.values() for task in one.tasks]
+
     def world_of(self, source: str) -> GameWorld:
         """The world as one script sees it."""
         return self._worlds.setdefault(source, GameWorld(self, source))
 
-    def emit(self, kind: str, entity: int, values: dict[str, Any]) -> None:
-        """Tells an event, heard in the next tick."""
-        if len(self._queue) >= MOST_EVENTS:
-            raise ScriptError(f"more than {MOST_EVENTS} events were told in one tick")
-        self._queue.append(checked_event(kind, entity, values))
-
     def hear(self, events: list[Event]) -> None:
         """Tells what happened in this tick; heard in the next one."""
-        self._queue += events
+        self.events.waiting += events
 
     def require_trust(self) -> None:
         """Raises ScriptError if any script may not run here, so that ticks would be other than they were."""
@@ -396,7 +339,7 @@ class Scripts:
     def start_task(self, owner: Behaviour, call: Call) -> None:
         """Begins an async function beside what runs."""
         one = self._running[owner.entity.id]
-        self._begin(one, call)
+        self._calls.begin(one, call)
 
     def prelude(self, name: str, *arguments: Any) -> Call:
         """A function of prelude.py, to be awaited."""
@@ -422,7 +365,7 @@ class Scripts:
     def saved(self) -> dict[str, Any]:
         """All that scripts remember, for a state."""
         running = self._recollection.kept(self._running)
-        return {"running": running, "queue": tuple(self._queue), "hold": self.hold.saved()}
+        return {"running": running, "queue": tuple(self.events.waiting), "hold": self.hold.saved()}
 
     def load(self, saved: Mapping[str, Any]) -> None:
         """Puts back what `saved` gave; a script that is not there any more, or other, stays off and says so."""
@@ -430,7 +373,7 @@ class Scripts:
         self._doomed.clear()
         self._events.clear()
         # A state of before there were scripts has neither.
-        self._queue = list(saved["queue"] or ())
+        self.events.waiting = list(saved["queue"] or ())
         self.hold = Hold.of(saved["hold"])
         self._running = {}
         for one, error in self._recollection.found(saved["running"] or (), self._running):

@@ -55,6 +55,7 @@ def failure_text(one: Running, error: BaseException) -> str:
     else:
         places = [] if one.script is None else one.script.modules.places
         where = next((line for place in places if (line := line_in(place, error)) != place), "")
+        where = where or getattr(error, "place", "")  # of an async function that was ended between two of its lines
         what = reason_of(error) or describe(error)
         text = f"{where}: {what}" if where else what
     return text[:FAILURE_LENGTH].encode(errors="backslashreplace").decode()

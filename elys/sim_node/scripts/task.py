@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -25,6 +25,8 @@ from elys.sim_node.scripts.program import (
 from elys.sim_node.scripts.waiting import Awaited, Call, EventNamed, Seconds, Several, Ticks, Until, require_awaited
 
 DEEPEST: Final = 200  # async functions that await one another
+# Finds the first of some names and classes of events that was told in this tick; None if none was.
+Hear = Callable[[tuple[str | type[Any], ...]], Any]
 
 
 @dataclass(slots=True)
@@ -50,13 +52,13 @@ class Wait:
 
     Attributes:
         due: the tick at which it is over; -1 for none.
-        names: events that end it.
+        names: events that end it, and classes of such.
         parts: tasks that have to be over, `is_first` if one of them is enough; finished ones keep their `result`.
         asks: whether the place's own condition is asked again in each tick.
     """
 
     due: int = -1
-    names: tuple[str, ...] = ()
+    names: tuple[str | type[Any], ...] = ()
     parts: list[Task] = field(default_factory=list)
     is_first: bool = False
     asks: bool = False
@@ -81,23 +83,32 @@ class Task:
             task.wait = _wait_for(awaited, now, ticks_in)
         return task
 
-    def advance(self, now: int, ticks_in: Callable[[float], int], happened: dict[str, Any]) -> None:
-        """Goes on as far as it can at a tick; `happened` are this tick's first events by name.
+    def waits_for(self) -> Iterator[str | type[Any]]:
+        """The events that would end a wait of it."""
+        if self.wait is not None:
+            yield from self.wait.names
+            for part in self.wait.parts:
+                yield from part.waits_for()
+
+    def advance(self, now: int, ticks_in: Callable[[float], int], hear: Hear) -> None:
+        """Goes on as far as it can at a tick; `hear` finds this tick's events.
 
         Raises:
             Exception: what a script raised and did not deal with. The task is over then.
         """
         try:
-            if self.wait is None or self._end_wait(now, ticks_in, happened):
+            if self.wait is None or self._end_wait(now, ticks_in, hear):
                 self._run(now, ticks_in)
-        except BaseException:
+        except BaseException as error:
             self.is_done = True
+            if self.frames and not hasattr(error, "place"):  # ended from outside: that may have been between two blocks
+                error.place = self.frames[-1].program.place_at(self.frames[-1].place)  # type: ignore[attr-defined]
             raise
 
-    def _end_wait(self, now: int, ticks_in: Callable[[float], int], happened: dict[str, Any]) -> bool:
+    def _end_wait(self, now: int, ticks_in: Callable[[float], int], hear: Hear) -> bool:
         """Whether the wait is over and functions go on; what it raises is raised where they await."""
         try:
-            is_over, result = self._look(now, ticks_in, happened)
+            is_over, result = self._look(now, ticks_in, hear)
         except Exception as error:
             self.wait = None
             self._fail(error)
@@ -111,14 +122,14 @@ class Task:
         self._resume(result)
         return True
 
-    def _look(self, now: int, ticks_in: Callable[[float], int], happened: dict[str, Any]) -> tuple[bool, Any]:
+    def _look(self, now: int, ticks_in: Callable[[float], int], hear: Hear) -> tuple[bool, Any]:
         """Whether the wait is over, and what came of it."""
         wait = self.wait
         assert wait is not None
         if wait.parts:
             for part in wait.parts:
                 if not part.is_done:
-                    part.advance(now, ticks_in, happened)
+                    part.advance(now, ticks_in, hear)
             if wait.is_first:
                 done = next((number for number, part in enumerate(wait.parts) if part.is_done), None)
                 return done is not None, (done, wait.parts[done].result) if done is not None else None
@@ -130,7 +141,7 @@ class Task:
             answer = step.run(frame.variables).condition()
             return bool(answer), answer
         if wait.names:
-            found = next((happened[name] for name in wait.names if name in happened), None)
+            found = hear(wait.names)
             return found is not None, found
         return now >= wait.due, None
 
@@ -184,6 +195,10 @@ class Task:
 @dataclass(frozen=True, slots=True)
 class _Returned:
     value: Any
+
+
+def hear_nothing(names: tuple[str | type[Any], ...]) -> None:
+    """No event was told in this tick."""
 
 
 def _begun(call: Call) -> Frame:

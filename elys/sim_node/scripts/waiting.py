@@ -2,7 +2,7 @@
 
     await seconds(1.5)                          simulation time, so it stands while time stands
     await ticks(3)
-    name, values = await event("door")          the next event of that name; or several names
+    told = await event("door", Opened)          the next event of a name or a class; or of several
     await until(lambda: self.entity.position[1] > 3.0)
     await self.open_door()                      another async function
     await all_of(self.blink(), self.slide())    until all of them are over: their results, in order
@@ -16,8 +16,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
+from elys.sim_node.scripts.event_names import is_event_class
 from elys.sim_node.scripts.program import Program
 
 
@@ -47,9 +48,9 @@ class Ticks(Waits):
 
 @dataclass(frozen=True, slots=True)
 class EventNamed(Waits):
-    """The next event of one of these names."""
+    """The next event of one of these names, or of classes that declare events."""
 
-    names: tuple[str, ...]
+    names: tuple[str | type[Any], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +78,7 @@ class Several(Waits):
 
 
 Awaited = Seconds | Ticks | EventNamed | Until | Call | Several
+_AWAITED: Final = (Seconds, Ticks, EventNamed, Until, Call, Several)  # a union would be made anew each time
 
 
 def seconds(duration: float) -> Seconds:
@@ -92,10 +94,12 @@ def ticks(count: int) -> Ticks:
     return Ticks(int(count))
 
 
-def event(*names: str) -> EventNamed:
-    """Waits for the next event of one of these names; gives the event."""
-    if not names or not all(isinstance(name, str) for name in names):
-        raise TypeError('event() takes the names of events, as in event("door")')
+def event(*names: str | type[Any]) -> EventNamed:
+    """Waits for the next event of one of these names, or of classes that declare events; gives the event, of its class."""
+    if not names or not all(isinstance(name, str) or is_event_class(name) for name in names):
+        raise TypeError(
+            'event() takes names of events and classes that declare them (named tuples and Structs), as in event("door", Opened)'
+        )
     return EventNamed(names)
 
 
@@ -130,7 +134,7 @@ def _checked(name: str, parts: tuple[Any, ...]) -> tuple[Awaited, ...]:
 
 def require_awaited(value: Any, what: str) -> None:
     """Raises TypeError for what a script cannot await."""
-    if not isinstance(value, Seconds | Ticks | EventNamed | Until | Call | Several):
+    if not isinstance(value, _AWAITED):
         raise TypeError(
             f"{what} cannot wait for a {type(value).__name__}: await seconds(...), ticks(...), event(...), until(...), "
             "all_of(...), first_of(...) or an async function of a script"

@@ -19,6 +19,7 @@ from elys.bus.messages.commands import (
     SetEnabled,
     SetSettings,
     Spawn,
+    Tell,
 )
 from elys.common.components import Kind, component_from, declaration_of
 from elys.common.components.values import MAX_TEXT_LENGTH
@@ -70,6 +71,8 @@ def apply_command(simulation: Simulation, command: Command) -> tuple[int, ...]:
             simulation.hands.release(holder)
         case Input():
             simulation.inputs.take(command)
+        case Tell():
+            simulation.scripts.events.tell(command)
         case _:
             raise RequestError(f"a running simulation cannot {type(command).__name__}: that is for replays")
     return ()

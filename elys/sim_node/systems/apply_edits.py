@@ -29,6 +29,7 @@ from elys.bus.messages.commands import (
     SetEnabled,
     SetSettings,
     Spawn,
+    Tell,
 )
 from elys.common.components import declaration_of, values_of
 from elys.common.errors import RequestError
@@ -157,7 +158,7 @@ def apply_again(simulation: Simulation, command: Command) -> None:
     """Does what a command did that was accepted before in a simulation like this; raises as `apply_edits`, `load_scene`."""
     if isinstance(command, LoadScene):
         load_scene(simulation, command)
-    elif isinstance(command, Grab | Release | Input):
+    elif isinstance(command, Grab | Release | Input | Tell):
         apply_command(simulation, command)
     else:
         apply_edits(simulation, edits_of(command))
