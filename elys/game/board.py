@@ -7,12 +7,14 @@ all of it came out the same (`proof`); it is also what races as a ghost.
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
 import msgspec
 import platformdirs
 
+from elys.bus.messages.ghosts import Span
 from elys.common.assets.store import replace_file
 from elys.common.errors import ElysError
 from elys.game.proof import PROVEN
@@ -40,6 +42,18 @@ class Entry(msgspec.Struct, frozen=True, kw_only=True):
     splits: tuple[float, ...] = ()  # [s] at each gate
     pauses: tuple[tuple[float, float], ...] = ()  # of the recording's time: when it was held, and how long [s]
     proof: str = ""
+
+    @property
+    def ended(self) -> float:
+        """Simulation time [s] of the recording at the finish: the race's own, and what of pauses lies behind the start."""
+        return self.began + self.time + sum(length for _, length in since(self.began, self.pauses))
+
+
+def since(began: float, spans: Iterable[Span]) -> tuple[Span, ...]:
+    """What of some spans lies behind an instant."""
+    return tuple(
+        (max(start, began), min(length, start + length - began)) for start, length in spans if start + length > began
+    )
 
 
 class Board:

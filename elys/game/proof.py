@@ -16,17 +16,17 @@ PROVEN: Final = "equal"
 _HAIR: Final = 1e-3  # [s] to which times on the board are rounded, and more
 
 
-def proof_of(verdict: Verdict, *, began: float, time: float) -> str:
-    """PROVEN for a recording that proves a race of so long a `time` [s], which `began` then [s]; else why it does not."""
+def proof_of(verdict: Verdict, *, began: float, ended: float) -> str:
+    """PROVEN for a recording that proves a race which `began` and `ended` then [s], pauses included; else why it does not."""
     if verdict.difference is not None:
         return verdict.difference.text
     if verdict.missing_ticks:
         return f"{verdict.missing_ticks} of {verdict.ticks + verdict.missing_ticks} ticks are not in its recording"
     if verdict.jumps:
         return f"at tick {verdict.jumps[0]} it goes on from a state that nothing in its recording leads to"
-    if verdict.first_time > began + _HAIR or verdict.last_time < began + time - _HAIR:
+    if verdict.first_time > began + _HAIR or verdict.last_time < ended - _HAIR:
         return (
             f"its recording goes from {verdict.first_time:.2f} s to {verdict.last_time:.2f} s, and the race went from "
-            f"{began:.2f} s to {began + time:.2f} s"
+            f"{began:.2f} s to {ended:.2f} s"
         )
     return PROVEN if verdict.cause == "equal" else (verdict.damage or ["its recording is not whole"])[0]

@@ -10,7 +10,7 @@ import contextlib
 import getpass
 import logging
 import time
-from collections.abc import Awaitable, Callable, Iterable, Mapping
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -22,7 +22,7 @@ from elys.bus.messages.commands import CommandRequest, LoadScene
 from elys.bus.messages.ghosts import GHOST_COLORS, UNTIL_TOLD, Span
 from elys.bus.recording import Recording
 from elys.common.errors import ElysError
-from elys.game.board import Board, Entry
+from elys.game.board import Board, Entry, since
 from elys.game.scene_level import SceneLevel
 from elys.game.settings import CHOICES, Settings, lines
 from elys.samples.game.levels import LEVELS, Level
@@ -273,7 +273,7 @@ class Referee:
     def _let_ghosts_wait(self, attempt: Attempt) -> None:
         """They stand while the race does, and go on with it."""
         for server in self._ghosts:
-            server.wait(_since(attempt.began, attempt.pauses))
+            server.wait(since(attempt.began, attempt.pauses))
 
     def _send_ghosts(self, attempt: Attempt) -> None:
         """Lets those who were fast run along, from the start that all have in common."""
@@ -289,7 +289,7 @@ class Referee:
                 color=GHOST_COLORS[number % len(GHOST_COLORS)],
                 title=f"{entry.player} {entry.time:.2f} s",
                 offset=entry.began - attempt.began,
-                leaves_out=_since(entry.began, entry.pauses),
+                leaves_out=since(entry.began, entry.pauses),
             )
             self._ghosts[server] = asyncio.create_task(_served(server, recording))
 
@@ -298,13 +298,6 @@ class Referee:
         for ghost in ghosts.values():
             ghost.cancel()
         await asyncio.gather(*ghosts.values(), return_exceptions=True)
-
-
-def _since(began: float, pauses: Iterable[Span]) -> tuple[Span, ...]:
-    """What of them lies after the start: before it, everybody waits."""
-    return tuple(
-        (max(start, began), min(length, start + length - began)) for start, length in pauses if start + length > began
-    )
 
 
 async def _served(server: GhostServer, recording: Recording) -> None:

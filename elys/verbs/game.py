@@ -197,7 +197,7 @@ async def proof_of(recording: Path, entry: Entry, *, trusts: bool = True, nicene
     except msgspec.DecodeError:  # it could not be run again
         lines = complained.decode(errors="replace").strip().splitlines()
         return lines[-1][:200] if lines else "not proven"
-    return proof.proof_of(verdict, began=entry.began, time=entry.time)
+    return proof.proof_of(verdict, began=entry.began, ended=entry.ended)
 
 
 def times_of(level: AnyLevel) -> list[dict[str, object]]:

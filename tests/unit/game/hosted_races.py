@@ -17,7 +17,9 @@ from elys.bus.tap import RecordingTap
 from elys.bus.transports.loopback import LoopbackBroker
 from elys.common.assets.store import AssetStore
 from elys.common.scene import OpenedScene
+from elys.game.board import Entry
 from elys.game.bot import Bot
+from elys.game.proof import proof_of
 from elys.game.referee import AnyLevel, Referee
 from elys.samples.game.levels import LEVELS
 from elys.sim_node.node import SimulationNode
@@ -96,8 +98,8 @@ async def hosted(
             bot.drive(layout)
         return opened
 
-    async def prove(path: Path) -> str:
-        return (await asyncio.to_thread(verify, path)).cause
+    async def prove(path: Path, entry: Entry) -> str:
+        return proof_of(await asyncio.to_thread(verify, path), began=entry.began, ended=entry.ended)
 
     referee = Referee(
         node,

@@ -21,7 +21,7 @@ WHOLE = Verdict(
 
 
 def test_a_race_that_came_out_the_same_is_proven() -> None:
-    assert proof_of(WHOLE, began=5.5, time=29.0) == PROVEN
+    assert proof_of(WHOLE, began=5.5, ended=34.5) == PROVEN
 
 
 @pytest.mark.parametrize(
@@ -37,7 +37,7 @@ def test_a_race_that_came_out_the_same_is_proven() -> None:
     ],
 )
 def test_what_lacks_a_part_of_it_is_not(changes: dict[str, object], expected: str) -> None:
-    found = proof_of(msgspec.structs.replace(WHOLE, **changes), began=5.5, time=29.0)
+    found = proof_of(msgspec.structs.replace(WHOLE, **changes), began=5.5, ended=34.5)
     assert found != PROVEN and expected in found
 
 
