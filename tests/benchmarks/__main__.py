@@ -24,6 +24,7 @@ from tests.benchmarks import (
     models,
     pictures,
     queries,
+    recording,
     rigid_bodies,
     scene_tree,
     scripts,
@@ -54,6 +55,7 @@ SUITES: dict[str, Callable[[], list[tuple[str, str]]]] = {
     "web": web_page.measure,
     "characters": characters.measure,
     "scripts": scripts.measure,
+    "recordings": recording.measure,
 }
 PAGES = {
     "editor": "docs/editor.md",
@@ -61,6 +63,7 @@ PAGES = {
     "web": "docs/web.md",
     "characters": "docs/characters.md",
     "scripts": "docs/scripts.md",
+    "recordings": "docs/recording-format.md",
 }  # whose rows stand there and not in the README
 
 

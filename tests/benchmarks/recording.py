@@ -1,4 +1,4 @@
-"""What recording costs: `python -m tests.benchmarks.recording` prints sizes, rates and processor times for the docs.
+"""What recordings cost: sizes, rates and processor times of making, opening and verifying them.
 
 A pile of 10,000 cubes is simulated once in a session of its own, and all that it says is kept: while it settles, and when it
 sleeps. That is told to a recorder process at 60 ticks a second, as the session would; its processor time is what the system
@@ -8,8 +8,8 @@ says of it when it ends. Seeks are in a recording of 10 minutes of 1000 cubes, h
 from __future__ import annotations
 
 import asyncio
+import math
 import os
-import re
 import statistics
 import subprocess
 import sys
@@ -37,13 +37,12 @@ from elys.sim_node.guard import Guard
 from elys.sim_node.node import SimulationNode
 from elys.verbs.recording_child import RecordingChild
 from tests.benchmarks.figures import percentiles
-from tests.benchmarks.machine import machine
 from tests.benchmarks.rewinding import load
 from tests.benchmarks.seeking import picture_rows
+from tests.benchmarks.verifying import verifying_rows
 
 RATE: Final = 60.0  # [Hz]
 HOUR: Final = 3600.0 * RATE  # ticks
-DOCS: Final = Path(__file__).parents[2] / "docs" / "recording-format.md"
 Said = list[tuple[str, bytes]]  # channel and body
 
 
@@ -198,21 +197,30 @@ def seeks(folder: Path) -> list[tuple[str, str]]:
 
 
 def tick_cost(folder: Path) -> list[tuple[str, str]]:
-    """What the tick's thread spends with a recorder beside what it spends without, the best of several runs of each tick."""
+    """What the simulation spends with a recorder beside what it spends without: the tick's thread, the best of several runs of
+    each tick, and all threads of its process, the best run.
+    """
     best: dict[bool, list[float]] = {}
+    process = {False: math.inf, True: math.inf}
     for run in range(8):
-        times = asyncio.run(_ticked(folder / "tick.mcap" if run % 2 else None))
-        known = best.setdefault(bool(run % 2), times)
-        best[bool(run % 2)] = [min(pair) for pair in zip(known, times, strict=True)]
-    alone, beside = (statistics.mean(best[recorded]) for recorded in (False, True))
+        is_recorded = bool(run % 2)
+        times, worked = asyncio.run(_ticked(folder / "tick.mcap" if is_recorded else None))
+        known = best.setdefault(is_recorded, times)
+        best[is_recorded] = [min(pair) for pair in zip(known, times, strict=True)]
+        process[is_recorded] = min(process[is_recorded], worked / len(times))
+    alone, beside = (statistics.mean(best[is_recorded]) for is_recorded in (False, True))
     return [
         ("tick of 10,000 bodies, processor time", f"{1e3 * alone:.2f} ms"),
         ("the same while it is recorded", f"{100.0 * (beside / alone - 1.0):+.1f} %"),
+        (
+            "the same with all threads of the simulation's process",
+            f"{100.0 * (process[True] / process[False] - 1.0):+.1f} %",
+        ),
     ]
 
 
-async def _ticked(path: Path | None) -> list[float]:
-    """Processor time of the thread [s] for each tick in which the pile settles."""
+async def _ticked(path: Path | None) -> tuple[list[float], float]:
+    """Processor time of the thread [s] for each tick in which the pile settles, and of the process [s] for all of them."""
     simulation = load(10_000)
     session = await Session.host(LoopbackBroker().listen(), name="pile", kind="simulation", epoch=1)
     node = SimulationNode(simulation, session, realtime=False, keep=0.0)
@@ -221,8 +229,11 @@ async def _ticked(path: Path | None) -> list[float]:
     child = RecordingChild(path, RecordingPlan(overwrites=True)) if path is not None else None
     if child is not None:
         child.attach(session, node, simulation.assets, lossless=True)
-    times = []
+    times: list[float] = []
+    whole = 0.0
     for tick in range(66):
+        if tick == 32:
+            whole = time.process_time()
         if node.recorder is not None:
             await node.recorder.ready()
         began = time.thread_time()
@@ -230,23 +241,18 @@ async def _ticked(path: Path | None) -> list[float]:
         if tick >= 32:
             times.append(time.thread_time() - began)
         await asyncio.sleep(0.0)
+    if node.recorder is not None:
+        await node.recorder.ready()
+    whole = time.process_time() - whole
     if child is not None:
         await child.finish()
     node.guard.close()
     await session.close()
-    return times
+    return times, whole
 
 
-def main() -> None:
+def measure() -> list[tuple[str, str]]:
+    """Rows for docs/recording-format.md."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        rows = sizes_and_times(folder) + tick_cost(folder) + seeks(folder)
-    table = "\n".join(["| measure | figure |", "| --- | --- |", *(f"| {what} | {figure} |" for what, figure in rows)])
-    print(f"{machine()}\n\n{table}")
-    marked = re.compile(r"(<!-- recording bench -->\n).*?(<!-- /recording bench -->)", re.DOTALL)
-    text = f"A pile of 10,000 cubes at 60 ticks a second; {machine()}\n\n{table}\n"
-    DOCS.write_text(marked.sub(lambda match: f"{match[1]}{text}{match[2]}", DOCS.read_text()))
-
-
-if __name__ == "__main__":
-    main()
+        return [*sizes_and_times(folder), *tick_cost(folder), *seeks(folder), *verifying_rows(folder)]
