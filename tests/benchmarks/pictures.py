@@ -97,11 +97,11 @@ def frame_rows(context: Context, count: int) -> list[Row]:
         bare.release()
         rows += [
             (
-                f"{count} moving cubes with shadow, {words}, ELYS / bare program, processor time",
+                f"{count} cubes whose shadow is drawn anew, {words}, ELYS / bare program, processor time",
                 f"{spent['ours']:.1f} / {spent['bare']:.1f} ms ({spent['ours'] / spent['bare']:.2f})",
             ),
             (
-                f"{count} moving cubes with shadow, {words}, the two pictures are apart by",
+                f"{count} cubes whose shadow is drawn anew, {words}, the two pictures are apart by",
                 f"{apart.mean():.4f} of 255, at most {apart.max()}",
             ),
         ]
@@ -129,7 +129,7 @@ def peer_rows(context: Context) -> list[Row]:
             )
             rows.append(
                 (
-                    f"{count} moving cubes with shadow, {words}, ELYS / pygfx, processor time",
+                    f"{count} cubes whose shadow is drawn anew, {words}, ELYS / pygfx, processor time",
                     f"{spent['ours']:.1f} / {spent['peer']:.1f} ms ({spent['ours'] / spent['peer']:.2f})",
                 )
             )
