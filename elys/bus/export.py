@@ -21,6 +21,7 @@ from elys.bus.exports.selection import (
     selected_scenes,
 )
 from elys.bus.messages.physics import Diagnostics
+from elys.bus.rate_budget import THINNED
 from elys.bus.recording import Recording
 from elys.bus.topics import Encoding
 from elys.common.errors import MessageError, RecordingError
@@ -106,7 +107,7 @@ def _bodies(
 
 
 def _diagnostics(recording: Recording, ticks: NDArray[Any]) -> dict[str, NDArray[Any]]:
-    """What was measured in each tick [T], NaN where nothing was; no arrays where nothing was at all."""
+    """What was measured in each tick [T], NaN where nothing was, or was kept for a limit of the rate; no arrays for nothing."""
     found: dict[int, Diagnostics] = {}
     for message in recording.reader.messages((topics.DIAGNOSTICS.name,)):
         if not recording.is_within(message):
@@ -119,10 +120,12 @@ def _diagnostics(recording: Recording, ticks: NDArray[Any]) -> dict[str, NDArray
         found[measured.tick] = measured
     if not found:
         return {}
-    told = sorted(found)
-    # What is not told is as it was.
-    places = np.searchsorted(told, ticks, side="right").tolist()
-    rows = [found[told[place - 1]] if place else None for place in places]
+    if THINNED in recording.reader.metadata:
+        rows = [found.get(tick) for tick in ticks.tolist()]
+    else:  # what is not told is as it was
+        told = sorted(found)
+        places = np.searchsorted(told, ticks, side="right").tolist()
+        rows = [found[told[place - 1]] if place else None for place in places]
     nothing = (np.nan,) * 3
     return {
         "energy": np.array([np.nan if row is None else row.kinetic + row.potential for row in rows]),

@@ -81,7 +81,7 @@ def verify(
         cause: Cause = "equal"
         if run.difference is not None:
             cause = _cause_of(run, recording, course, other, threads)
-        elif run.gaps or not run.ticks or any(_is_within(lost, first, last) for lost in recording.lost):
+        elif run.is_cut or run.gaps or not run.ticks or any(_is_within(lost, first, last) for lost in recording.lost):
             cause = "incomplete"
     wall = time.perf_counter() - began
     seconds = run.last_time - run.begun_time
@@ -113,6 +113,7 @@ class _Run:
         self.gaps: list[tuple[int, int]] = []  # first and last tick of what is missing
         self.jumps: list[int] = []
         self.difference: Difference | None = None
+        self.is_cut = False  # it could not go on to the end
         self._tick = -1  # the last that was compared
         self._passed: list[tuple[int, int]] = []  # first and last of ticks that it went through since then
         self._recording, self._course = recording, course
@@ -154,7 +155,9 @@ class _Run:
                 continue  # from before the state with which it begins
             if not self._follow(frame):
                 return
-            if when >= self._first:
+            if self._ahead(frame) < 0:
+                self._pass(frame.tick, when)  # it went on from a later state
+            elif when >= self._first:
                 self._note(frame.tick, when)
             if progress is not None and position % _REPORT == 0:
                 progress(when - start, end - start)
@@ -224,7 +227,7 @@ class _Run:
             self.notes.append(str(error))
             later = self._course.state_after(again.instant)
             if later is None:
-                self._last = -math.inf
+                self.is_cut, self._last = True, -math.inf
                 return False
             self._begin(later)
             self.jumps.append(later.head.tick)
@@ -318,5 +321,8 @@ def _cause_of(run: _Run, recording: Recording, course: Course, other: list[str],
     except ElysError as error:
         run.notes.append(f"run once more, it ended earlier: {error}")
         return "not deterministic"
-    same = again.simulation.state_hash() == run.again.simulation.state_hash()
-    return "altered" if same else "not deterministic"
+    if again.simulation.state_hash() != run.again.simulation.state_hash():
+        return "not deterministic"
+    # What leads there may have stood in a part that is damaged.
+    is_damaged = any(lost.times is None or lost.times[0] <= run.difference.time for lost in recording.lost)
+    return "incomplete" if is_damaged else "altered"

@@ -74,7 +74,8 @@ def test_random_kills(elys, free_port, tmp_path, soak):
     assert shared_memory() <= before
     files = list(tmp_path.glob("outside*.mcap"))
     assert len(files) > 1  # a recorder that was started again wrote over nothing
-    assert sum(frames_in(path) > 0 for path in files) > len(files) // 2  # the others were killed before there was any
+    for path in files:
+        frames_in(path)  # each can be read, also where it was killed before there was any
     with Recording(newest(tmp_path)) as recording:
         assert not recording.reader.mended  # it was ended in peace
 

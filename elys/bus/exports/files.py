@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import glob
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -20,10 +22,11 @@ def whole_file(target: Path) -> Iterator[Path]:
         raise RecordingError(f"{target} is a directory: name a file")
     place = target.resolve()  # a link goes on to lead there
     is_device = place.exists() and not place.is_file()
-    part = place if is_device else place.with_name(f".{place.name}.part")
+    # Each process has its own: of two that write to one name the last that ends wins, whole.
+    part = place if is_device else place.with_name(f".{place.name}.{os.getpid()}.part")
     try:
         if not is_device:
-            part.unlink(missing_ok=True)  # left by one that was killed
+            _sweep(place)
         yield part
         if not is_device:
             part.replace(place)
@@ -33,3 +36,21 @@ def whole_file(target: Path) -> Iterator[Path]:
         if not is_device:
             with contextlib.suppress(OSError):
                 part.unlink(missing_ok=True)
+
+
+def _sweep(place: Path) -> None:
+    """Takes away what processes that were killed have left beside a file."""
+    for left in place.parent.glob(f".{glob.escape(place.name)}.*.part"):
+        writer = left.name.split(".")[-2]
+        if writer.isdecimal() and (int(writer) == os.getpid() or not _is_alive(int(writer))):
+            left.unlink(missing_ok=True)
+
+
+def _is_alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True

@@ -37,6 +37,7 @@ from elys.bus.messages.state_frame import StateFrame, pack_frame, unpack_frame
 from elys.bus.recording import Recording
 from elys.bus.recording_recovery import recover
 from elys.bus.topics import Encoding
+from elys.bus.transports.mcap_reading import McapReader
 from elys.common.errors import RecordingError, StateError
 from elys.common.scene import EntityRecord, SceneSettings
 from elys.sim_node import verification
@@ -288,6 +289,26 @@ def test_a_command_that_says_something_else_is_found_at_the_next_tick(session: P
     assert verdict.difference is not None
     assert verdict.difference.tick == gone.tick + 1
     assert verdict.difference.entity == gone.command.entity
+
+
+def test_what_cannot_be_followed_to_the_end_is_not_called_equal(session: Path, tmp_path: Path) -> None:
+    """A command that failed in the middle is told by the exact state after it; here there is none."""
+    broken = next(record for record in numbered(session) if record.tick > 20)
+
+    def change(message: Any) -> bytes | None:
+        if message.channel == topics.COMMANDS.name:
+            record = codec.decode_body(message.body, CommandRecord, Encoding.JSON)
+            if record.number == broken.number:
+                return codec.encode_body(msgspec.structs.replace(record, is_broken=True), Encoding.JSON)
+        if message.channel == topics.EXACT.name and message.log_time > exact_times[0]:
+            return None
+        return message.body  # type: ignore[no-any-return]
+
+    with McapReader(session) as reader:
+        exact_times = sorted(message.log_time for message in reader.messages((topics.EXACT.name,)))
+    verdict = verify(altered(session, tmp_path / "a.mcap", change))
+    assert verdict.cause == "incomplete" and verdict.difference is None
+    assert verdict.ticks <= broken.tick + 1 and "told by an exact state" in " ".join(verdict.notes)
 
 
 def test_a_damaged_exact_state_is_a_sentence(session: Path, tmp_path: Path) -> None:
