@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from elys.render_node.crowd import Crowd, without_giants
 from elys.render_node.scene_tables import Rows, places_in
 
+KEPT_LIGHTS: Final = 4  # directions of light of which it is kept what they see
 SUNK: Final = 0.02  # of a floor's radius, by which things may have sunk into it
 
 
@@ -85,6 +86,10 @@ class _Casters:
         key = light_from_world.tobytes()
         if key not in self._bounds:
             if key not in self._seen_by:
+                while len(self._seen_by) >= KEPT_LIGHTS:  # a light that turns comes from somewhere else each time
+                    oldest = next(iter(self._seen_by))
+                    del self._seen_by[oldest]
+                    self._bounds.pop(oldest, None)
                 self._seen_by[key] = _in_light(self._centre, light_from_world)
             slack = self._slack
             self._bounds[key] = _bounds(self._seen_by[key][:, slack], self._radius[slack], self.is_floor[slack])

@@ -75,7 +75,8 @@ async def serve_views(
         follower.close()
         desk.close()
         if context is None and drawing is not None:
-            drawing.release()
+            with contextlib.suppress(ContextLost):  # which is told already
+                drawing.release()
 
 
 class _ViewServer:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self, get_args
@@ -112,7 +112,7 @@ class OfflineRenderer:
         self._renderers: dict[Quality, Renderer] = {}
         self._framing: ViewCamera | None = None
         self._depth_unit = 0.0  # [m] by which depth is seen; the first picture's, so that a film does not flicker
-        self._settled: tuple[Renderer, int] | None = None  # whose images are all there, of which scene
+        self._settled: tuple[Renderer, tuple[int, str]] | None = None  # whose images are all there, of which scene
 
     def __enter__(self) -> Self:
         return self
@@ -141,9 +141,10 @@ class OfflineRenderer:
         if newest is not None:
             self.world.take_state(newest)
         renderer = self._renderer(EXACT if exact else self._quality)
-        if self._settled != (renderer, self.world.scene_version):
+        scene = (self.world.scene_version, self.world.sky_image)
+        if self._settled != (renderer, scene):
             renderer.settle(self.world)
-            self._settled = (renderer, self.world.scene_version)
+            self._settled = (renderer, scene)
         renderer.settle_images(self.world, self._overlays.images)
         self.world.place(simulation_time=time)
         if self._tracks and self._shows == "shaded":
@@ -297,7 +298,7 @@ class OfflineRenderer:
 
     def _renderer(self, quality: Quality) -> Renderer:
         if quality not in self._renderers:
-            self._renderers[quality] = Renderer(self._context, quality=quality)
+            self._renderers[quality] = Renderer(self._context, quality=replace(quality, stand_ins=False))
         return self._renderers[quality]
 
 

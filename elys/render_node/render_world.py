@@ -285,6 +285,12 @@ class RenderWorld:
         """All lamps that are on."""
         return [self._placed_light(light, number) for number, light in enumerate(self._fixtures.lights)]
 
+    @property
+    def sky_image(self) -> str:
+        """The image all around, "" for none; it may not have come yet."""
+        environment = self._fixtures.environment
+        return environment.image if environment is not None and environment.kind == "image" else ""
+
     def surroundings(self, to_sun: NDArray[np.float64] | None) -> Surroundings:
         """What is all around, under a sun in that direction."""
         rotation, fixtures = UNTURNED, self._fixtures

@@ -13,7 +13,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from elys.bus.mirror import MirrorEntity, SceneMirror
+from elys.bus.messages.scene import ComponentRemoved, ComponentSet, SceneChange, SettingsSet
+from elys.bus.mirror import MirrorEntity, MirrorUpdate, SceneMirror
 from elys.common.components import MeshRenderer
 from elys.render_node.data_colors import Pixels, entity_colors
 
@@ -38,7 +39,8 @@ class SceneClasses:
     def __init__(self, mirror: SceneMirror) -> None:
         self._mirror = mirror
         self._numbers: dict[str, int] = {}
-        self._read_at: tuple[int, int] | None = None  # epoch and sequence
+        self._is_stale = True
+        mirror.listen(self._note)
         self._entities = np.zeros(0, np.uint32)  # sorted
         self._classes = np.zeros(0, np.uint32)  # of each
 
@@ -62,11 +64,14 @@ class SceneClasses:
         self._read()
         return tuple(SceneClass(number, name, _color(name)) for name, number in self._numbers.items())
 
+    def _note(self, update: MirrorUpdate) -> None:
+        if update.reset or not all(map(_keeps_classes, update.changes)):
+            self._is_stale = True
+
     def _read(self) -> None:
-        read_at = (self._mirror.epoch, self._mirror.sequence)
-        if self._read_at == read_at:
+        if not self._is_stale:
             return
-        self._read_at = read_at
+        self._is_stale = False
         names = self._names()
         for name in sorted(set(names.values()) - self._numbers.keys()):
             self._numbers[name] = len(self._numbers) + 1
@@ -82,6 +87,17 @@ class SceneClasses:
             if "MeshRenderer" in entity.components:
                 names[entity.id] = file or _plain_name(entity)
         return names
+
+
+def _keeps_classes(change: SceneChange) -> bool:
+    """Whether everything is drawn under the name that it had: what blinks or moves does not make names anew."""
+    match change:
+        case SettingsSet():
+            return True
+        case ComponentSet(component=component) | ComponentRemoved(component=component):
+            return component != MeshRenderer.__name__
+        case _:
+            return False
 
 
 def _file_name(path: str) -> str:

@@ -84,6 +84,8 @@ class SaveDialog:
         """Whether the window may close now; if not, the person is asked."""
         if not ui.model.file.is_dirty or ui.model.is_replay:
             return True
+        if self._is_busy and self._afterwards == self._close:
+            return False  # it is being saved for that
         # Whatever another question was about is given up: else a save an hour later would still do it.
         self._asks, self._afterwards = _CLOSE, None
         return False
@@ -177,10 +179,14 @@ class SaveDialog:
         imgui.text_unformatted(tr("There are edits that were not saved."))
         dim_text(tr("As long as the session runs they are not lost: its host has them."))
         imgui.spacing()
+        if not ui.model.file.is_dirty:  # a save that was under way has ended meanwhile
+            imgui.close_current_popup()
+        imgui.begin_disabled(self._is_busy)  # what is being saved is older, and its end is not that of this
         if imgui.button(tr_label("Save and close")):
             imgui.close_current_popup()
             self._afterwards = self._close
             self.save(ui)
+        imgui.end_disabled()
         ui.landmarks.note("close/save")
         imgui.same_line()
         if imgui.button(tr_label("Close without saving")):

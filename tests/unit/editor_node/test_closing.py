@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+
 import pytest
 
 from elys.common.assets import AssetStore
@@ -176,5 +178,30 @@ def test_what_cannot_be_saved_keeps_the_window_open(leaving):
         await leaver.close_window()
         await leaver.leave_by("close/save")
         assert leaver.saved_name == "Chest"
+
+    leaving(scenario)
+
+
+def test_the_end_of_an_older_save_does_not_close_the_window(leaving, monkeypatch):
+    """What it writes is older than the edits that are to be saved."""
+
+    async def scenario(leaver):
+        await leaver.save_first()
+        model, may_go_on = leaver.person.editor.model, asyncio.Event()
+        save = model.save
+
+        async def save_slowly(path, **how):
+            await may_go_on.wait()
+            await save(path, **how)
+
+        monkeypatch.setattr(model, "save", save_slowly)
+        await leaver.rename("Treasure", "Chest")
+        await leaver.person.press(Key.S, CTRL)
+        await leaver.close_window()
+        await leaver.person.click("close/save")
+        may_go_on.set()
+        await leaver.person.until(lambda: not leaver.file.is_dirty)
+        await leaver.person.frames(4)
+        assert not leaver.has_gone
 
     leaving(scenario)

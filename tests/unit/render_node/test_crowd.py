@@ -14,7 +14,7 @@ from elys.common.components import Light, Material, MeshRenderer, Transform
 from elys.common.math import quaternion
 from elys.common.math.matrix import look_rotation
 from elys.render_node.camera import View, framing_camera
-from elys.render_node.caster_bounds import caster_bounds
+from elys.render_node.caster_bounds import KEPT_LIGHTS, caster_bounds
 from elys.render_node.picture_plan import plan_picture
 from elys.render_node.render_world import RenderWorld
 
@@ -119,6 +119,17 @@ def test_with_exact_bounds_a_picture_does_not_depend_on_those_before(stage: Any)
     bounds = [caster_bounds(world.crowd, light) for world in worlds]
     for one, other in zip(*bounds, strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+def test_a_light_that_turns_leaves_nothing_behind(stage: Any) -> None:
+    crowd = Scattered(stage, 30).world.crowd
+    first = caster_bounds(crowd, np.eye(3))
+    for angle in np.linspace(0.1, 3.0, 20):
+        caster_bounds(crowd, quaternion.to_matrix(np.array((np.sin(angle / 2), 0.0, 0.0, np.cos(angle / 2)))).T)
+    note: Any = crowd.note
+    assert len(note._seen_by) == len(note._bounds) == KEPT_LIGHTS
+    for one, again in zip(first, caster_bounds(crowd, np.eye(3)), strict=True):
+        np.testing.assert_array_equal(one, again)
 
 
 @pytest.mark.parametrize("floor", [False, True])

@@ -15,14 +15,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from elys.bus.messages.scene import SceneDelta, Spawned
 from elys.bus.messages.views import ViewCamera
-from elys.common.components import Light, Material, MeshRenderer, Transform
+from elys.bus.mirror import SceneMirror
+from elys.common.components import Light, Material, MeshRenderer, Transform, values_of
 from elys.common.errors import ShaderError
 from elys.common.math.matrix import look_rotation
 from elys.common.scene import PictureSettings, SceneSettings
 from elys.render_node.gpu import Context
 from elys.render_node.gpu.program import SHADERS
 from elys.render_node.gpu.program_cache import RELOAD_VARIABLE
+from elys.render_node.offline import OfflineRenderer
 from elys.render_node.quality import EXACT, FAST, FULL, Quality
 from elys.render_node.render_world import RenderWorld
 from elys.render_node.renderer import Renderer
@@ -198,3 +201,18 @@ def test_a_part_of_a_picture_is_magenta_too(context: Context, files: Files, worl
     picture = renderer.draw(world, CAMERA, *SIZE, region=(10, 10, 20, 16))
     assert (picture.width, picture.height) == (20, 16)
     assert is_magenta(renderer.read_pixels(picture)[..., :3].astype(np.int64))
+
+
+def test_what_is_written_to_files_is_never_magenta(context: Context, files: Files) -> None:
+    files.broken("shaded.frag")
+    mirror = SceneMirror()
+    values = {name: values_of(value) for name, value in (("Transform", Transform()), ("MeshRenderer", MeshRenderer()))}
+    box = Spawned(entity=1, name="Box", parent=0, enabled=True, components=values)
+    mirror.apply_delta(SceneDelta(epoch=0, sequence=mirror.sequence + 1, tick=0, changes=(box,)))
+    for size in (SIZE, (SIZE[0] * 2, SIZE[1] * 2)):
+        renderer = OfflineRenderer(
+            mirror, lambda _: b"", width=size[0], height=size[1], context=context, tile_edge=SIZE[0]
+        )
+        with pytest.raises(ShaderError, match=r"shaded\.frag"):
+            renderer.picture()
+        renderer.close()
