@@ -40,6 +40,7 @@ LENGTH: Final = struct.Struct("<Q")
 SAID: Final = "said-"
 _FOLDER: Final = "last-"
 _PARTS: Final = 4  # of the time that is kept
+_MOST_FILES: Final = 3 * _PARTS  # with what was said: each part may be full or over, and the rate of ticks may change
 _WATCH: Final = 'read -r said || exec "$0" -m elys.bus.crash_rescue "$@"'
 _MOST_PIECES: Final = 1000  # that the system writes at once
 _log = logging.getLogger(__name__)
@@ -52,12 +53,12 @@ class _Said:
     """A file of what was said."""
 
     descriptor: int
-    tick: int = 0  # the first
+    begun: int = 0  # how much had been told before it [ticks]
     size: int = 0  # [bytes]
 
-    def begin(self, tick: int) -> None:
+    def begin(self, told: int) -> None:
         """Forgets what was in it."""
-        self.tick, self.size = tick, 0
+        self.begun, self.size = told, 0
         os.pwrite(self.descriptor, LENGTH.pack(0), 0)
 
     def add(self, pieces: list[bytes | memoryview]) -> None:
@@ -84,6 +85,7 @@ class CrashBox:
         self._said: deque[_Said] = deque()
         self._spare: list[_Said] = []  # to be written over
         self._pending: list[bytes | memoryview] = []
+        self._tick = self._told = 0  # the last tick, and how many ticks were told: a step back is one as well
         self._scenes = self._states = self._first_scene = self._first_state = 0
         self._deltas = self._commands = -1
         self._asset_size = 0
@@ -117,15 +119,18 @@ class CrashBox:
     def end_tick(self, tick: int, tick_rate: float) -> None:
         """Writes what was said in a tick, and lets go of what is too old."""
         if not self.alive:
+            self._close_files()  # it may have been the thread that gave up
             return
-        said, kept_ticks = self._said, self._seconds * tick_rate
+        self._told += tick - self._tick if tick >= self._tick else 1
+        self._tick = tick
+        said, told, kept_ticks = self._said, self._told, self._seconds * tick_rate
         pieces, self._pending = self._pending, []
         try:
-            if not said or not 0 <= tick - said[-1].tick < kept_ticks / _PARTS or said[-1].size > self._room / _PARTS:
+            if not said or told - said[-1].begun >= kept_ticks / _PARTS or said[-1].size > self._room / _PARTS:
                 said.append(self._next_file())
-                said[-1].begin(tick)
+                said[-1].begin(told)
             said[-1].add(pieces)
-            while len(said) > 1 and (said[1].tick <= tick - kept_ticks or sum(one.size for one in said) > self._room):
+            while len(said) > 1 and (said[1].begun <= told - kept_ticks or self._is_over()):
                 said[0].begin(0)
                 self._spare.append(said.popleft())
         except OSError as error:
@@ -183,6 +188,9 @@ class CrashBox:
 
     # --- inside ----------------------------------------------------------------------------------------------------
 
+    def _is_over(self) -> bool:
+        return len(self._said) > _MOST_FILES or sum(one.size for one in self._said) > self._room
+
     def _later(self, name: str, pieces: Callable[[], Pieces]) -> None:
         # Dropping comes after writing, as both are jobs.
         self._jobs.put(lambda: self._write_file(name, pieces()))
@@ -215,6 +223,8 @@ class CrashBox:
         return _Said(os.open(name, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600))
 
     def _anew(self, descriptor: int, name: str) -> int:
+        if not self.alive:
+            return descriptor
         if descriptor >= 0:
             os.close(descriptor)
         try:
@@ -239,10 +249,17 @@ class CrashBox:
 
     def _end(self) -> None:
         self.alive = False
+        self._close_files()
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def _close_files(self) -> None:
+        """For who writes them: closed by the thread, their numbers could be those of other files when they are written next."""
         for descriptor in (*(said.descriptor for said in (*self._said, *self._spare)), self._deltas, self._commands):
             if descriptor >= 0:
                 os.close(descriptor)
-        shutil.rmtree(self.folder, ignore_errors=True)
+        self._said.clear()
+        self._spare.clear()
+        self._deltas = self._commands = -1
 
 
 def remove_orphans(root: Path) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from elys.bus.crash_box import LENGTH, CrashBox, remove_orphans
-from elys.bus.crash_rescue import rescue
+from elys.bus.crash_rescue import _frames_in, rescue
 from elys.bus.last_seconds import MOST_ROOM, ROOM, SECONDS, room_for
 from elys.bus.recording import Recording
 from elys.bus.recording_pipe import FrameKind, frame_head
@@ -54,6 +54,11 @@ def filled(place: Path, *, seconds: float, room: int = 1 << 30) -> Iterator[tupl
         box.close()
 
 
+def open_files() -> list[str]:
+    """What this process has descriptors of."""
+    return [str(link.readlink()) for link in Path("/proc/self/fd").iterdir() if link.is_symlink()]
+
+
 def test_what_was_said_last_becomes_a_recording(runtime: Path, tmp_path: Path) -> None:
     with filled(tmp_path / "problem", seconds=2.0) as (box, frames):
         path = rescue(box.folder, tmp_path / "problem")
@@ -84,12 +89,29 @@ def test_where_it_cannot_be_written_nothing_is_kept_and_nobody_suffers(runtime: 
         for file in box.folder.iterdir():
             file.unlink()
         box.folder.rmdir()
-        box._spare.clear()  # the next file is a new one
+        while box._spare:  # the next file is a new one
+            os.close(box._spare.pop().descriptor)
         for tick in range(TOLD, 2 * TOLD):
             box.message("log", b"{}", tick)
             box.end_tick(tick, RATE)
         assert not box.alive
+        box.end_tick(2 * TOLD, RATE)
+        assert not any(str(runtime) in name for name in open_files())
     assert list(runtime.iterdir()) == []
+
+
+def test_steps_back_are_kept_as_long_as_steps_forth(runtime: Path, tmp_path: Path) -> None:
+    """Each of them took a file of its own, until the process had no descriptors left."""
+    with filled(tmp_path / "problem", seconds=2.0) as (box, _):
+        back = list(reversed(range(TOLD - 400, TOLD)))
+        for moment, tick in enumerate([*back, TOLD - 400, *reversed(back)]):  # it waits there, and plays again
+            box.message("log", b"{}", (1 << 62) + moment)
+            box.end_tick(tick, RATE)
+            if tick == TOLD - 400:
+                assert len(list(box.folder.glob("said-*"))) <= 7
+                kept = [frame.time - (1 << 62) for frame in _frames_in(box.folder) if frame.name == "log"]
+                assert max(kept) == moment and 2.0 * RATE <= len(kept) <= 2.6 * RATE + 1
+        assert box.alive and len(list(box.folder.glob("said-*"))) <= 7
 
 
 def test_before_anything_was_said_there_is_nothing_to_keep(runtime: Path, tmp_path: Path) -> None:
