@@ -15,6 +15,7 @@ call; what has to be packed first is packed by a thread.
 from __future__ import annotations
 
 import contextlib
+import errno
 import fcntl
 import logging
 import os
@@ -64,7 +65,9 @@ class _Said:
     def add(self, pieces: list[bytes | memoryview]) -> None:
         """What is there counts when all of it is there: a kill may come in the midst of writing."""
         for start in range(0, len(pieces), _MOST_PIECES):
-            self.size += os.pwritev(self.descriptor, pieces[start : start + _MOST_PIECES], LENGTH.size + self.size)
+            some = pieces[start : start + _MOST_PIECES]
+            _require_all(os.pwritev(self.descriptor, some, LENGTH.size + self.size), some)
+            self.size += sum(map(len, some))
         os.pwrite(self.descriptor, LENGTH.pack(self.size), 0)
 
 
@@ -160,10 +163,10 @@ class CrashBox:
 
     def asset(self, reference: str, data: bytes, moment: int) -> None:
         """A file that the scene names, if there is room; for the thread to call."""
-        self._asset_size += len(data)
-        if self._asset_size > ROOM_FOR_ASSETS:
+        if self._asset_size + len(data) > ROOM_FOR_ASSETS:
             _log.debug("%s is too large to be kept for a crash", reference)
             return
+        self._asset_size += len(data)
         self._write_file("assets", [frame_head(FrameKind.ASSET, reference, len(data), moment), data])
 
     def drop_scene(self) -> None:
@@ -208,7 +211,7 @@ class CrashBox:
                 continue
             try:
                 job()
-            except OSError as error:
+            except Exception as error:  # whatever it is: without this thread what is asked of it would pile up
                 self._give_up(error)
 
     def _write_file(self, name: str, pieces: Pieces) -> None:
@@ -237,14 +240,15 @@ class CrashBox:
         if descriptor < 0 or not self.alive:
             return
         try:
-            os.writev(descriptor, pieces)
+            _require_all(os.writev(descriptor, pieces), pieces)
         except OSError as error:
             self._give_up(error)
 
-    def _give_up(self, error: OSError) -> None:
+    def _give_up(self, error: Exception) -> None:
         if self.alive:
             self.alive = False
-            _log.info("the last seconds are not kept for a crash any more: %s", error)
+            fault = None if isinstance(error, OSError) else error
+            _log.info("the last seconds are not kept for a crash any more: %s", error, exc_info=fault)
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def _end(self) -> None:
@@ -260,6 +264,12 @@ class CrashBox:
         self._said.clear()
         self._spare.clear()
         self._deltas = self._commands = -1
+
+
+def _require_all(written: int, pieces: list[bytes | memoryview]) -> None:
+    """Raises OSError where the system took less than it was given, as it does with the last that fits on a disk."""
+    if written < sum(map(len, pieces)):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def remove_orphans(root: Path) -> None:

@@ -154,3 +154,48 @@ def test_a_tick_that_was_not_written_to_its_end_does_not_count(runtime: Path, tm
     with Recording(path) as recording:
         assert recording.tick[-1] == TOLD
         assert recording.frame_body(len(recording) - 1) == frames[-1]
+
+
+def test_a_file_that_is_damaged_costs_what_stands_behind_the_damage(runtime: Path, tmp_path: Path) -> None:
+    with filled(tmp_path / "problem", seconds=2.0) as (box, _):
+        (box.folder / "commands-0").write_bytes(b"\xff" * 100)
+        newest = box._said[-1]
+        os.pwrite(newest.descriptor, b"\xff", LENGTH.size)
+        path = rescue(box.folder, tmp_path / "problem")
+    assert path is not None
+    with Recording(path) as recording:
+        assert len(recording) >= 1.5 * RATE and recording.tick[-1] < TOLD
+
+
+@pytest.mark.parametrize("name", ["pwritev", "writev"])
+def test_what_was_not_written_to_its_end_ends_the_keeping(
+    runtime: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    """As when the disk is full after half of it."""
+    with filled(tmp_path / "problem", seconds=2.0) as (box, _):
+        write = getattr(os, name)
+        monkeypatch.setattr(os, name, lambda *given: write(*given) - 1)
+        box.delta("delta", b"{}", 1)
+        box.message("log", b"{}", 1)
+        box.end_tick(TOLD, RATE)
+        assert not box.alive
+
+
+def test_a_fault_in_what_is_packed_ends_the_keeping_and_not_the_thread(runtime: Path, tmp_path: Path) -> None:
+    box = CrashBox(tmp_path / "problem", seconds=2.0, room=1000)
+    box.assets({}.popitem)  # raises KeyError
+    box.exact(lambda: [b"state"])
+    box.close()
+    assert box._jobs.empty()
+    assert list(runtime.iterdir()) == []
+
+
+def test_an_asset_that_has_no_room_bars_no_other(
+    runtime: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("elys.bus.crash_box.ROOM_FOR_ASSETS", 100)
+    box = CrashBox(tmp_path / "problem", seconds=2.0, room=1000)
+    for reference, size in (("first", 40), ("large", 101), ("second", 60), ("third", 1)):
+        box.asset(reference, bytes(size), 1)
+    assert [frame.name for frame in _frames_in(box.folder)] == ["first", "second"]
+    box.close()
