@@ -182,8 +182,11 @@ def test_what_was_not_written_to_its_end_ends_the_keeping(
 
 
 def test_a_fault_in_what_is_packed_ends_the_keeping_and_not_the_thread(runtime: Path, tmp_path: Path) -> None:
+    def put() -> None:
+        raise ValueError("unforeseen")
+
     box = CrashBox(tmp_path / "problem", seconds=2.0, room=1000)
-    box.assets({}.popitem)  # raises KeyError
+    box.assets(put)
     box.exact(lambda: [b"state"])
     box.close()
     assert box._jobs.empty()
