@@ -214,6 +214,8 @@ class McapWriter:
     def _check(self) -> None:
         if self._failure is not None:
             raise self._failure
+        if self._closed:
+            raise RecordingError(f"the recording {self.path} is finished and takes no more")
 
     def _end_with_what_fitted(self, error: OSError) -> str:
         """Makes the file whole with the chunks that are in it, and says whether it could.
