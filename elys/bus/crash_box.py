@@ -15,6 +15,7 @@ call; what has to be packed first is packed by a thread.
 from __future__ import annotations
 
 import contextlib
+import errno
 import fcntl
 import logging
 import os
@@ -40,6 +41,7 @@ LENGTH: Final = struct.Struct("<Q")
 SAID: Final = "said-"
 _FOLDER: Final = "last-"
 _PARTS: Final = 4  # of the time that is kept
+_MOST_FILES: Final = 3 * _PARTS  # with what was said: each part may be full or over, and the rate of ticks may change
 _WATCH: Final = 'read -r said || exec "$0" -m elys.bus.crash_rescue "$@"'
 _MOST_PIECES: Final = 1000  # that the system writes at once
 _log = logging.getLogger(__name__)
@@ -52,18 +54,20 @@ class _Said:
     """A file of what was said."""
 
     descriptor: int
-    tick: int = 0  # the first
+    begun: int = 0  # how much had been told before it [ticks]
     size: int = 0  # [bytes]
 
-    def begin(self, tick: int) -> None:
+    def begin(self, told: int) -> None:
         """Forgets what was in it."""
-        self.tick, self.size = tick, 0
+        self.begun, self.size = told, 0
         os.pwrite(self.descriptor, LENGTH.pack(0), 0)
 
     def add(self, pieces: list[bytes | memoryview]) -> None:
         """What is there counts when all of it is there: a kill may come in the midst of writing."""
         for start in range(0, len(pieces), _MOST_PIECES):
-            self.size += os.pwritev(self.descriptor, pieces[start : start + _MOST_PIECES], LENGTH.size + self.size)
+            some = pieces[start : start + _MOST_PIECES]
+            _require_all(os.pwritev(self.descriptor, some, LENGTH.size + self.size), some)
+            self.size += sum(map(len, some))
         os.pwrite(self.descriptor, LENGTH.pack(self.size), 0)
 
 
@@ -84,6 +88,7 @@ class CrashBox:
         self._said: deque[_Said] = deque()
         self._spare: list[_Said] = []  # to be written over
         self._pending: list[bytes | memoryview] = []
+        self._tick = self._told = 0  # the last tick, and how many ticks were told: a step back is one as well
         self._scenes = self._states = self._first_scene = self._first_state = 0
         self._deltas = self._commands = -1
         self._asset_size = 0
@@ -117,15 +122,18 @@ class CrashBox:
     def end_tick(self, tick: int, tick_rate: float) -> None:
         """Writes what was said in a tick, and lets go of what is too old."""
         if not self.alive:
+            self._close_files()  # it may have been the thread that gave up
             return
-        said, kept_ticks = self._said, self._seconds * tick_rate
+        self._told += tick - self._tick if tick >= self._tick else 1
+        self._tick = tick
+        said, told, kept_ticks = self._said, self._told, self._seconds * tick_rate
         pieces, self._pending = self._pending, []
         try:
-            if not said or not 0 <= tick - said[-1].tick < kept_ticks / _PARTS or said[-1].size > self._room / _PARTS:
+            if not said or told - said[-1].begun >= kept_ticks / _PARTS or said[-1].size > self._room / _PARTS:
                 said.append(self._next_file())
-                said[-1].begin(tick)
+                said[-1].begin(told)
             said[-1].add(pieces)
-            while len(said) > 1 and (said[1].tick <= tick - kept_ticks or sum(one.size for one in said) > self._room):
+            while len(said) > 1 and (said[1].begun <= told - kept_ticks or self._is_over()):
                 said[0].begin(0)
                 self._spare.append(said.popleft())
         except OSError as error:
@@ -155,10 +163,10 @@ class CrashBox:
 
     def asset(self, reference: str, data: bytes, moment: int) -> None:
         """A file that the scene names, if there is room; for the thread to call."""
-        self._asset_size += len(data)
-        if self._asset_size > ROOM_FOR_ASSETS:
+        if self._asset_size + len(data) > ROOM_FOR_ASSETS:
             _log.debug("%s is too large to be kept for a crash", reference)
             return
+        self._asset_size += len(data)
         self._write_file("assets", [frame_head(FrameKind.ASSET, reference, len(data), moment), data])
 
     def drop_scene(self) -> None:
@@ -183,6 +191,9 @@ class CrashBox:
 
     # --- inside ----------------------------------------------------------------------------------------------------
 
+    def _is_over(self) -> bool:
+        return len(self._said) > _MOST_FILES or sum(one.size for one in self._said) > self._room
+
     def _later(self, name: str, pieces: Callable[[], Pieces]) -> None:
         # Dropping comes after writing, as both are jobs.
         self._jobs.put(lambda: self._write_file(name, pieces()))
@@ -200,7 +211,7 @@ class CrashBox:
                 continue
             try:
                 job()
-            except OSError as error:
+            except Exception as error:  # whatever it is: without this thread what is asked of it would pile up
                 self._give_up(error)
 
     def _write_file(self, name: str, pieces: Pieces) -> None:
@@ -215,6 +226,8 @@ class CrashBox:
         return _Said(os.open(name, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600))
 
     def _anew(self, descriptor: int, name: str) -> int:
+        if not self.alive:
+            return descriptor
         if descriptor >= 0:
             os.close(descriptor)
         try:
@@ -227,22 +240,36 @@ class CrashBox:
         if descriptor < 0 or not self.alive:
             return
         try:
-            os.writev(descriptor, pieces)
+            _require_all(os.writev(descriptor, pieces), pieces)
         except OSError as error:
             self._give_up(error)
 
-    def _give_up(self, error: OSError) -> None:
+    def _give_up(self, error: Exception) -> None:
         if self.alive:
             self.alive = False
-            _log.info("the last seconds are not kept for a crash any more: %s", error)
+            fault = None if isinstance(error, OSError) else error
+            _log.info("the last seconds are not kept for a crash any more: %s", error, exc_info=fault)
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def _end(self) -> None:
         self.alive = False
+        self._close_files()
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def _close_files(self) -> None:
+        """For who writes them: closed by the thread, their numbers could be those of other files when they are written next."""
         for descriptor in (*(said.descriptor for said in (*self._said, *self._spare)), self._deltas, self._commands):
             if descriptor >= 0:
                 os.close(descriptor)
-        shutil.rmtree(self.folder, ignore_errors=True)
+        self._said.clear()
+        self._spare.clear()
+        self._deltas = self._commands = -1
+
+
+def _require_all(written: int, pieces: list[bytes | memoryview]) -> None:
+    """Raises OSError where the system took less than it was given, as it does with the last that fits on a disk."""
+    if written < sum(map(len, pieces)):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def remove_orphans(root: Path) -> None:

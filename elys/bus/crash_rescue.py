@@ -21,7 +21,7 @@ from elys.bus.recording_names import free_name
 from elys.bus.recording_pipe import FRAME_HEAD, FrameKind, PipeFrame, frame_at
 from elys.bus.topics import Encoding
 from elys.bus.transports.mcap import recorded_channels
-from elys.common.errors import ElysError
+from elys.common.errors import ElysError, RecordingError
 
 _log = logging.getLogger(__name__)
 
@@ -59,10 +59,17 @@ def _frames_in(folder: Path) -> Iterator[PipeFrame]:
         data = file.read_bytes()
         if file.name.startswith(SAID):  # what follows is of an earlier use of the file
             data = data[LENGTH.size : LENGTH.size + LENGTH.unpack_from(data.ljust(LENGTH.size, b"\0"))[0]]
-        offset = 0
-        while (frame := frame_at(data, offset)) is not None:
-            offset += FRAME_HEAD.size + data[offset + 1] + len(frame.content)
-            yield frame
+        try:
+            yield from _frames_of(data)
+        except RecordingError as error:
+            _log.debug("the rest of %s cannot be read: %s", file.name, error)  # the other files can
+
+
+def _frames_of(data: bytes) -> Iterator[PipeFrame]:
+    offset = 0
+    while (frame := frame_at(data, offset)) is not None:
+        offset += FRAME_HEAD.size + data[offset + 1] + len(frame.content)
+        yield frame
 
 
 def main(folder: Path, place: Path) -> int:

@@ -12,6 +12,7 @@ from elys.bus.message_sieve import MessageSieve
 from elys.bus.messages.scene import SceneDelta, Snapshot
 from elys.bus.mirror import SceneMirror
 from elys.bus.rate_budget import THINNED, RateBudget
+from elys.bus.recording_names import is_made
 from elys.bus.recording_plan import PLAIN, RecordingPlan, files_of, numbered_file
 from elys.bus.rerun_base import RerunBase
 from elys.bus.topics import Encoding
@@ -33,6 +34,7 @@ class Recorder:
         self.is_full = False  # it has reached its limit, and takes no more
         self._path, self._session, self._scene, self._plan = path, session, scene, plan
         self._files: list[Path] = []
+        self._failure: RecordingError | None = None  # why there is no next file
         self._size = 0  # of the files before this one [bytes]
         self._assets: set[str] = set()
         self._facts: dict[str, dict[str, str]] = {}
@@ -52,6 +54,7 @@ class Recorder:
         """Adds a message without its protocol prefix, if it says something new."""
         if self.is_full or not (self._plan.takes(channel) or channel.startswith(VIDEO_PREFIX)):
             return
+        self._check()
         if self._budget is not None and not self._budget.takes(channel, body, time_ns, self._grown):
             self._say_thinned()
             return
@@ -93,6 +96,7 @@ class Recorder:
 
     def keep_time(self) -> None:
         """Closes chunks and syncs when it is time; call it at least every `seconds_until_due`."""
+        self._check()
         if not self.is_full:
             self._writer.keep_time()
 
@@ -106,17 +110,29 @@ class Recorder:
 
     # --- one file after the other ----------------------------------------------------------------------------------
 
+    def _check(self) -> None:
+        if self._failure is not None:
+            raise self._failure
+
     def _new_file(self) -> McapWriter:
-        path = numbered_file(self._path, self._number) if self._plan.rotates else self._path
-        self._number += 1
-        self._files.append(path)
-        return McapWriter(
+        path = self._numbered_name() if self._plan.rotates else self._path
+        writer = McapWriter(
             path,
             session=self._session,
             scene=self._scene,
             compact=self._plan.compact,
             overwrites=self._plan.overwrites and not self._plan.rotates,
         )
+        self._files.append(path)
+        return writer
+
+    def _numbered_name(self) -> Path:
+        """The next that nobody has taken meanwhile."""
+        while True:
+            path = numbered_file(self._path, self._number)
+            self._number += 1
+            if is_made(path):
+                return path
 
     def _is_due(self, time_ns: int) -> bool:
         plan = self._plan
@@ -149,7 +165,11 @@ class Recorder:
         last = self._files[-1]
         self._size += last.stat().st_size
         self._ended_size += last.stat().st_size
-        self._writer = self._new_file()
+        try:
+            self._writer = self._new_file()
+        except RecordingError as error:
+            self._failure = error
+            raise
         self._begun, self._has_frame = time_ns, False
         self._sieve = MessageSieve(compact=self._plan.compact)
         for name, values in self._facts.items():

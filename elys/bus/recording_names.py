@@ -37,15 +37,24 @@ def claimed(path: Path, *, overwrites: bool) -> Path:
     """
     if overwrites or is_device(path):
         return path
-    while True:
-        name = free_name(path)
-        try:
-            os.close(os.open(name, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666))
-        except FileExistsError:
-            continue  # another process was faster
-        except OSError as error:
-            raise RecordingError(f"the recording {name} cannot be written: {error.strerror}") from error
-        return name
+    while not is_made(name := free_name(path)):
+        pass  # another process was faster
+    return name
+
+
+def is_made(path: Path) -> bool:
+    """Makes an empty file; False if something is there, whoever was faster.
+
+    Raises:
+        RecordingError: no file can be made there.
+    """
+    try:
+        os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666))
+    except FileExistsError:
+        return False
+    except OSError as error:
+        raise RecordingError(f"the recording {path} cannot be written: {error.strerror}") from error
+    return True
 
 
 def require_free(path: Path, *, remedy: str = REMEDY) -> None:

@@ -46,7 +46,7 @@ from elys.bus.transports.mcap_index import (
     IndexBuilder,
 )
 from elys.bus.transports.mcap_writing import ChunkedWriter
-from elys.bus.transports.recording_file import RecordingFile
+from elys.bus.transports.recording_file import RecordingFile, says_full
 from elys.common.components import declarations
 from elys.common.components.schema import component_schema
 from elys.common.errors import RecordingError
@@ -206,7 +206,7 @@ class McapWriter:
             yield
         except OSError as error:
             self._closed = True
-            fitted = self._end_with_what_fitted()
+            fitted = self._end_with_what_fitted(error)
             text = f"the recording {self.path} cannot be written any further: {error.strerror}; {fitted}"
             self._failure = RecordingError(text)
             raise self._failure from error
@@ -214,33 +214,48 @@ class McapWriter:
     def _check(self) -> None:
         if self._failure is not None:
             raise self._failure
+        if self._closed:
+            raise RecordingError(f"the recording {self.path} is finished and takes no more")
 
-    def _end_with_what_fitted(self) -> str:
-        """Makes the file whole with the chunks that are in it; where its end has no room, with fewer of them. Says which."""
+    def _end_with_what_fitted(self, error: OSError) -> str:
+        """Makes the file whole with the chunks that are in it, and says whether it could.
+
+        Where a full disk has no room for the end, the last chunks make way: as many as take what it needs at most, and once, as
+        more would make no room if those did not. Nothing makes way for a disk that fails.
+        """
         writer = self._writer
         writer.drop_open_chunk()
         count, end = writer.chunk_count, self._file.size
-        least = max(1, count // 3)  # rather than lose more the file stays without an end, and is mended by who reads it
         try:
-            while count >= least:
-                writer.drop_chunks(count)
-                has_all_frames = self._index.cut(count)
-                self._keys = [key for key in self._keys if key[1] < count]
-                try:
-                    self._finish(has_all_frames=has_all_frames)
-                except OSError as error:
-                    _log.debug("the end of %s has no room after %d chunks: %s", self.path, count, error)
-                    needed = writer.summary_size + self._indexes_size
-                    count = min(writer.chunks_before(end - needed), count - 1)
-                else:
-                    return "what fitted is whole"
+            refusal = self._refusal_of_end(count) if count else error
+            if refusal is not None and says_full(error) and says_full(refusal):
+                fewer = min(writer.chunks_before(end - writer.summary_size - self._indexes_size), count - 1)
+                if fewer >= max(
+                    1, count // 3
+                ):  # rather than lose more it stays without an end, and is mended by who reads
+                    writer.drop_chunks(fewer)
+                    refusal = self._refusal_of_end(fewer)
         finally:
-            self._file.close()
+            with contextlib.suppress(OSError):  # said already
+                self._file.close()
+        if refusal is None:
+            return "what fitted is whole"
         if writer.chunk_count:
             return "what fitted can be read, and `elys recover` makes it whole"
         if self.path.is_file():
             self.path.unlink()  # nothing in it can be shown
         return "nothing of it fitted"
+
+    def _refusal_of_end(self, count: int) -> OSError | None:
+        """Ends the file behind so many chunks; why not, if it cannot be."""
+        has_all_frames = self._index.cut(count)
+        self._keys = [key for key in self._keys if key[1] < count]
+        try:
+            self._finish(has_all_frames=has_all_frames)
+        except OSError as error:
+            _log.debug("the end of %s cannot be written after %d chunks: %s", self.path, count, error)
+            return error
+        return None
 
     @property
     def _indexes_size(self) -> int:

@@ -20,6 +20,11 @@ _FULL: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _log = logging.getLogger(__name__)
 
 
+def says_full(error: OSError) -> bool:
+    """Whether there would be room if less were in the file."""
+    return error.errno in _FULL
+
+
 class RecordingFile:
     """Owns the descriptor. What is appended is in the file whole, or not at all."""
 

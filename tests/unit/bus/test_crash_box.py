@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from elys.bus.crash_box import LENGTH, CrashBox, remove_orphans
-from elys.bus.crash_rescue import rescue
+from elys.bus.crash_rescue import _frames_in, rescue
 from elys.bus.last_seconds import MOST_ROOM, ROOM, SECONDS, room_for
 from elys.bus.recording import Recording
 from elys.bus.recording_pipe import FrameKind, frame_head
@@ -54,6 +54,11 @@ def filled(place: Path, *, seconds: float, room: int = 1 << 30) -> Iterator[tupl
         box.close()
 
 
+def open_files() -> list[str]:
+    """What this process has descriptors of."""
+    return [str(link.readlink()) for link in Path("/proc/self/fd").iterdir() if link.is_symlink()]
+
+
 def test_what_was_said_last_becomes_a_recording(runtime: Path, tmp_path: Path) -> None:
     with filled(tmp_path / "problem", seconds=2.0) as (box, frames):
         path = rescue(box.folder, tmp_path / "problem")
@@ -84,12 +89,29 @@ def test_where_it_cannot_be_written_nothing_is_kept_and_nobody_suffers(runtime: 
         for file in box.folder.iterdir():
             file.unlink()
         box.folder.rmdir()
-        box._spare.clear()  # the next file is a new one
+        while box._spare:  # the next file is a new one
+            os.close(box._spare.pop().descriptor)
         for tick in range(TOLD, 2 * TOLD):
             box.message("log", b"{}", tick)
             box.end_tick(tick, RATE)
         assert not box.alive
+        box.end_tick(2 * TOLD, RATE)
+        assert not any(str(runtime) in name for name in open_files())
     assert list(runtime.iterdir()) == []
+
+
+def test_steps_back_are_kept_as_long_as_steps_forth(runtime: Path, tmp_path: Path) -> None:
+    """Each of them took a file of its own, until the process had no descriptors left."""
+    with filled(tmp_path / "problem", seconds=2.0) as (box, _):
+        back = list(reversed(range(TOLD - 400, TOLD)))
+        for moment, tick in enumerate([*back, TOLD - 400, *reversed(back)]):  # it waits there, and plays again
+            box.message("log", b"{}", (1 << 62) + moment)
+            box.end_tick(tick, RATE)
+            if tick == TOLD - 400:
+                assert len(list(box.folder.glob("said-*"))) <= 7
+                kept = [frame.time - (1 << 62) for frame in _frames_in(box.folder) if frame.name == "log"]
+                assert max(kept) == moment and 2.0 * RATE <= len(kept) <= 2.6 * RATE + 1
+        assert box.alive and len(list(box.folder.glob("said-*"))) <= 7
 
 
 def test_before_anything_was_said_there_is_nothing_to_keep(runtime: Path, tmp_path: Path) -> None:
@@ -132,3 +154,51 @@ def test_a_tick_that_was_not_written_to_its_end_does_not_count(runtime: Path, tm
     with Recording(path) as recording:
         assert recording.tick[-1] == TOLD
         assert recording.frame_body(len(recording) - 1) == frames[-1]
+
+
+def test_a_file_that_is_damaged_costs_what_stands_behind_the_damage(runtime: Path, tmp_path: Path) -> None:
+    with filled(tmp_path / "problem", seconds=2.0) as (box, _):
+        (box.folder / "commands-0").write_bytes(b"\xff" * 100)
+        newest = box._said[-1]
+        os.pwrite(newest.descriptor, b"\xff", LENGTH.size)
+        path = rescue(box.folder, tmp_path / "problem")
+    assert path is not None
+    with Recording(path) as recording:
+        assert len(recording) >= 1.5 * RATE and recording.tick[-1] < TOLD
+
+
+@pytest.mark.parametrize("name", ["pwritev", "writev"])
+def test_what_was_not_written_to_its_end_ends_the_keeping(
+    runtime: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    """As when the disk is full after half of it."""
+    with filled(tmp_path / "problem", seconds=2.0) as (box, _):
+        write = getattr(os, name)
+        monkeypatch.setattr(os, name, lambda *given: write(*given) - 1)
+        box.delta("delta", b"{}", 1)
+        box.message("log", b"{}", 1)
+        box.end_tick(TOLD, RATE)
+        assert not box.alive
+
+
+def test_a_fault_in_what_is_packed_ends_the_keeping_and_not_the_thread(runtime: Path, tmp_path: Path) -> None:
+    def put() -> None:
+        raise ValueError("unforeseen")
+
+    box = CrashBox(tmp_path / "problem", seconds=2.0, room=1000)
+    box.assets(put)
+    box.exact(lambda: [b"state"])
+    box.close()
+    assert box._jobs.empty()
+    assert list(runtime.iterdir()) == []
+
+
+def test_an_asset_that_has_no_room_bars_no_other(
+    runtime: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("elys.bus.crash_box.ROOM_FOR_ASSETS", 100)
+    box = CrashBox(tmp_path / "problem", seconds=2.0, room=1000)
+    for reference, size in (("first", 40), ("large", 101), ("second", 60), ("third", 1)):
+        box.asset(reference, bytes(size), 1)
+    assert [frame.name for frame in _frames_in(box.folder)] == ["first", "second"]
+    box.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import resource
 import signal
@@ -125,6 +126,55 @@ def test_rather_than_lose_most_of_it_a_recording_stays_without_its_end(tmp_path:
     with Recording(path) as recording:
         assert recording.reader.mended
         assert recording.tick.tolist() == list(range(TICKS + 1))
+
+
+@pytest.mark.parametrize("failures", [1, 10**6])
+@pytest.mark.parametrize("ends", ["keep_time", "close"])
+def test_a_disk_that_fails_costs_no_chunk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failures: int, ends: str
+) -> None:
+    """Less in the file would make no room: what is there is kept, also where it cannot be given an end."""
+    path, ticks, count = tmp_path / "it.mcap", 100, 0
+    writer = McapWriter(path, session="told", scene="Told")
+    for message in noise(ticks):
+        tell(writer, *message)
+    writer._flush()
+
+    def fail(_: int) -> None:
+        nonlocal count
+        count += 1
+        if count <= failures:
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    monkeypatch.setattr(os, "fsync", fail)
+    writer._synced = -1.0  # it is time
+    with pytest.raises(RecordingError, match="what fitted is whole" if failures == 1 else "what fitted can be read"):
+        getattr(writer, ends)()
+    assert count <= 3
+    with Recording(path) as recording:
+        assert recording.reader.mended == (failures > 1)
+        assert recording.tick.tolist() == list(range(ticks))
+
+
+def test_an_end_that_no_chunk_makes_room_for_costs_few(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Somebody else takes what is given back."""
+    path, ticks, tries = tmp_path / "it.mcap", 300, 0
+    writer = McapWriter(path, session="told", scene="Told")
+    for message in noise(ticks):
+        tell(writer, *message)
+    writer._flush()
+
+    def refuse() -> None:
+        nonlocal tries
+        tries += 1
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(writer._writer, "finish", refuse)
+    with pytest.raises(RecordingError, match="what fitted can be read"):
+        writer.close()
+    assert tries == 3  # by itself, with all chunks, and with those that leave room
+    with Recording(path) as recording:
+        assert recording.reader.mended and 200 < len(recording) < ticks
 
 
 def test_on_a_disk_that_is_full_every_chunk_that_was_written_stays(tmp_path: Path) -> None:

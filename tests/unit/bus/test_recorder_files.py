@@ -16,6 +16,7 @@ from elys.bus.message_sieve import MessageSieve, with_fewer_digits
 from elys.bus.messages.physics import ContactBatch, Diagnostics, Touches
 from elys.bus.messages.state_frame import pack_frame
 from elys.bus.recorder import record_pipe
+from elys.bus.recorder_files import Recorder
 from elys.bus.recording import Recording
 from elys.bus.recording_plan import RecordingPlan, files_of, from_json, recording_plan, to_json
 from elys.bus.recording_storage import describe, state_storage
@@ -23,6 +24,7 @@ from elys.bus.session import Session
 from elys.bus.tap import RecordingTap
 from elys.bus.transports.loopback import LoopbackBroker
 from elys.common.errors import RecordingError
+from tests.unit.bus.told_recordings import messages
 
 Host = Callable[..., Any]
 
@@ -74,6 +76,44 @@ async def test_old_files_go_and_others_stay(tmp_path: Path, random_host: Host) -
     assert int(others[0].stem.rpartition(".")[2]) > 8
     with Recording(others[-1]) as recording:
         assert recording.tick[-1] == host.tick
+
+
+def told_to(recorder: Recorder, *, first: int, last: int) -> None:
+    for channel, body, now in messages(first=first, last=last):
+        recorder.message(channel, body, time_ns=now)
+
+
+def test_a_name_that_somebody_took_meanwhile_is_passed_over(tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path / "it.mcap", session="s", scene="", plan=RecordingPlan(rotate_seconds=1.0))
+    (tmp_path / "it.001.mcap").write_bytes(b"of another run")
+    (tmp_path / "it.002.mcap").touch()  # has just been taken
+    told_to(recorder, first=0, last=90)
+    recorder.close()
+    names = ["it.000.mcap", "it.001.mcap", "it.002.mcap", "it.003.mcap"]
+    assert [file.name for file in files_of(tmp_path / "it.mcap")] == names
+    assert (tmp_path / names[1]).read_bytes() == b"of another run" and not (tmp_path / names[2]).stat().st_size
+    with Recording(tmp_path / names[3]) as recording:
+        assert recording.tick[-1] == 90
+
+
+def test_where_there_can_be_no_next_file_every_call_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    recorder = Recorder(tmp_path / "it.mcap", session="s", scene="", plan=RecordingPlan(rotate_seconds=1.0))
+    told_to(recorder, first=0, last=30)
+
+    def refuse(*_: Any, **__: Any) -> None:
+        raise RecordingError("the next cannot be written")
+
+    monkeypatch.setattr("elys.bus.recorder_files.McapWriter", refuse)
+    for _ in range(2):
+        with pytest.raises(RecordingError, match="the next cannot be written"):
+            told_to(recorder, first=90, last=90)
+        with pytest.raises(RecordingError, match="the next cannot be written"):
+            recorder.keep_time()
+    with pytest.raises(RecordingError, match="is finished and takes no more"):
+        recorder.asset("late", b"")
+    recorder.close()
+    with Recording(tmp_path / "it.000.mcap") as recording:
+        assert not recording.reader.mended and recording.tick.tolist() == list(range(31))
 
 
 async def test_a_limit_ends_a_recording_cleanly(
