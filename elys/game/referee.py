@@ -87,7 +87,7 @@ class Attempt:
     began: float = -1.0  # [s] of simulation time at which the countdown ended
     finished: dict[int, Finished] = field(default_factory=dict)  # by player
     splits: dict[int, list[float]] = field(default_factory=dict)
-    ended_at: float = -1.0  # [s] of simulation time of the last finish
+    ended_at: dict[int, float] = field(default_factory=dict)  # [s] of simulation time of the finish, by player
     pauses: list[Span] = field(default_factory=list)  # of simulation time
 
 
@@ -241,6 +241,7 @@ class Referee:
             return
         await attempt.recorder.finish()
         best = min(attempt.finished.values(), key=lambda one: one.time)
+        ended_at = attempt.ended_at[best.player]
         entry = Entry(
             file=attempt.recorder.path.name,
             player=self._person if attempt.players == 1 else f"{self._person} {best.player}",
@@ -249,7 +250,7 @@ class Referee:
             date=datetime.now(UTC).isoformat(timespec="seconds"),
             began=attempt.began,
             splits=tuple(round(split, 4) for split in attempt.splits.get(best.player, ())),
-            pauses=tuple(attempt.pauses),
+            pauses=tuple(pause for pause in attempt.pauses if pause[0] < ended_at),  # one behind the finish counts not
         )
         place = self.board.add(entry)
         _log.info("%s: %s", self.level.title, told(entry, place))
@@ -277,6 +278,7 @@ class Referee:
     def _take(self, event: Event, tick: int) -> None:
         """ValidationError for an event with other values than a race has."""
         attempt, tick_rate = self.attempt, self._node.simulation.settings.tick_rate
+        told_at = (tick - 1) / tick_rate
         if event.kind == "race_wanted":
             if (what := event.values.get("what")) in WISHES:
                 self._wishes.put_nowait((what, event.values))
@@ -287,7 +289,7 @@ class Referee:
             self._send_ghosts(attempt)
         elif event.kind == "race_paused":
             # It was told in the step before, and the one after that was the first that was held.
-            attempt.pauses.append(((tick - 1) / tick_rate, UNTIL_TOLD))
+            attempt.pauses.append((told_at, UNTIL_TOLD))
             self._let_ghosts_wait(attempt)
         elif event.kind == "race_resumed" and attempt.pauses:
             attempt.pauses[-1] = (attempt.pauses[-1][0], msgspec.convert(event.values, Resumed).held)
@@ -300,13 +302,14 @@ class Referee:
             if not 1 <= finished.player <= attempt.players or finished.player in attempt.finished:
                 return
             attempt.finished[finished.player] = finished
-            attempt.ended_at = self._node.simulation.time
+            attempt.ended_at[finished.player] = told_at
             if len(attempt.finished) == attempt.players:
                 self._keep(asyncio.create_task(self._finish_soon(attempt)))
 
     async def _finish_soon(self, attempt: Attempt) -> None:
         """What comes right after the finish belongs to the race as well."""
-        while self.attempt is attempt and self._node.simulation.time < attempt.ended_at + AFTERGLOW:
+        ended_at = max(attempt.ended_at.values())
+        while self.attempt is attempt and self._node.simulation.time < ended_at + AFTERGLOW:
             await asyncio.sleep(0.02)
         if self.attempt is attempt:
             self._wishes.put_nowait(("finished", {}))
