@@ -159,6 +159,26 @@ def test_a_wait_for_a_class_is_part_of_a_state(play: Playground) -> None:
     assert play.simulation.state_hash() == later
 
 
+def test_who_waits_hears_what_is_told_to_him_behind_what_is_told_to_others(play: Playground) -> None:
+    source = play.write(
+        "w.py",
+        """
+        class Waits(Behaviour):
+            async def start(self):
+                self.heard = []
+                while True:
+                    told = await event("hit")
+                    self.heard.append(told.values["by"])
+        """,
+    )
+    first, second, third = (play.spawn(source) for _ in range(3))
+    play.run()
+    for entity, by in ((first, "a"), (first, "b"), (second, "c"), (0, "d"), (third, "e")):
+        apply_command(play.simulation, Tell(kind="hit", entity=entity, values={"by": by}))
+    play.run()
+    assert [play.on(entity).heard for entity in (first, second, third)] == [["a"], ["c"], ["d"]]
+
+
 def test_a_command_tells_scripts_an_event(play: Playground) -> None:
     teller(play, "pass")
     hears, waits = play.spawn(play.write("h.py", HEARS)), play.spawn(play.write("w.py", WAITS))
