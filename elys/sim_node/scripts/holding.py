@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from elys.bus.messages.session import Event
 
+CALLED: Final = frozenset(("fixed_update", "update"))  # hooks of the one who holds it: nothing else of it runs either
 MOST_MISSED: Final = 10_000  # events told in one hold, for those who hear of them afterwards
 
 

@@ -6,7 +6,7 @@ import dataclasses
 
 import pytest
 
-from elys.common.components import Collider, RigidBody, Transform
+from elys.common.components import Collider, RigidBody, Script, Transform
 from elys.sim_node.state import State
 from tests.unit.sim_node.scripts.conftest import Playground
 
@@ -145,6 +145,34 @@ def test_time_goes_on_where_the_one_who_holds_it_cannot_let_go(play: Playground,
     play.run(40)
     assert not play.simulation.is_held and not play.on(counts).world.is_held
     assert 25 <= play.on(counts).early < 40
+
+
+def test_who_is_called_in_no_held_step_cannot_hold_time(play: Playground) -> None:
+    _, counts, _ = thrown(play, first=-1, last=-1)
+    source = play.write(
+        "asks.py",
+        """
+        class Asks(Behaviour):
+            async def start(self):
+                self.world.hold(self)
+                await seconds(0.1)
+                self.world.let_go()
+        """,
+    )
+    asks = play.spawn(source, "Asks")
+    play.run(20)
+    assert "Asks cannot hold time: it has no fixed_update and no update" in play.failure(asks)
+    assert not play.simulation.is_held and play.on(counts).early == 20
+
+
+def test_a_holder_whose_file_loses_the_hook_that_lets_go_holds_no_more(play: Playground) -> None:
+    _, counts, holds = thrown(play, last=-1)
+    play.run(40)
+    assert play.simulation.is_held
+    changed = play.write("holds.py", "class Holds(Behaviour):\n    def on_input(self, player): self.world.let_go()\n")
+    play.simulation.world.set(holds, Script(source=changed))
+    play.run(10)
+    assert not play.simulation.is_held and play.on(counts).early == 40
 
 
 def test_who_comes_while_time_is_held_starts_when_it_goes_on(play: Playground) -> None:
