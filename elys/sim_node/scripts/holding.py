@@ -36,6 +36,11 @@ class Hold:
         missed, self.missed = self.missed, []
         return missed
 
+    def end(self) -> None:
+        """All is another scene's: nobody holds time, and nobody missed anything."""
+        self.by, self.stands = 0, False
+        self.missed.clear()
+
     def saved(self) -> tuple[Any, ...]:
         """For a state."""
         return self.by, self.ticks, tuple(self.missed)

@@ -6,8 +6,12 @@ import dataclasses
 
 import pytest
 
+from elys.bus.messages.commands import LoadScene
 from elys.common.components import Collider, RigidBody, Script, Transform
+from elys.common.ids import Entity
+from elys.sim_node.scene.loading import records_of
 from elys.sim_node.state import State
+from elys.sim_node.systems.apply_edits import load_scene
 from tests.unit.sim_node.scripts.conftest import Playground
 
 COUNTS = """
@@ -173,6 +177,21 @@ def test_a_holder_whose_file_loses_the_hook_that_lets_go_holds_no_more(play: Pla
     play.simulation.world.set(holds, Script(source=changed))
     play.run(10)
     assert not play.simulation.is_held and play.on(counts).early == 40
+
+
+def test_what_was_missed_in_a_hold_is_not_told_to_the_next_scene(play: Playground) -> None:
+    _, counts, _ = thrown(play)
+    simulation = play.simulation
+    play.run(40)
+    assert simulation.is_held and simulation.scripts.hold.missed
+    records = tuple(records_of(simulation.world, counts))
+    held_time = play.on(counts).world.held_time
+    (again,) = load_scene(simulation, LoadScene(name="next", records=records))
+    assert not simulation.is_held
+    play.run(5)
+    counting = play.on(Entity(again))
+    assert counting.early == 5 and counting.heard == []
+    assert counting.world.held_time == held_time  # time does not jump
 
 
 def test_who_comes_while_time_is_held_starts_when_it_goes_on(play: Playground) -> None:
