@@ -56,6 +56,26 @@ HOLDS = """
 """
 
 
+PUSHES = """
+    class Pushes(Behaviour):
+        holds: bool = False
+
+        def start(self):
+            self.steps = 0
+
+        def fixed_update(self, dt):
+            self.steps += 1
+            self.entity.apply_force((3.0, 0.0, 0.0))
+            if self.holds and self.steps == 10:
+                self.world.hold(self)
+            if self.holds and self.steps == 30:
+                self.world.let_go()
+
+        def update(self, dt):
+            self.entity.apply_torque((0.0, 0.5, 0.0))
+"""
+
+
 def thrown(play: Playground, **values: int) -> tuple[int, int, int]:
     """A ball that flies, one who counts, and one who holds time from step 31 to 60."""
     ball = play.simulation.world.spawn(
@@ -99,6 +119,18 @@ def test_it_goes_on_as_if_nobody_had_held_it(play: Playground, tmp_path) -> None
     thrown(other, first=-1, last=-1)
     other.run(100)
     assert simulation.state_hash() == other.simulation.state_hash()
+
+
+def test_what_pushes_on_in_held_steps_pushes_no_harder_afterwards(play: Playground) -> None:
+    """Forces before and after physics, of the step that asked for it as well."""
+    ran = []
+    for holds in (False, True):
+        each = Playground(play.folder)
+        pusher = each.spawn(each.write("pushes.py", PUSHES), "Pusher", RigidBody(), Collider(), holds=holds)
+        each.run(50 if holds else 30)
+        ran.append((each.simulation.state_hash(), each.simulation.world.get(pusher, RigidBody)))
+    assert ran[0] == ran[1]
+    assert ran[0][1].linear_velocity[0] > 0.0
 
 
 @pytest.mark.parametrize("before", [30, 45, 59, 60, 61])
