@@ -14,7 +14,9 @@ from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, Final, Protocol
+
+import msgspec
 
 from elys.bus import topics
 from elys.bus.ghost_service import GhostServer
@@ -34,6 +36,10 @@ if TYPE_CHECKING:
     from elys.sim_node.node import SimulationNode
 
 AFTERGLOW: Final = 1.0  # [s] of simulation that a recording goes on after the finish
+LONGEST: Final = 1e6  # [s] that a race may take
+# What is believed here, and decides about times, so that scripts alone may tell it.
+HEARD: Final = frozenset(("race_go", "race_gate", "race_finished", "race_wanted", "race_paused", "race_resumed"))
+WISHES: Final = ("restart", "level", "setting")
 AnyLevel = Level | SceneLevel
 _log = logging.getLogger(__name__)
 
@@ -48,15 +54,40 @@ class Recorder(Protocol):
         ...
 
 
+_Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=LONGEST)]
+
+
+class Passed(msgspec.Struct, frozen=True):
+    """What `race_gate` says."""
+
+    player: int
+    time: _Seconds
+
+
+class Finished(msgspec.Struct, frozen=True):
+    """What `race_finished` says."""
+
+    player: int
+    time: _Seconds
+    medal: str = ""
+
+
+class Resumed(msgspec.Struct, frozen=True):
+    """What `race_resumed` says."""
+
+    held: _Seconds
+
+
 @dataclass(slots=True, kw_only=True)
 class Attempt:
     """A race that is on."""
 
     recorder: Recorder
+    players: int
     began: float = -1.0  # [s] of simulation time at which the countdown ended
-    finished: dict[int, Event] = field(default_factory=dict)  # by player
+    finished: dict[int, Finished] = field(default_factory=dict)  # by player
     splits: dict[int, list[float]] = field(default_factory=dict)
-    ended_at: float = -1.0  # [s] of simulation time of the last finish
+    ended_at: dict[int, float] = field(default_factory=dict)  # [s] of simulation time of the finish, by player
     pauses: list[Span] = field(default_factory=list)  # of simulation time
 
 
@@ -89,6 +120,7 @@ class Referee:
         has_menu: bool = False,
     ) -> None:
         self._node, self._session = node, session
+        node.untold |= HEARD
         self.level, self._levels = level, levels
         self._wanted_players = players
         self._person = person or getpass.getuser()
@@ -121,8 +153,8 @@ class Referee:
                     await self._begin(opens_menu=self._has_menu)
                 elif wish == "restart":
                     await self._begin()
-                elif wish == "level" and values.get("name") in self._levels:
-                    self.level = self._levels[values["name"]]
+                elif wish == "level" and str(values.get("name", "")) in self._levels:
+                    self.level = self._levels[str(values["name"])]
                     await self._begin()
                 elif wish == "setting":
                     self._set(str(values.get("name", "")), str(values.get("value", "")))
@@ -163,7 +195,8 @@ class Referee:
         self.level = self.level.renewed(self._node.simulation.assets)
         self._levels = {**self._levels, self.level.name: self.level}
         self.board = Board(self.level.board, self._folder)
-        opened = self._open_level(self.level, self._players, self._told(opens_menu=opens_menu))
+        players = self._players
+        opened = self._open_level(self.level, players, self._told(opens_menu=opens_menu))
         path = str(opened.path) if isinstance(self.level, SceneLevel) else ""
         command = LoadScene(name=opened.name, records=tuple(opened.records), settings=opened.settings, path=path)
         reply = await self._node.put(CommandRequest(origin=self._session.node.id, command=command))
@@ -171,7 +204,7 @@ class Referee:
             raise ElysError(f"the level {self.level.name} cannot be begun: {reply.reason}")
         stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S-%f")
         self.board.folder.mkdir(parents=True, exist_ok=True)
-        self.attempt = Attempt(recorder=self._record(self.board.folder / f"{stamp}.mcap"))
+        self.attempt = Attempt(recorder=self._record(self.board.folder / f"{stamp}.mcap"), players=players)
 
     @property
     def _players(self) -> int:
@@ -207,17 +240,17 @@ class Referee:
         if attempt is None:
             return
         await attempt.recorder.finish()
-        player = min(attempt.finished, key=lambda one: attempt.finished[one].values["time"])
-        values = attempt.finished[player].values
+        best = min(attempt.finished.values(), key=lambda one: one.time)
+        ended_at = attempt.ended_at[best.player]
         entry = Entry(
             file=attempt.recorder.path.name,
-            player=self._person if self._players == 1 else f"{self._person} {player}",
-            time=round(values["time"], 4),
-            medal=values["medal"],
+            player=self._person if attempt.players == 1 else f"{self._person} {best.player}",
+            time=round(best.time, 4),
+            medal=best.medal,
             date=datetime.now(UTC).isoformat(timespec="seconds"),
             began=attempt.began,
-            splits=tuple(round(split, 4) for split in attempt.splits.get(player, ())),
-            pauses=tuple(attempt.pauses),
+            splits=tuple(round(split, 4) for split in attempt.splits.get(best.player, ())),
+            pauses=tuple(pause for pause in attempt.pauses if pause[0] < ended_at),  # one behind the finish counts not
         )
         place = self.board.add(entry)
         _log.info("%s: %s", self.level.title, told(entry, place))
@@ -235,33 +268,48 @@ class Referee:
         _log.info("%s: %.3f s is %s (%.1f s)", self.level.title, entry.time, verdict, time.monotonic() - began)
 
     def _heard(self, batch: EventBatch, _: str) -> None:
-        attempt = self.attempt
         for event in batch.events:
-            if event.kind == "race_wanted":
-                self._wishes.put_nowait((str(event.values.get("what", "")), event.values))
-            elif attempt is None:
-                continue
-            elif event.kind == "race_go":
-                attempt.began = batch.tick / self._node.simulation.settings.tick_rate
-                self._send_ghosts(attempt)
-            elif event.kind == "race_paused":
-                # It was told in the step before, and the one after that was the first that was held.
-                attempt.pauses.append(((batch.tick - 1) / self._node.simulation.settings.tick_rate, UNTIL_TOLD))
-                self._let_ghosts_wait(attempt)
-            elif event.kind == "race_resumed" and attempt.pauses:
-                attempt.pauses[-1] = (attempt.pauses[-1][0], event.values["held"])
-                self._let_ghosts_wait(attempt)
-            elif event.kind == "race_gate":
-                attempt.splits.setdefault(event.values["player"], []).append(event.values["time"])
-            elif event.kind == "race_finished":
-                attempt.finished[event.values["player"]] = event
-                attempt.ended_at = self._node.simulation.time
-                if len(attempt.finished) == self._players:
-                    self._keep(asyncio.create_task(self._finish_soon(attempt)))
+            if event.kind in HEARD:
+                try:
+                    self._take(event, batch.tick)
+                except msgspec.ValidationError as error:  # a script of the level's own, which may tell what it likes
+                    _log.warning("%s of %s is not heard: %s", event.kind, self.level.title, error)
+
+    def _take(self, event: Event, tick: int) -> None:
+        """ValidationError for an event with other values than a race has."""
+        attempt, tick_rate = self.attempt, self._node.simulation.settings.tick_rate
+        told_at = (tick - 1) / tick_rate
+        if event.kind == "race_wanted":
+            if (what := event.values.get("what")) in WISHES:
+                self._wishes.put_nowait((what, event.values))
+        elif attempt is None:
+            return
+        elif event.kind == "race_go":
+            attempt.began = tick / tick_rate
+            self._send_ghosts(attempt)
+        elif event.kind == "race_paused":
+            # It was told in the step before, and the one after that was the first that was held.
+            attempt.pauses.append((told_at, UNTIL_TOLD))
+            self._let_ghosts_wait(attempt)
+        elif event.kind == "race_resumed" and attempt.pauses:
+            attempt.pauses[-1] = (attempt.pauses[-1][0], msgspec.convert(event.values, Resumed).held)
+            self._let_ghosts_wait(attempt)
+        elif event.kind == "race_gate":
+            passed = msgspec.convert(event.values, Passed)
+            attempt.splits.setdefault(passed.player, []).append(passed.time)
+        elif event.kind == "race_finished":
+            finished = msgspec.convert(event.values, Finished)
+            if not 1 <= finished.player <= attempt.players or finished.player in attempt.finished:
+                return
+            attempt.finished[finished.player] = finished
+            attempt.ended_at[finished.player] = told_at
+            if len(attempt.finished) == attempt.players:
+                self._keep(asyncio.create_task(self._finish_soon(attempt)))
 
     async def _finish_soon(self, attempt: Attempt) -> None:
         """What comes right after the finish belongs to the race as well."""
-        while self.attempt is attempt and self._node.simulation.time < attempt.ended_at + AFTERGLOW:
+        ended_at = max(attempt.ended_at.values())
+        while self.attempt is attempt and self._node.simulation.time < ended_at + AFTERGLOW:
             await asyncio.sleep(0.02)
         if self.attempt is attempt:
             self._wishes.put_nowait(("finished", {}))

@@ -126,6 +126,9 @@ class SimulationNode:
         self.guard: Guard | None = None
         self.repetition: Repetition | None = None  # of a recorded session, which this one goes on like
         self.players: list[Callable[[], Iterable[CommandRequest]]] = []  # of this process: asked before each step
+        self.untold: set[str] = (
+            set()
+        )  # events that scripts alone tell: somebody believes them, so nobody else may say so
         self.tick_times: deque[float] = deque(maxlen=TICK_TIMES_KEPT)  # [ms] of the last ticks, for the report
         self._step_limit = step_limit
         self._clock = FixedStepClock(simulation.settings.tick_rate, playing=playing, rate=1.0 if realtime else 0.0)
@@ -453,6 +456,8 @@ class SimulationNode:
                 raise RequestError(
                     "this is the past: go on from here, or return to now, before telling scripts anything"
                 )
+            case Tell(kind=kind) if kind in self.untold:
+                raise RequestError(f"{kind!r} is told by scripts of this session alone: call the event otherwise")
             case Tell():
                 apply_command(self.simulation, command)
                 return Done((), command, {})

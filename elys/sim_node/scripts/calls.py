@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterable
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from elys.bus.messages.session import Event
+from elys.common.ids import NO_ENTITY
 from elys.sim_node.scripts.budget import Budget
 from elys.sim_node.scripts.running import Running
 from elys.sim_node.scripts.task import Hear, Task, hear_nothing
@@ -17,6 +19,26 @@ if TYPE_CHECKING:
     from elys.sim_node.scripts.runner import Scripts
 
 FAILURES: Final = (Exception, SystemExit, ScriptTimeout, ScriptGrowth)  # of a script, which end it alone
+
+
+class Happened:
+    """The events of a tick as those hear them who wait: of each name the first that is told to them, or to all."""
+
+    def __init__(self, heard: list[Event]) -> None:
+        self._heard = heard
+        self._first: dict[int, dict[str, int]] = {NO_ENTITY: {}}  # where it stands, by whom it is told to and name
+        for place, event in enumerate(heard):
+            self._first.setdefault(event.entity, {}).setdefault(event.kind, place)
+        self._to_all = self._of(self._first[NO_ENTITY].values())
+
+    def to(self, entity: int) -> dict[str, Event]:
+        """What one hears; all those to whom alone nothing is told share theirs."""
+        if entity not in self._first:
+            return self._to_all
+        return self._of(sorted((*self._first[entity].values(), *self._first[NO_ENTITY].values()), reverse=True))
+
+    def _of(self, places: Iterable[int]) -> dict[str, Event]:
+        return {self._heard[place].kind: self._heard[place] for place in places}
 
 
 class Calls:
@@ -75,7 +97,7 @@ class Calls:
         place, watchdog = 0, self._scripts.watchdog
         tick, measures = self._scripts.tick, self._budget.measures
         hear: Hear = hear_nothing
-        happened = {event.kind: event for event in reversed(heard)}
+        happened = Happened(heard)
         watchdog.is_inside = True
         while place < len(waiting):
             try:
@@ -84,9 +106,8 @@ class Calls:
                     watchdog.who = one
                     place += 1
                     began = time.thread_time() if measures else 0.0
-                    if happened:
-                        mine = {kind: event for kind, event in happened.items() if event.entity in (0, one.entity)}
-                        hear = partial(self._scripts.events.awaited, mine)
+                    if heard:
+                        hear = partial(self._scripts.events.awaited, happened.to(one.entity))
                     for task in one.tasks.copy():
                         task.advance(tick, self._ticks_in, hear)
                         if task.is_done and task in one.tasks:

@@ -13,6 +13,7 @@ from elys.sim_node.scripts.event_names import event_name, is_event_class
 from elys.sim_node.scripts.handles import EntityHandle
 from elys.sim_node.scripts.happenings import checked_event, event_of
 from elys.sim_node.scripts.typed_events import EventClasses
+from elys.sim_node.scripts.watchdog import ScriptGrowth, ScriptTimeout, reason_of
 
 if TYPE_CHECKING:
     from elys.sim_node.scripts.runner import Scripts
@@ -70,10 +71,13 @@ class EventQueue:
         told = event_of(command, is_alive=scripts.simulation.world.is_alive)
         awaited = [kind for task in scripts.tasks() for kind in task.waits_for()]
         kinds = [kind for kind in awaited if not isinstance(kind, str) and event_name(kind) == told.kind]
-        try:
-            self._require_fitting(told, [*self._heard_by_hooks(told.kind), *kinds])
-        except TypeError as error:
-            raise RequestError(str(error)) from error
+        kinds += self._heard_by_hooks(told.kind)
+        if kinds:
+            try:
+                with scripts.watchdog.watching(), scripts.watchdog.inside():
+                    self._require_fitting(told, kinds)
+            except (TypeError, ScriptTimeout, ScriptGrowth) as error:
+                raise RequestError(reason_of(error) or str(error)) from error
         self.waiting.append(told)
 
     def awaited(self, happened: Mapping[str, Event], names: tuple[str | type[Any], ...]) -> Any:
@@ -85,12 +89,17 @@ class EventQueue:
         kinds = one.script.events if one.script is not None else ()
         if not kinds:
             return [event]
+        if one.failure:
+            return []
         for kind in kinds:
             if event_name(kind) == event.kind:
                 try:
-                    return [self._classes.made(event, kind)]
+                    with self._scripts.watchdog.inside(who=one):
+                        return [self._classes.made(event, kind)]
                 except TypeError as error:  # told before there was such a listener
                     _log.error("%s does not hear an event: %s", self._scripts.named_script(one), error)
+                except (ScriptTimeout, ScriptGrowth) as error:
+                    self._scripts.fail(one, error)
         return []
 
     def _heard_by_hooks(self, name: str) -> list[type[Any]]:

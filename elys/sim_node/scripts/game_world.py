@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import msgspec
 
 from elys.common.components import Component, Transform
-from elys.common.errors import EntityError
+from elys.common.errors import EntityError, ScriptError
 from elys.common.ids import NO_ENTITY
 from elys.common.scene_document import ComponentChanges
 from elys.sim_node.inputs import PlayerInput
 from elys.sim_node.scripts.behaviour import Behaviour
 from elys.sim_node.scripts.handles import EntityHandle, Hit, checked_name
+from elys.sim_node.scripts.holding import CALLED
 from elys.sim_node.scripts.planting import spawn_records
 from elys.sim_node.scripts.vector import Rotation, Vector
 
@@ -58,8 +59,16 @@ class GameWorld:
 
     def hold(self, by: Behaviour) -> None:
         """Lets time stand from the next step on, for all but one script: nothing moves, and only its `fixed_update` and `update`
-        are called, until `let_go`, or until it is off or gone. What was told meanwhile is heard then.
+        are called, until `let_go`, or until it is off or gone. Its async functions and what it hears stand as well. What was told
+        meanwhile is heard then.
+
+        Raises:
+            ScriptError: it has neither of both, and so could not let go.
         """
+        if not any(getattr(type(by), hook) is not getattr(Behaviour, hook) for hook in CALLED):
+            raise ScriptError(
+                f"{type(by).__name__} cannot hold time: it has no fixed_update and no update in which it could let go"
+            )
         self._scripts.hold.by = by.entity.id
 
     def let_go(self) -> None:

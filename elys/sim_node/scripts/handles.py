@@ -278,7 +278,9 @@ class EntityHandle:
     # --- forces on its body, until the next step of physics
 
     def apply_force(self, force: Iterable[float], at: Iterable[float] | None = None) -> None:
-        """Pushes its body [N] at a place [m]; None: at its centre of mass."""
+        """Pushes its body [N] at a place [m] in this step; None: at its centre of mass. Nothing is pushed while time is held."""
+        if self._scripts.hold.stands:
+            return  # or the first step that is none would have the forces of all that were
         point = None if at is None else [tuple(Vector(at))]
         self._scripts.simulation.physics.apply_force([self.id], [tuple(Vector(force))], point)
 
@@ -288,7 +290,9 @@ class EntityHandle:
         self._scripts.simulation.physics.apply_impulse([self.id], [tuple(Vector(impulse))], point)
 
     def apply_torque(self, torque: Iterable[float]) -> None:
-        """Turns its body [N m]."""
+        """Turns its body [N m], as `apply_force` pushes it."""
+        if self._scripts.hold.stands:
+            return
         self._scripts.simulation.physics.apply_torque([self.id], [tuple(Vector(torque))])
 
     @property

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 NAME_LENGTH: Final = 200  # characters
 EVENT_SIZE: Final = 64 << 10  # [bytes] that somebody may tell from outside
+DEEPEST: Final = 8  # lists in one another likewise
 # What nodes do something at: who could tell it could have them show what is not so.
 OF_THE_HOST: Final = frozenset(
     ("playing", "paused", "forked", "scene_loaded", "kept", "script", "physics", "animation", "joint_broken", SOUND)
@@ -115,8 +116,12 @@ def event_of(command: Tell, *, is_alive: Callable[[int], bool]) -> Event:
     return told
 
 
-def _without_lists(value: Any) -> Any:
-    return tuple(map(_without_lists, value)) if isinstance(value, list | tuple) else value
+def _without_lists(value: Any, depth: int = 0) -> Any:
+    if not isinstance(value, list | tuple):
+        return value
+    if depth >= DEEPEST:
+        raise RequestError(f"the lists of an event may lie {DEEPEST} deep in one another")
+    return tuple(_without_lists(item, depth + 1) for item in value)
 
 
 def _is_finite(value: Any) -> bool:

@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from elys.bus.messages.session import Event
 
+CALLED: Final = frozenset(("fixed_update", "update"))  # hooks of the one who holds it: nothing else of it runs either
 MOST_MISSED: Final = 10_000  # events told in one hold, for those who hear of them afterwards
 
 
@@ -34,6 +35,11 @@ class Hold:
         """What nobody has heard yet."""
         missed, self.missed = self.missed, []
         return missed
+
+    def end(self) -> None:
+        """All is another scene's: nobody holds time, and nobody missed anything."""
+        self.by, self.stands = 0, False
+        self.missed.clear()
 
     def saved(self) -> tuple[Any, ...]:
         """For a state."""

@@ -9,11 +9,12 @@ or a socket, has no other time to go back to and is refused by name.
 from __future__ import annotations
 
 import builtins
+import contextlib
 import dataclasses
 import enum
 import random
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Final, Protocol
 
 import msgspec
@@ -68,16 +69,28 @@ class Keeper:
         self._seen: dict[int, int] = {}
         self._held: list[Any] = []  # so that no id is given twice
         self._way: list[str] = []
+        self._unmade: set[int] = set()  # what is made only when all its parts are, on the way
 
     def kept(self, value: Any, name: str) -> Any:
         """A value to be held by a state; ScriptError naming what in `name` cannot be one."""
-        self._way = [name]
-        return self._kept(value)
+        with self._beginning(name):
+            return self._kept(value)
 
     def task(self, task: Task, name: str) -> Any:
         """A task likewise."""
-        self._way = [name]
-        return self._task(task)
+        with self._beginning(name):
+            return self._task(task)
+
+    @contextlib.contextmanager
+    def _beginning(self, name: str) -> Iterator[None]:
+        """What was seen in a value that cannot be kept counts not as seen: nobody could find it there again."""
+        self._way, self._unmade, count = [name], set(), len(self._seen)
+        try:
+            yield
+        except BaseException:
+            for seen in list(self._seen)[count:]:
+                del self._seen[seen]
+            raise
 
     def _kept(self, value: Any) -> Any:
         kind = type(value)
@@ -105,6 +118,11 @@ class Keeper:
         if isinstance(value, type) and (name := self._world.name_of_record(value)) is not None:
             return (f"{_MARK}class", name)
         if (number := self._seen.get(id(value))) is not None:
+            if number in self._unmade:
+                raise ScriptError(
+                    f"{self._place} is the {kind.__qualname__} that it is part of, which cannot be kept: "
+                    "lists, dicts, sets, dataclasses and Structs may hold themselves"
+                )
             return (f"{_MARK}again", number)
         number = self._seen[id(value)] = len(self._seen)
         self._held.append(value)
@@ -124,11 +142,11 @@ class Keeper:
             version, state, gauss = value.getstate()
             return (f"{_MARK}random", number, version, np.array(state, np.uint32).tobytes(), gauss)
         if _ERRORS.get(kind.__name__) is kind:
-            return (f"{_MARK}error", number, kind.__name__, *self._items(value.__reduce__()[1]))
+            return (f"{_MARK}error", number, kind.__name__, *self._parts_of(number, value.__reduce__()[1]))
         if _is_record(kind) and (name := self._world.name_of_record(kind)) is not None:
             return self._record(value, kind, name, number)
         raise ScriptError(
-            f"{self._way[0]}{''.join(self._way[1:])} is a {kind.__qualname__}, which cannot be kept: a script may remember "
+            f"{self._place} is a {kind.__qualname__}, which cannot be kept: a script may remember "
             "numbers, texts, tuples, lists, dicts, sets, arrays, entities, other scripts, exceptions and records of its own file"
         )
 
@@ -136,7 +154,7 @@ class Keeper:
         if isinstance(value, enum.Enum):
             return (f"{_MARK}choice", number, name, value.name)
         if isinstance(value, tuple):
-            return (f"{_MARK}record", number, name, *self._items(value))
+            return (f"{_MARK}record", number, name, *self._parts_of(number, value))
         fields = _fields_of(kind)
         parts = (self._inside(f".{field}", getattr(value, field)) for field in fields)
         return (f"{_MARK}record", number, name, *parts)
@@ -156,6 +174,17 @@ class Keeper:
         parts = tuple(self._task(part) for part in wait.parts) if wait is not None else ()
         waits = None if wait is None else (wait.due, self._items(wait.names), parts, wait.is_first, wait.asks)
         return (frames, waits, task.is_done, self._inside(" result", task.result))
+
+    @property
+    def _place(self) -> str:
+        return "".join(self._way)
+
+    def _parts_of(self, number: int, values: Any) -> tuple[Any, ...]:
+        """Of what cannot be made before them."""
+        self._unmade.add(number)
+        parts = self._items(values)
+        self._unmade.discard(number)
+        return parts
 
     def _items(self, values: Any) -> tuple[Any, ...]:
         return tuple(self._inside(f"[{number}]", item) for number, item in enumerate(values))
@@ -182,6 +211,28 @@ def _fields_of(kind: type[Any]) -> tuple[str, ...]:
     if issubclass(kind, msgspec.Struct):
         return kind.__struct_fields__
     return tuple(field.name for field in dataclasses.fields(kind))
+
+
+def _bare(kind: type[msgspec.Struct]) -> Any:
+    """A Struct whose fields are still to come. None of its own code runs: `__post_init__` has run once, when it was new."""
+    maker = kind
+    if hasattr(
+        kind, "__post_init__"
+    ):  # which Structs call by their class alone: made of one without, it becomes the other
+        config = kind.__struct_config__
+        maker = msgspec.defstruct(
+            kind.__name__,
+            (),
+            bases=(kind,),
+            namespace={"__post_init__": lambda _: None},
+            gc=config.gc,
+            weakref=config.weakref,
+            dict=config.dict,
+        )
+    made = maker(**dict.fromkeys(kind.__struct_fields__))
+    if maker is not kind:
+        msgspec.structs.force_setattr(made, "__class__", kind)
+    return made
 
 
 class Finder:
@@ -255,13 +306,11 @@ class Finder:
         if issubclass(kind, tuple):
             made = self._made[number] = kind(*map(self.found, parts))
             return made
-        if issubclass(kind, msgspec.Struct):
-            found = dict(zip(_fields_of(kind), map(self.found, parts), strict=True))
-            self._made[number] = kind(**found)
-            return self._made[number]
-        made = self._made[number] = object.__new__(kind)
+        is_struct = issubclass(kind, msgspec.Struct)
+        made = self._made[number] = _bare(kind) if is_struct else object.__new__(kind)
+        put = msgspec.structs.force_setattr if is_struct else object.__setattr__
         for field, part in zip(_fields_of(kind), parts, strict=True):
-            object.__setattr__(made, field, self.found(part))
+            put(made, field, self.found(part))
         return made
 
     def _kind(self, name: str) -> type[Any]:

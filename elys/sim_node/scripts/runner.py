@@ -27,7 +27,7 @@ from elys.sim_node.scripts.field_values import field_values
 from elys.sim_node.scripts.game_world import GameWorld
 from elys.sim_node.scripts.handles import EntityHandle
 from elys.sim_node.scripts.happenings import contacts_of, visits_of
-from elys.sim_node.scripts.holding import MOST_MISSED, Hold
+from elys.sim_node.scripts.holding import CALLED, MOST_MISSED, Hold
 from elys.sim_node.scripts.library import LoadedScript, ScriptLibrary
 from elys.sim_node.scripts.memory_watch import MemoryWatch
 from elys.sim_node.scripts.modules import line_in
@@ -113,9 +113,9 @@ class Scripts:
         self._end_doomed()
 
     def _holder(self) -> Running | None:
-        """Who holds time; nobody does who is off or gone, or time would stand for ever."""
+        """Who holds time; nobody does who is off, gone or never called in a hold, or time would stand for ever."""
         one = self._running.get(self.hold.by)
-        if one is None or not one.has_started or not one.hooks:
+        if one is None or not one.has_started or not one.hooks & CALLED:
             self.hold.by = 0
             return None
         return one

@@ -27,6 +27,7 @@ from elys.common.components import Vec3
 from elys.sim_node.scripts.behaviour import Behaviour
 from elys.sim_node.scripts.event_names import event_name, is_event_class
 from elys.sim_node.scripts.handles import EntityHandle
+from elys.sim_node.scripts.modules import describe
 from elys.sim_node.scripts.vector import Vector
 
 Names = Mapping[str, Any]  # of the module that declares a class
@@ -55,14 +56,12 @@ class EventClasses:
         """An event that was heard, as a value of a class; TypeError saying what of it does not fit."""
         checker, hints = self._checker(kind)
         checked = _converted(kind, event.values, checker)
-        given = {name: getattr(checked, name) for name in hints}
-        return kind(
-            **{
-                name: self._full(hints[name], value)
-                for name, value in given.items()
-                if value is not msgspec.UNSET  # its class has a default
-            }
-        )
+        given = ((name, getattr(checked, name)) for name in hints)
+        told = {name: value for name, value in given if value is not msgspec.UNSET}  # of others its class has defaults
+        try:
+            return kind(**{name: self._full(hints[name], value) for name, value in told.items()})
+        except (Exception, SystemExit) as error:  # out of the class's own code, as a __post_init__
+            raise TypeError(f"{kind.__name__} (event {event.kind!r}) is not made of that: {describe(error)}") from error
 
     def heard(self, happened: Mapping[str, Event], names: tuple[str | type[Any], ...]) -> Any | None:
         """The first of some names and classes that has happened; what does not fit its class is said, and not heard."""

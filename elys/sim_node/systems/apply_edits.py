@@ -151,6 +151,7 @@ def load_scene(simulation: Simulation, command: LoadScene) -> tuple[int, ...]:
     simulation.name = command.name
     simulation.path = command.path
     simulation.edited.forget()
+    simulation.scripts.hold.end()
     return tuple(new)
 
 

@@ -16,9 +16,10 @@ from elys.common.assets.store import AssetStore
 from elys.common.components import Overlay, OverlayText
 from elys.game.board import Board
 from elys.game.bot import Bot
+from elys.game.referee import Referee
 from elys.samples.game.levels import LEVELS
 from elys.sim_node.simulation import Simulation
-from tests.unit.game.hosted_races import STICKS_LET_GO, raced
+from tests.unit.game.hosted_races import STICKS_LET_GO, hosted, raced
 
 PAUSED, RESUMED = 500, 620  # ticks
 
@@ -52,6 +53,32 @@ def test_a_race_that_was_paused_is_finished_and_verifies(tmp_path: Path) -> None
         assert np.array_equal(frame.linear_velocity, first.linear_velocity)
     assert np.abs(first.linear_velocity).max() > 5.0
     assert not np.array_equal(before.position, first.position)
+
+
+@pytest.mark.timeout(600)
+def test_a_pause_right_after_the_finish_takes_nothing_away(tmp_path: Path) -> None:
+    """Nobody lets go of it: the recording ends inside."""
+    referees: list[Referee] = []
+    pressed: list[int] = []
+
+    def press_at_the_finish(tick: int) -> tuple[str, ...] | None:
+        attempt = referees[0].attempt if referees else None
+        if attempt is None or not attempt.finished:
+            return None
+        pressed.append(tick)
+        return ("p",) if len(pressed) == 1 else ()
+
+    async def scenario() -> None:
+        async with hosted(LEVELS["meadow"], tmp_path, hands=press_at_the_finish, races=1) as referee:
+            referees.append(referee)
+            await asyncio.wait_for(referee.judging, 300.0)  # type: ignore[attr-defined]
+            assert referee._node.simulation.is_held
+
+    asyncio.run(scenario())
+    (entry,) = Board("meadow", tmp_path).entries
+    assert entry.proof == "equal" and entry.pauses == ()
+    with Recording(tmp_path / "meadow" / entry.file) as recording:
+        assert recording.time[-1] >= entry.ended + 0.9
 
 
 def test_nothing_is_gained_by_a_pause() -> None:

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from elys.bus.messages.commands import CommandRequest, NoteSaved, Rename, SetComponent
+from elys.bus.messages.commands import CommandRequest, NoteSaved, Rename, SetComponent, Tell
+from elys.bus.messages.session import Event
 from elys.bus.session import Session
 from elys.common.assets.store import AssetStore
 from elys.common.scene import open_scene
@@ -20,7 +21,7 @@ from elys.editor_node.asset_placing import AssetPlacing
 from elys.editor_node.model import EditorModel
 from elys.editor_node.piece_list import PIECE_MENUS, piece_file
 from elys.game.board import Board
-from elys.game.referee import Referee
+from elys.game.referee import HEARD, Referee
 from elys.game.scene_level import SceneLevel
 from elys.samples.game.levels import LEVELS
 from tests.unit.game.hosted_races import hosted, raced
@@ -127,3 +128,46 @@ def test_pieces_of_the_editors_menu_are_part_of_a_level_by_their_names(tmp_path:
     level = SceneLevel.read(file, AssetStore())
     roads = [one for one in level.opened.records if one.name in names and "MeshRenderer" in one.components]
     assert len(roads) == 5
+
+
+@pytest.mark.timeout(300)
+def test_nobody_but_scripts_tells_how_a_race_goes(tmp_path: Path) -> None:
+    async def scenario() -> None:
+        async with hosted(LEVELS["meadow"], tmp_path) as referee:
+            await until(lambda: went(referee))
+            for kind in HEARD:
+                told = Tell(kind=kind, values={"player": 1, "time": 0.5, "medal": "gold", "what": "restart"})
+                reply = await referee._node.put(CommandRequest(origin="test", command=told))
+                assert not reply.accepted and "scripts of this session alone" in reply.reason
+            await ask(referee, Tell(kind="cheered", values={"player": 1}))
+            assert referee.attempt is not None and not referee.attempt.finished
+
+    asyncio.run(scenario())
+
+
+@pytest.mark.timeout(300)
+def test_a_level_whose_scripts_tell_nonsense_is_raced_in_all_the_same(tmp_path: Path, caplog) -> None:
+    nonsense = [
+        Event(kind="race_gate", values={"player": [1], "time": 1.0}),
+        Event(kind="race_finished"),
+        Event(kind="race_finished", values={"player": 1, "time": -1.0}),
+        Event(kind="race_finished", values={"player": 7, "time": 1.0}),
+        Event(kind="race_paused"),
+        Event(kind="race_resumed", values={"held": "long"}),
+        Event(kind="race_wanted", values={"what": "finished"}),
+        Event(kind="race_wanted", values={"what": "level", "name": ("meadow",)}),
+    ]
+
+    async def scenario() -> None:
+        async with hosted(LEVELS["meadow"], tmp_path) as referee:
+            await until(lambda: went(referee))
+            attempt, simulation = referee.attempt, referee._node.simulation
+            with caplog.at_level(logging.WARNING):
+                simulation.scripts.hear(nonsense)
+                await until(lambda: "race_resumed of" in caplog.text)
+            assert attempt is not None and not attempt.finished
+            referee._wishes.put_nowait(("restart", {}))
+            await until(lambda: referee.attempt is not attempt and went(referee))
+            assert referee.races == 0
+
+    asyncio.run(scenario())

@@ -6,8 +6,12 @@ import dataclasses
 
 import pytest
 
-from elys.common.components import Collider, RigidBody, Transform
+from elys.bus.messages.commands import LoadScene
+from elys.common.components import Collider, RigidBody, Script, Transform
+from elys.common.ids import Entity
+from elys.sim_node.scene.loading import records_of
 from elys.sim_node.state import State
+from elys.sim_node.systems.apply_edits import load_scene
 from tests.unit.sim_node.scripts.conftest import Playground
 
 COUNTS = """
@@ -49,6 +53,26 @@ HOLDS = """
             if self.steps == self.last:
                 self.world.let_go()
                 self.world.emit("said", number=3)
+"""
+
+
+PUSHES = """
+    class Pushes(Behaviour):
+        holds: bool = False
+
+        def start(self):
+            self.steps = 0
+
+        def fixed_update(self, dt):
+            self.steps += 1
+            self.entity.apply_force((3.0, 0.0, 0.0))
+            if self.holds and self.steps == 10:
+                self.world.hold(self)
+            if self.holds and self.steps == 30:
+                self.world.let_go()
+
+        def update(self, dt):
+            self.entity.apply_torque((0.0, 0.5, 0.0))
 """
 
 
@@ -95,6 +119,19 @@ def test_it_goes_on_as_if_nobody_had_held_it(play: Playground, tmp_path) -> None
     thrown(other, first=-1, last=-1)
     other.run(100)
     assert simulation.state_hash() == other.simulation.state_hash()
+
+
+def test_what_pushes_on_in_held_steps_pushes_no_harder_afterwards(play: Playground) -> None:
+    """Forces before and after physics, of the step that asked for it as well."""
+    ran = []
+    for holds in (False, True):
+        each = Playground(play.folder)
+        pusher = each.spawn(each.write("pushes.py", PUSHES), "Pusher", RigidBody(), Collider(), holds=holds)
+        each.simulation.settle()  # it has a body from the first step on
+        each.run(50 if holds else 30)
+        ran.append((each.simulation.state_hash(), each.simulation.world.get(pusher, RigidBody)))
+    assert ran[0] == ran[1]
+    assert ran[0][1].linear_velocity[0] > 0.0
 
 
 @pytest.mark.parametrize("before", [30, 45, 59, 60, 61])
@@ -145,6 +182,49 @@ def test_time_goes_on_where_the_one_who_holds_it_cannot_let_go(play: Playground,
     play.run(40)
     assert not play.simulation.is_held and not play.on(counts).world.is_held
     assert 25 <= play.on(counts).early < 40
+
+
+def test_who_is_called_in_no_held_step_cannot_hold_time(play: Playground) -> None:
+    _, counts, _ = thrown(play, first=-1, last=-1)
+    source = play.write(
+        "asks.py",
+        """
+        class Asks(Behaviour):
+            async def start(self):
+                self.world.hold(self)
+                await seconds(0.1)
+                self.world.let_go()
+        """,
+    )
+    asks = play.spawn(source, "Asks")
+    play.run(20)
+    assert "Asks cannot hold time: it has no fixed_update and no update" in play.failure(asks)
+    assert not play.simulation.is_held and play.on(counts).early == 20
+
+
+def test_a_holder_whose_file_loses_the_hook_that_lets_go_holds_no_more(play: Playground) -> None:
+    _, counts, holds = thrown(play, last=-1)
+    play.run(40)
+    assert play.simulation.is_held
+    changed = play.write("holds.py", "class Holds(Behaviour):\n    def on_input(self, player): self.world.let_go()\n")
+    play.simulation.world.set(holds, Script(source=changed))
+    play.run(10)
+    assert not play.simulation.is_held and play.on(counts).early == 40
+
+
+def test_what_was_missed_in_a_hold_is_not_told_to_the_next_scene(play: Playground) -> None:
+    _, counts, _ = thrown(play)
+    simulation = play.simulation
+    play.run(40)
+    assert simulation.is_held and simulation.scripts.hold.missed
+    records = tuple(records_of(simulation.world, counts))
+    held_time = play.on(counts).world.held_time
+    (again,) = load_scene(simulation, LoadScene(name="next", records=records))
+    assert not simulation.is_held
+    play.run(5)
+    counting = play.on(Entity(again))
+    assert counting.early == 5 and counting.heard == []
+    assert counting.world.held_time == held_time  # time does not jump
 
 
 def test_who_comes_while_time_is_held_starts_when_it_goes_on(play: Playground) -> None:

@@ -11,6 +11,7 @@ import pytest
 from elys.bus.messages.commands import Tell
 from elys.bus.messages.session import Event
 from elys.common.errors import RequestError
+from elys.common.ids import Entity
 from elys.sim_node.state import State
 from elys.sim_node.systems.apply_commands import apply_command
 from tests.unit.sim_node.scripts.conftest import Playground
@@ -44,6 +45,34 @@ class Waits(Behaviour):
             told = await event(DoorOpened, "stop")
             self.heard.append(told)
 """
+
+
+CHECKS = """
+from elys.script import *
+import msgspec
+
+class Score(msgspec.Struct):
+    points: int
+
+    def __post_init__(self):
+        if self.points < 0:
+            raise ValueError("nobody has less than nothing")
+        while self.points == 13:
+            pass
+"""
+HEARS_SCORES = """
+from scores import Score
+class HearsScores(Behaviour):
+    def start(self): self.heard = []
+    def on_event(self, event: Score): self.heard.append(event.points)
+"""
+
+
+def nested(depth: int) -> list[Any]:
+    value: list[Any] = []
+    for _ in range(depth - 1):
+        value = [value]
+    return value
 
 
 def teller(play: Playground, text: str) -> int:
@@ -130,6 +159,26 @@ def test_a_wait_for_a_class_is_part_of_a_state(play: Playground) -> None:
     assert play.simulation.state_hash() == later
 
 
+def test_who_waits_hears_what_is_told_to_him_behind_what_is_told_to_others(play: Playground) -> None:
+    source = play.write(
+        "w.py",
+        """
+        class Waits(Behaviour):
+            async def start(self):
+                self.heard = []
+                while True:
+                    told = await event("hit")
+                    self.heard.append(told.values["by"])
+        """,
+    )
+    first, second, third = (play.spawn(source) for _ in range(3))
+    play.run()
+    for entity, by in ((first, "a"), (first, "b"), (second, "c"), (0, "d"), (third, "e")):
+        apply_command(play.simulation, Tell(kind="hit", entity=entity, values={"by": by}))
+    play.run()
+    assert [play.on(entity).heard for entity in (first, second, third)] == [["a"], ["c"], ["d"]]
+
+
 def test_a_command_tells_scripts_an_event(play: Playground) -> None:
     teller(play, "pass")
     hears, waits = play.spawn(play.write("h.py", HEARS)), play.spawn(play.write("w.py", WAITS))
@@ -169,6 +218,8 @@ def test_a_command_tells_scripts_an_event(play: Playground) -> None:
         (Tell(kind="x", values={"a": [float("nan")]}), "must be finite"),
         (Tell(kind="x", values={"a": 10**30}), "must be finite"),
         (Tell(kind="x", values={"a": "x" * 70_000}), "may take 64 KB"),
+        (Tell(kind="x", values={"a": nested(9)}), "may lie 8 deep"),
+        (Tell(kind="x", values={"a": nested(800)}), "may lie 8 deep"),
         (Tell(kind="door_opened", values={"door": "here"}), "DoorOpened.door (event 'door_opened'): expected int"),
         (Tell(kind="scored", values={}), "it lacks points"),
     ],
@@ -183,6 +234,47 @@ def test_what_nobody_may_tell_is_refused_with_a_sentence(play: Playground, told:
     assert play.simulation.state_hash() == before
     play.run()
     assert play.on(hears).heard == play.on(waits).heard == []
+
+
+@pytest.fixture
+def hears_scores(play: Playground, monkeypatch: pytest.MonkeyPatch) -> Entity:
+    """A listener to a class that has code of its own."""
+    monkeypatch.setattr(play.simulation.scripts.watchdog, "_allowed", 0.3)
+    monkeypatch.setattr(play.simulation.scripts.watchdog, "_limit", 0.3)
+    (play.folder / "scores.py").write_text(CHECKS)
+    hears = play.spawn(play.write("h.py", HEARS_SCORES))
+    play.run(2)
+    return hears
+
+
+@pytest.mark.parametrize(
+    ("points", "said"), [(-1, "ValueError: nobody has less than nothing"), (13, "did not come back within 0.3 s")]
+)
+def test_a_class_whose_own_code_fails_is_told_nothing(
+    play: Playground, hears_scores: Entity, points: int, said: str
+) -> None:
+    with pytest.raises(RequestError, match=said):
+        apply_command(play.simulation, Tell(kind="score", values={"points": points}))
+    apply_command(play.simulation, Tell(kind="score", values={"points": 4}))
+    play.run()
+    assert play.on(hears_scores).heard == [4]
+
+
+def test_a_class_whose_own_code_fails_where_it_is_heard_ends_its_listener_at_most(
+    play: Playground, hears_scores: Entity, caplog: pytest.LogCaptureFixture
+) -> None:
+    def happens(points: int) -> None:
+        play.simulation.scripts.hear([Event(kind="score", values={"points": points})])
+        play.run()
+
+    with caplog.at_level(logging.ERROR):
+        happens(-1)
+    assert "does not hear an event: Score (event 'score') is not made of that" in caplog.text
+    happens(4)
+    assert play.on(hears_scores).heard == [4]
+    happens(13)
+    assert "did not come back" in play.failure(hears_scores)
+    play.run()
 
 
 def test_classes_and_structs_are_remembered_and_no_other_objects(
