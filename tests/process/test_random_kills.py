@@ -74,8 +74,8 @@ def test_random_kills(elys, free_port, tmp_path, soak):
     assert shared_memory() <= before
     files = list(tmp_path.glob("outside*.mcap"))
     assert len(files) > 1  # a recorder that was started again wrote over nothing
-    for path in files:
-        frames_in(path)  # each can be read, also where it was killed before there was any
+    # Each can be read, also one that was killed before there was any.
+    assert 2 * sum(frames_in(path) > 0 for path in files) >= len(files)
     with Recording(newest(tmp_path)) as recording:
         assert not recording.reader.mended  # it was ended in peace
 
