@@ -154,7 +154,8 @@ def altered(source: Path, target: Path, alter: Alter, *, compact: bool = False) 
     with McapReader(source) as reader:
         session = reader.metadata[METADATA_NAME]["session"]
         writer = McapWriter(target, session=session, compact=compact, overwrites=True)
-        writer.add_metadata(BUILD_FACTS, reader.metadata[BUILD_FACTS])
+        if BUILD_FACTS in reader.metadata:
+            writer.add_metadata(BUILD_FACTS, reader.metadata[BUILD_FACTS])
         for name in reader.attachments:
             if is_reference(name):
                 writer.attach(name, reader.attachment(name), media_type="application/octet-stream")

@@ -31,6 +31,7 @@ from elys.bus.topics import READABLE_VERSIONS, Encoding
 from elys.bus.transports.mcap import EXACT_CHANNEL, METADATA_NAME
 from elys.bus.transports.mcap_index import (
     DELTA_CHANNEL,
+    LATEST,
     SCENE_INDEX,
     SCENE_INDEX_NAME,
     SNAPSHOT_CHANNEL,
@@ -266,6 +267,8 @@ class Recording:
             for index in (frames, scene):
                 if np.any(index["chunk"] >= reader.chunk_count):
                     raise RecordingError(f"the index of {self.path} names chunks that are not there")
+            if not np.all((frames["time"] >= 0.0) & (frames["time"] < LATEST)):
+                raise RecordingError(f"the index of {self.path} names times that are none")
         except RecordingError as error:
             _log.warning("%s: reading the whole file instead", error)
             return self._find_indexes()

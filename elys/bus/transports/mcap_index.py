@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 import msgspec
@@ -31,6 +30,7 @@ STATE_INDEX: Final = np.dtype(
         ("message", "<u4"),
     ]
 )
+LATEST: Final = 2.0**64 / 1e9  # [s], the last time that MCAP's nanoseconds can tell
 SCENE_INDEX: Final = np.dtype(
     [("epoch", "<u8"), ("sequence", "<i8"), ("is_snapshot", "?"), ("chunk", "<u4"), ("message", "<u4")]
 )
@@ -88,7 +88,7 @@ class IndexBuilder:
 
     def _add_frame(self, body: bytes | memoryview, chunk: int, message: int) -> None:
         epoch, tick, time, _, sequence, _, count, flags = HEADER.unpack_from(body)
-        if not math.isfinite(time):
+        if not 0.0 <= time < LATEST:  # nor what is no number
             return
         if flags & TOLD_AGAIN:
             self._told_again.append((epoch, tick, time, sequence, count, chunk, message))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from elys.bus.export import export_npz
 from elys.bus.exports.model import export_glb
 from elys.bus.exports.tables import export_csv
 from elys.bus.messages.commands import CommandReply, CommandRequest, Seek, StepTicks
-from elys.bus.messages.state_frame import StateFrame
+from elys.bus.messages.state_frame import StateFrame, pack_frame, unpack_frame
 from elys.bus.player import Player
 from elys.bus.recording import Recording, opened_to_show
 from elys.bus.recording_info import recording_info
@@ -24,9 +25,10 @@ from elys.bus.recording_recovery import recover
 from elys.bus.run_comparison import compare
 from elys.bus.session import Session
 from elys.bus.transports.loopback import LoopbackBroker
-from elys.bus.transports.mcap_index import SCENE_INDEX_NAME, STATE_INDEX_NAME
+from elys.bus.transports.mcap_index import SCENE_INDEX_NAME, STATE_INDEX_NAME, IndexBuilder
 from elys.bus.transports.mcap_mending import needs_mending
 from elys.common.errors import RecordingError
+from tests.recorded_sessions import altered
 from tests.unit.bus.told_recordings import TICKS, frame_at, write_told
 
 
@@ -234,3 +236,34 @@ def test_wherever_a_bit_is_flipped_what_is_read_is_what_was_written(whole: Path,
         missing = TICKS + 1 - len(ticks)
         assert not missing or info.health.damage or not info.complete, place
     assert read > 40
+
+
+@pytest.mark.parametrize("time", [np.inf, 1e300, np.nan, -1.0])
+def test_frames_whose_time_is_no_time_are_left_out(whole: Path, tmp_path: Path, time: float) -> None:
+    def forge(message: Any) -> bytes:
+        if message.channel == topics.STATE.name and (frame := unpack_frame(message.body)).tick == TICKS:
+            return pack_frame(dataclasses.replace(frame, simulation_time=time))
+        return message.body  # type: ignore[no-any-return]
+
+    path = altered(whole, tmp_path / "forged.mcap", forge)
+    compared = compare(path, whole, curves=2)
+    assert (compared.instants, compared.differs) == (TICKS, False)
+
+
+@pytest.mark.parametrize("time", [np.inf, 1e300, np.nan, -1.0])
+def test_an_index_whose_times_are_none_is_not_believed(
+    whole: Path, tmp_path: Path, caplog: Any, monkeypatch: pytest.MonkeyPatch, time: float
+) -> None:
+    right = IndexBuilder.frames
+
+    def forge(builder: IndexBuilder) -> Any:
+        index = right(builder)
+        index["time"][-1] = time
+        return index
+
+    with monkeypatch.context() as forging:
+        forging.setattr(IndexBuilder, "frames", forge)
+        path = write_told(tmp_path / "forged.mcap", chunk=3000)
+    caplog.clear()
+    assert compare(path, whole, curves=2).instants == TICKS + 1
+    assert warnings_in(caplog) == [f"the index of {path} names times that are none: reading the whole file instead"]
