@@ -44,12 +44,12 @@ class Watcher:
         self.frames: list[StateFrame] = []
         self.statuses: list[SessionStatus] = []
         self.commands: list[CommandRecord] = []
-        self.nodes: list[Node] = []
+        self.nodes: list[tuple[Node, bool]] = []  # who came, True, and who went
         session = joined.session
         session.subscribe_payloads(topics.STATE, self._state_came, every=True)
         session.subscribe(topics.STATUS, lambda status, _: self.statuses.append(status))
         session.subscribe(topics.COMMANDS, lambda record, _: self.commands.append(record))
-        session.on_nodes(lambda node, alive: self.nodes.append(node))
+        session.on_nodes(lambda node, alive: self.nodes.append((node, alive)))
 
     def _state_came(self, key: str, payload: bytes) -> None:
         self.frames.append(codec.decode(payload, StateFrame, topics.STATE.encoding))  # what is none fails the test
@@ -144,13 +144,17 @@ def check_nothing_was_forged(watcher: Watcher) -> None:
     assert ticks == sorted(set(ticks))
     assert {(status.epoch, status.changes, status.playing) for status in watcher.statuses} == {(epoch, 0, True)}
     assert watcher.commands == []
-    shown = [node for node in watcher.nodes if node.id != watcher.client.session.node.id]
+    shown = [node for node, _ in watcher.nodes if node.id != watcher.client.session.node.id]
     assert shown, "the viewer showed itself as what it may be"
     helpers = (*HOST_KINDS, "recorder", "streamer")  # of the session's own
     assert [node for node in shown if node.kind not in helpers and role_of_node(node.id) is not Role.VIEWER] == []
     assert not [node for node in shown if node.kind in ("render", "stranger")]
     for kind in (*HOST_KINDS, "streamer"):  # viewers may record
-        assert len({node.id for node in shown if node.kind == kind}) <= 1, kind
+        there: set[str] = set()
+        for node, alive in watcher.nodes:  # one after another: who streams goes when nobody has asked for a minute
+            if node.kind == kind:
+                (there.add if alive else there.discard)(node.id)
+                assert len(there) <= 1, there
 
 
 def check_nothing_was_changed(watcher: Watcher) -> None:
