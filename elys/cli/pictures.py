@@ -58,6 +58,13 @@ def render(
         bool,
         typer.Option(help="light from all around and a sky, as the scene has them; else lamps alone, before black"),
     ] = True,
+    sampled_light: Annotated[
+        bool,
+        typer.Option(
+            "--sampled-light",
+            help="sample light from all around for each pixel: within 2 % from every side, for hundreds of times the time",
+        ),
+    ] = False,
     trust: Trust = False,
 ) -> None:
     """Draw a scene, a recording or a running session offscreen, to a picture or a video."""
@@ -76,6 +83,7 @@ def render(
         orbit=orbit,
         connect=place(connect, session),
         environment=environment,
+        sampled=sampled_light,
         debug=debug,
         debug_of=debug_of,
         stamp=stamp,

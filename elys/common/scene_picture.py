@@ -32,6 +32,10 @@ class PictureSettings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     multiple_scattering: Annotated[
         bool, Meta(description="Gives rough metals the light back that a single bounce between facets loses.")
     ] = False
+    sampled_surroundings: Annotated[
+        bool,
+        Meta(description="Samples light from around for each pixel: within 2 % from every side, and slow."),
+    ] = False
     specular_antialiasing: Annotated[
         bool, Meta(description="Widens highlights where normals change within a pixel: they do not sparkle.")
     ] = False

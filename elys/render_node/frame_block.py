@@ -36,6 +36,8 @@ FRAME_DTYPE: Final = np.dtype(
         ("cascade_from_relative", "<f4", (MOST_CASCADES, 4, 4)),
         ("cascade_scale", "<f4", (MOST_CASCADES, 4)),
         ("irradiance", "<f4", (9, 4)),
+        ("map_from_world", "<f4", (3, 4)),
+        ("map_light_scale", "<f4", 4),
         ("mirror_tiles", "<f4", (11, 4)),
         ("grid_origin", "<f4", 4),
         ("viewport", "<f4", 4),
@@ -71,6 +73,8 @@ def frame_block(plan: PicturePlan, harmonics: NDArray[np.float64], tiles: NDArra
     frame["fog_color"] = (*picture.fog_color, picture.fog_density * thinned)
     frame["fog_shape"][0] = picture.fog_falloff
     frame["irradiance"][:, :3] = harmonics
+    frame["map_from_world"][:, :3] = plan.surroundings.map_from_world.T
+    frame["map_light_scale"][:3] = plan.surroundings.light
     frame["mirror_tiles"] = tiles
     wrapped = view.eye % GRID_PERIOD
     frame["grid_origin"] = (wrapped[0], view.eye[1], wrapped[2], plan.picture.exposure_factor)

@@ -82,6 +82,7 @@ class OfflineRenderer:
         shows: Shows = "shaded",
         quality: Quality = FULL,
         environment: bool = True,
+        sampled: bool = False,
         overlay: Overlay = NOTHING_OVER,
         ghosts: Mapping[str, GhostTrack] = NO_GHOSTS,
         context: Context | None = None,
@@ -89,15 +90,17 @@ class OfflineRenderer:
         source_of: Callable[[str], str] = lambda _: "",
     ) -> None:
         """`fetch` gives the bytes of an asset and `source_of` its file, as `get` and `source` of an AssetStore do. Without
-        `environment` only lamps and what glows give light, and behind everything it is black. Raises DisplayError where nothing
-        can be drawn.
+        `environment` only lamps and what glows give light, and behind everything it is black; `sampled` is as
+        RenderWorld has it. Raises DisplayError where nothing can be drawn.
         """
         check_size(width, height)
         if shows not in VIEWS:
             raise ElysError(f"there is no view '{shows}': views are {', '.join(VIEWS)}")
         self.width, self.height = width, height
         self.mirror = mirror
-        self.world = RenderWorld(DrawableAssets(fetch, source_of=source_of), environment=environment, exact_bounds=True)
+        self.world = RenderWorld(
+            DrawableAssets(fetch, source_of=source_of), environment=environment, sampled=sampled, exact_bounds=True
+        )
         self.overlay = overlay
         self._tracks, self._ghost_worlds = ghosts, GhostWorlds()
         self._ghosts: list[ShownGhost] = []  # of pictures of light

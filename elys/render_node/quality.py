@@ -8,6 +8,8 @@ from typing import Final
 from elys.common.scene import PictureSettings
 from elys.render_node.gpu import Context, Format
 
+SAMPLES_AROUND: Final = 512  # of each lobe, where light from around is sampled for each pixel
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quality:
@@ -39,7 +41,12 @@ class Quality:
         """The same of shaders of surfaces."""
         scattering = ("MULTIPLE_SCATTERING",) if picture.multiple_scattering else ()
         smoothing = ("SPECULAR_ANTIALIASING",) if picture.specular_antialiasing else ()
-        return (*self.light_defines(picture), *scattering, *smoothing)
+        sampled = (f"SAMPLED_SURROUNDINGS {SAMPLES_AROUND}",) if self.samples_surroundings(picture) else ()
+        return (*self.light_defines(picture), *scattering, *smoothing, *sampled)
+
+    def samples_surroundings(self, picture: PictureSettings) -> bool:
+        """Whether light from around is sampled for each pixel."""
+        return picture.sampled_surroundings and not self.to_screen
 
     @property
     def shadow_defines(self) -> tuple[str, ...]:

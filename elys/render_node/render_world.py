@@ -69,14 +69,20 @@ class RenderWorld:
     """
 
     def __init__(
-        self, assets: DrawableAssets | None = None, *, environment: bool = True, exact_bounds: bool = False
+        self,
+        assets: DrawableAssets | None = None,
+        *,
+        environment: bool = True,
+        sampled: bool = False,
+        exact_bounds: bool = False,
     ) -> None:
-        """Without `environment` nothing but the scene's lamps and what glows gives light, whatever its settings say.
+        """Without `environment` nothing but the scene's lamps and what glows gives light, whatever its settings say. `sampled`:
+        light from around is sampled for each pixel, as `PictureSettings.sampled_surroundings` asks for.
 
         With `exact_bounds` maps of shadows are fitted to where things are, not to where they may be by now: a picture then does
         not depend on those before it, and costs some passes over all instances.
         """
-        self._has_environment, self._has_exact_bounds = environment, exact_bounds
+        self._has_environment, self._is_sampled, self._has_exact_bounds = environment, sampled, exact_bounds
         self.assets = assets if assets is not None else DrawableAssets()
         self.timeline = Timeline()
         self._instance_rows = InstanceRows()
@@ -358,7 +364,9 @@ class RenderWorld:
 
     def _take_settings(self) -> None:
         settings = self._tables.settings
-        self._settings = settings if self._has_environment else _without_environment(settings)
+        if not self._has_environment:
+            settings = _without_environment(settings)
+        self._settings = _with_sampled_light(settings) if self._is_sampled else settings
 
     def _place_anew(self) -> None:
         instances, newest = self.instances, self.timeline.newest
@@ -392,6 +400,11 @@ class RenderWorld:
 
 def _without_environment(settings: SceneSettings) -> SceneSettings:
     return msgspec.structs.replace(settings, background=BLACK, ambient=BLACK)
+
+
+def _with_sampled_light(settings: SceneSettings) -> SceneSettings:
+    picture = msgspec.structs.replace(settings.picture, sampled_surroundings=True)
+    return msgspec.structs.replace(settings, picture=picture)
 
 
 def _axes(linear: NDArray[np.float64]) -> NDArray[np.float64]:

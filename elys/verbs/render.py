@@ -49,6 +49,7 @@ class Order:
     viewpoint: Viewpoint
     fps: float
     environment: bool = True
+    sampled: bool = False
     debug: tuple[Debug, ...] = ()
     debug_of: tuple[str, ...] = ()
     stamp: bool = False
@@ -70,6 +71,7 @@ def render(
     orbit: float = 0.0,
     connect: str | None = None,
     environment: bool = True,
+    sampled: bool = False,
     debug: str = "",
     debug_of: Sequence[str] = (),
     stamp: bool = False,
@@ -84,6 +86,7 @@ def render(
     order = replace(
         _order(output, size=size, view=view, viewpoint=Viewpoint.asked(camera, path, orbit), fps=fps),
         environment=environment,
+        sampled=sampled,
         debug=parsed_kinds(debug),
         debug_of=tuple(debug_of),
         stamp=stamp,
@@ -155,6 +158,7 @@ def _draw(footage: Footage, order: Order) -> None:
             height=order.height,
             shows=order.shows,
             environment=order.environment,
+            sampled=order.sampled,
             overlay=overlay,
             ghosts=ghosts,
             source_of=footage.source_of,

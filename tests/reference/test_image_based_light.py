@@ -191,44 +191,88 @@ def flat_hdr(radiance: np.ndarray) -> bytes:
     return f"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n".encode() + pixels.tobytes()
 
 
+class MappedSky:
+    """Level white squares under a picture of light that is turned, seen from a side; and what chance finds of them."""
+
+    def __init__(self, context: Context, *, sampled: bool) -> None:
+        self.renderer = Renderer(context, quality=EXACT)
+        self.settings = SceneSettings(picture=PictureSettings(sampled_surroundings=sampled))
+        self.turn = Rotation.from_euler("yx", (0.7, 0.4))
+        self.store = AssetStore()
+        height = 256
+        radiance = sunny_map(map_directions(height).reshape(-1, 3)).reshape(height, 2 * height, 3)
+        self.image = self.store.put(flat_hdr(radiance), kind="image")
+
+    def error(self, normal: np.ndarray, azimuth: float, angle: float, metallic: float, roughness: float) -> float:
+        """The largest of the three primaries', as a share."""
+        up = Rotation.align_vectors([normal], [(0.0, 1.0, 0.0)])[0] * Rotation.from_euler("y", azimuth)
+        white = Material(base_color=(1.0, 1.0, 1.0), metallic=metallic, roughness=roughness)
+        square = Transform(rotation=tuple(up.as_quat().tolist()), scale=(8.0, 1.0, 8.0))
+        sky = Transform(rotation=tuple(self.turn.as_quat().tolist()))
+        things = [
+            (square, MeshRenderer(mesh="plane"), white),
+            (sky, Environment(kind="image", image=self.image)),
+        ]
+        components = [{type(value).__name__: value for value in found} for found in things]
+        world = RenderWorld(DrawableAssets(self.store.get))
+        world.set_scene(tables_of([1, 2], [0, 0], components, settings=self.settings))
+        self.renderer.settle(world)
+        eye = up.apply(toward(angle))
+        camera = ViewCamera(position=tuple(3.0 * eye), rotation=tuple(look_rotation(-eye).tolist()), field_of_view=0.02)
+        self.renderer.draw(world, camera, 5, 5)
+        world.assets.close()
+        light = self.renderer.read_light(5, 5)[2, 2, :3]
+
+        def light_from(lights: np.ndarray) -> np.ndarray:
+            return sunny_map(self.turn.inv().apply(up.apply(lights)))
+
+        surface = Surface(np.ones(3), metallic, max(roughness, 0.04))
+        expected = reflected_radiance(toward(angle), surface, light_from, count=400_000)
+        return float(np.max(np.abs(light - expected) / expected))
+
+
 @pytest.mark.gl
 @pytest.mark.parametrize("roughness", [0.0, 0.4, 0.65, 1.0])
 def test_metals_mirror_a_picture_as_chance_finds(context: Context, roughness: float) -> None:
     """Seen along the normal, where nothing is approximated but between roughnesses. The entity is turned, its picture too."""
-    height = 256
-    turn = Rotation.from_euler("yx", (0.7, 0.4))
-    store = AssetStore()
-    image = store.put(
-        flat_hdr(sunny_map(map_directions(height).reshape(-1, 3)).reshape(height, 2 * height, 3)), kind="image"
-    )
-    metal = Material(base_color=(1.0, 1.0, 1.0), metallic=1.0, roughness=roughness)
+    sky = MappedSky(context, sampled=False)
     for normal in unit([(0.3, 0.9, 0.2), (-0.6, 0.5, 0.4), (0.1, -0.9, 0.3), (0.9, 0.1, -0.3)]):
-        away = Rotation.align_vectors([normal], [(0.0, 1.0, 0.0)])[0]
-        things = [
-            (
-                Transform(rotation=tuple(away.as_quat().tolist()), scale=(8.0, 1.0, 8.0)),
-                MeshRenderer(mesh="plane"),
-                metal,
-            ),
-            (Transform(rotation=tuple(turn.as_quat().tolist())), Environment(kind="image", image=image)),
+        assert sky.error(normal, 0.0, 0.0, 1.0, roughness) < 3e-2
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("metallic", [0.0, 1.0])
+@pytest.mark.parametrize("roughness", [0.1, 0.4, 0.6, 1.0])
+def test_sampled_light_is_what_chance_finds_from_every_side(
+    context: Context, metallic: float, roughness: float
+) -> None:
+    sky = MappedSky(context, sampled=True)
+    for number, normal in enumerate(unit(np.random.default_rng(5).normal(size=(5, 3)))):
+        for angle in (0.0, 60.0, 85.0) if number < 2 else (35.0 + 6 * number,):
+            assert sky.error(normal, float(number), angle, metallic, roughness) < 2e-2
+
+
+@pytest.mark.gl
+def test_sampled_light_keeps_what_materials_and_furnaces_ask_for(context: Context) -> None:
+    """Colours, mixtures, layers of glTF and the light of many bounces: as the split sum has them in even light."""
+    renderer = Renderer(context, quality=EXACT)
+    materials = [
+        Material(base_color=(0.9, 0.5, 0.2), metallic=metallic, roughness=roughness, **layers)
+        for metallic in (0.0, 0.5, 1.0)
+        for roughness in (0.2, 0.6, 1.0)
+        for layers in ({}, {"specular": 0.5, "specular_color": (0.9, 0.7, 1.0), "ior": 1.8})
+    ]
+    for many in (False, True):
+        lit = [
+            msgspec.structs.replace(
+                WHITE, picture=PictureSettings(multiple_scattering=many, sampled_surroundings=sampled)
+            )
+            for sampled in (False, True)
         ]
-        world = RenderWorld(DrawableAssets(store.get))
-        components = [{type(value).__name__: value for value in found} for found in things]
-        world.set_scene(tables_of([1, 2], [0, 0], components))
-        renderer = Renderer(context, quality=EXACT)
-        renderer.settle(world)
-        camera = ViewCamera(
-            position=tuple(3.0 * normal), rotation=tuple(look_rotation(-normal).tolist()), field_of_view=0.02
-        )
-        renderer.draw(world, camera, 5, 5)
-        world.assets.close()
-
-        def light_from(lights: np.ndarray, away: Rotation = away) -> np.ndarray:
-            return sunny_map(turn.inv().apply(away.apply(lights)))
-
-        straight, surface = np.array((0.0, 1.0, 0.0)), Surface(np.ones(3), 1.0, max(roughness, 0.04))
-        light = renderer.read_light(5, 5)[2, 2, :3]
-        np.testing.assert_allclose(light, reflected_radiance(straight, surface, light_from), rtol=3e-2)
+        for material in materials:
+            for angle in ANGLES:
+                split, sampled = (level_light(renderer, material, settings, angle) for settings in lit)
+                np.testing.assert_allclose(sampled, split, rtol=1.5e-2)
 
 
 @pytest.mark.gl

@@ -71,6 +71,7 @@ _PICTURE_FIELDS: Final = (
     _picture("fog_color", Kind.COLOR, "Radiance of thick fog, linear.", minimum=0.0),
     _picture("fxaa", Kind.BOOL, "Smooths edges of the finished picture."),
     _picture("multiple_scattering", Kind.BOOL, "Gives rough metals back what a single bounce loses."),
+    _picture("sampled_surroundings", Kind.BOOL, "Mirrors light from around rightly from every side. Slow."),
     _picture("specular_antialiasing", Kind.BOOL, "Keeps highlights from sparkling."),
 )
 

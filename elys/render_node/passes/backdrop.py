@@ -29,7 +29,6 @@ class SkyPass:
         self._context.set_state(depth_test="less_equal")
         program, triangle = self._screen.compiled(self._quality.light_defines(plan.picture))
         program.set("depth", 1.0)
-        program.set("map_from_world", plan.surroundings.map_from_world)
         program.set("shown", plan.surroundings.shown)
         triangle.draw()
 

@@ -46,7 +46,7 @@ class EnvironmentPass:
     def is_needed(self, plan: PicturePlan) -> bool:
         """Whether anything of the surroundings lights or is seen, and is not ready yet."""
         around = plan.surroundings
-        return (around.gives_light or around.is_seen) and around.key != self.drawn
+        return (around.gives_light or around.is_seen) and self._asked(plan) != self.drawn
 
     def draw(self, plan: PicturePlan) -> None:
         """Makes the map, the squares of each roughness and the harmonics."""
@@ -57,10 +57,13 @@ class EnvironmentPass:
         pixels[..., :3] = radiance
         self._map = Texture(context, (width, height), "rgba16f", data=pixels, mipmaps=True)
         self._map.wrap_around()
-        if around.gives_light:
+        if around.gives_light and not self._quality.samples_surroundings(plan.picture):
             self.harmonics = irradiance_harmonics(radiance, around.map_from_world) * around.light
             self._filter(around)
-        self.drawn = around.key
+        self.drawn = self._asked(plan)
+
+    def _asked(self, plan: PicturePlan) -> tuple[Any, ...]:
+        return (*plan.surroundings.key, self._quality.samples_surroundings(plan.picture))
 
     def use(self, plan: PicturePlan) -> None:
         """Shows all of it to the passes that shade."""

@@ -15,6 +15,12 @@ float visibility(float normal_light, float normal_view, float a2) {
     return 0.5 / max(towards_view + towards_light, 1e-7);
 }
 
+// Schlick's share of Fresnel: 0 head-on, 1 at grazing angles.
+float schlick(float cosine) {
+    float grazing = 1.0 - clamp(cosine, 0.0, 1.0);
+    return (grazing * grazing) * (grazing * grazing) * grazing;
+}
+
 // What light that bounces more than once between facets adds to a lobe: Turquin, "Practical multiple scattering compensation for
 // microfacet models" (2019). 1 where it is not asked for.
 vec3 metal_gain = vec3(1.0);
@@ -27,11 +33,9 @@ vec3 reflected(vec3 normal, vec3 to_view, vec3 to_light, vec3 color, float metal
     vec3 half_way = normalize(to_light + to_view);
     float normal_view = max(dot(normal, to_view), 1e-4);
     float normal_half = clamp(dot(normal, half_way), 0.0, 1.0);
-    float view_half = clamp(dot(to_view, half_way), 0.0, 1.0);
     float a2 = max(roughness * roughness * roughness * roughness, 1e-6);
     float specular = distribution(normal_half, a2) * visibility(normal_light, normal_view, a2);
-    float grazing = 1.0 - view_half;
-    grazing = (grazing * grazing) * (grazing * grazing) * grazing;  // Schlick
+    float grazing = schlick(dot(to_view, half_way));
     float dielectric_fresnel = DIELECTRIC_F0 + (1.0 - DIELECTRIC_F0) * grazing;
     vec3 metal_fresnel = color + (1.0 - color) * grazing;
     vec3 dielectric = (1.0 - dielectric_fresnel) * color / PI + dielectric_fresnel * specular * dielectric_gain;

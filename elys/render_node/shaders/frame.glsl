@@ -21,6 +21,8 @@ layout(std140) uniform Frame {
     mat4 cascade_from_relative[4];  // to 0..1 in each map, the finest first
     vec4 cascade_scale[4];      // x: normal offset [m], y: texel of the map in its 0..1, zw: its lower left corner in the atlas
     vec4 irradiance[9];         // per pi, see irradiance_from
+    mat3 map_from_world;        // to the map of light from around
+    vec4 map_light_scale;       // what that map is multiplied with where it lights
     vec4 mirror_tiles[11];      // where the squares of each roughness are: lower left corner and edges
     vec4 grid_origin;           // xyz of the eye, x and z wrapped to the grid's period; w: exposure
     vec4 viewport;              // width, height [pixels]; z: number of lamps; w: far [m]

@@ -8,11 +8,6 @@ struct Layers {
     vec3 coat_normal;
 };
 
-float schlick(float cosine) {
-    float grazing = 1.0 - clamp(cosine, 0.0, 1.0);
-    return (grazing * grazing) * (grazing * grazing) * grazing;
-}
-
 float microfacets(vec3 normal, vec3 to_view, vec3 to_light, vec3 half_way, float roughness) {
     float a2 = max(roughness * roughness * roughness * roughness, 1e-6);
     float normal_light = max(dot(normal, to_light), 0.0);

@@ -4,7 +4,9 @@
 // Krivanek and Colbert, "Real-time Shading with Filtered Importance Sampling" (2008).
 #include "octahedron.glsl"
 #include "sky_map.glsl"
+#include "even_points.glsl"
 
+uniform mat3 map_from_world;
 uniform vec3 tile;        // lower left corner and edge of the directions' square [texels], without its border
 uniform float alpha;      // roughness squared
 uniform int sample_count; // 0: a mirror
@@ -14,23 +16,8 @@ layout(location = 0) out vec4 radiance;
 
 const float PI = 3.14159265359;
 
-// Hammersley's points.
-vec2 point_of(int i) {
-    uint bits = uint(i);
-    bits = (bits << 16u) | (bits >> 16u);
-    bits = ((bits & 0x55555555u) << 1u) | ((bits & 0xAAAAAAAAu) >> 1u);
-    bits = ((bits & 0x33333333u) << 2u) | ((bits & 0xCCCCCCCCu) >> 2u);
-    bits = ((bits & 0x0F0F0F0Fu) << 4u) | ((bits & 0xF0F0F0F0u) >> 4u);
-    bits = ((bits & 0x00FF00FFu) << 8u) | ((bits & 0xFF00FF00u) >> 8u);
-    return vec2((float(i) + 0.5) / float(sample_count), float(bits) * 2.3283064365386963e-10);
-}
-
-// From the map, averaged over about that solid angle.
 vec3 light_from(vec3 direction, float angle) {
-    vec2 size = vec2(textureSize(sky_map, 0));
-    vec2 place = map_place(direction);
-    float texel = 2.0 * PI * PI * max(sin(place.y * PI), 0.02) / (size.x * size.y);
-    return textureLod(sky_map, place, max(0.5 * log2(angle / texel) - sharper, 0.0)).rgb;
+    return map_light(map_from_world * direction, angle, sharper);
 }
 
 void main() {
@@ -45,7 +32,7 @@ void main() {
     float weight = 0.0;
     float a2 = alpha * alpha;
     for (int i = 0; i < sample_count; ++i) {
-        vec2 p = point_of(i);
+        vec2 p = even_point(i, sample_count);
         float cosine2 = (1.0 - p.x) / (1.0 + (a2 - 1.0) * p.x);  // of the half vector, as GGX spreads them
         float cosine = sqrt(cosine2), sine = sqrt(max(1.0 - cosine2, 0.0));
         float normal_light = 2.0 * cosine2 - 1.0;  // seen along the normal

@@ -153,32 +153,37 @@ vec3 lamplight(vec3 normal, vec3 to_view, vec3 color, float metallic, float roug
 
 #ifdef SURROUNDINGS
 vec3 surrounding_light(vec3 normal, vec3 to_view, vec3 color, float metallic, float roughness) {
-    float normal_view = clamp(dot(normal, to_view), 0.0, 1.0);
-    vec4 albedo = directional_albedo(normal_view, roughness);
     vec3 dielectric_f0 = vec3(DIELECTRIC_F0);
     float dielectric_f90 = 1.0;
 #ifdef SPECULAR_LAYER
     dielectric_f0 = layers.dielectric_f0;
     dielectric_f90 = layers.dielectric_f90;
 #endif
-    vec3 dielectric = (dielectric_f0 * albedo.x + dielectric_f90 * albedo.y) * dielectric_gain;
-    vec3 specular = mix(dielectric, (color * albedo.x + albedo.y) * metal_gain, metallic);
+#ifdef SAMPLED_SURROUNDINGS
+    LightAround around = sampled_light(normal, to_view, roughness);
+#elif defined(IRRADIANCE_OF_VERTICES)
+    LightAround around = split_light(normal, to_view, roughness, vertex_irradiance);
+#else
+    LightAround around = split_light(normal, to_view, roughness, irradiance_from(normal));
+#endif
 #ifdef MULTIPLE_SCATTERING
-    vec3 below = vec3(1.0 - max(dielectric.r, max(dielectric.g, dielectric.b)));  // all that is not mirrored
+    vec4 albedo = directional_albedo(clamp(dot(normal, to_view), 0.0, 1.0), roughness);
+    vec3 reflected_share = (dielectric_f0 * albedo.x + dielectric_f90 * albedo.y) * dielectric_gain;
+    vec3 below = (1.0 - max(reflected_share.r, max(reflected_share.g, reflected_share.b))) * around.below;
 #else
     float strongest = max(dielectric_f0.r, max(dielectric_f0.g, dielectric_f0.b));
-    vec3 below = vec3((1.0 - strongest) * (1.0 - dielectric_f90 * albedo.z));
+    vec3 below = (1.0 - strongest) * around.below - (dielectric_f90 - strongest) * around.below_grazing;
 #endif
-    vec3 diffuse = color * (1.0 - metallic) * below;
-    vec3 mirrored = mix(normal, reflect(-to_view, normal), albedo.w);  // what is rough mirrors more of what is above it
-#ifdef IRRADIANCE_OF_VERTICES
-    vec3 around = vertex_irradiance;
-#else
-    vec3 around = irradiance_from(normal);
-#endif
-    vec3 sum = diffuse * around + specular * mirrored_surroundings(mirrored, roughness);
+    vec3 dielectric = color * below + (dielectric_f0 * around.of_f0 + dielectric_f90 * around.of_f90) * dielectric_gain;
+    vec3 metal = (color * around.of_f0 + around.of_f90) * metal_gain;
+    vec3 sum = mix(dielectric, metal, metallic);
 #ifdef CLEARCOAT_LAYER
+#ifdef SAMPLED_SURROUNDINGS
+    LightAround over = sampled_light(layers.coat_normal, to_view, layers.coat_roughness);
+    vec3 coat = over.of_f0 + over.of_f90;
+#else
     vec3 coat = mirrored_surroundings(reflect(-to_view, layers.coat_normal), layers.coat_roughness);
+#endif
     sum = mix(coat, sum, below_coat(to_view, layers));
 #endif
     return sum;

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import av
+import msgspec
 import numpy as np
 import pytest
 
@@ -138,6 +139,21 @@ def test_linear_light_is_written_as_it_is(context, mirror, tmp_path: Path) -> No
     assert light[24, 32, 0] - light[24, 32, 2] == pytest.approx(0.8, abs=1e-6)
     np.testing.assert_array_equal(light[0, 0], 0.0)  # no sky
     assert shown[24, 32, 0] < 255
+
+
+@pytest.mark.gl
+def test_light_from_around_is_sampled_where_the_order_or_the_scene_asks_for_it(context, mirror) -> None:
+    def light(shown: SceneMirror, **asked: bool) -> np.ndarray:
+        with OfflineRenderer(shown, width=65, height=49, context=context, **asked) as renderer:
+            return renderer.values()
+
+    split, ordered = light(mirror), light(mirror, sampled=True)
+    picture = msgspec.structs.replace(mirror.settings.picture, sampled_surroundings=True)
+    asking = SceneMirror()
+    settings = msgspec.structs.replace(mirror.settings, picture=picture)
+    asking.apply_snapshot(msgspec.structs.replace(mirror.to_snapshot(), settings=settings))
+    np.testing.assert_array_equal(light(asking), ordered)
+    assert np.abs(ordered - split).max() > 1e-4
 
 
 @pytest.mark.gl
