@@ -33,7 +33,7 @@ SEQUENCES, SOAK_SEQUENCES = 8, 500
 LENGTH = 14
 KINDS = (
     *("rename", "reparent", "place", "enable", "move", "turn", "mass", "add", "remove", "spawn"),
-    *("duplicate", "delete", "settings", "undo", "redo"),
+    *("duplicate", "delete", "settings", "undo", "redo", "group", "paste", "lay over", "drop"),
 )
 
 
@@ -111,7 +111,8 @@ async def edit_at_random(desk: Desk, chance: random.Random, count: int) -> int:
         done = perform(desk, action)
         if done is not None:
             outcome = await done
-            assert not outcome.refusals, (action, outcome)
+            await desk.model.history.settle()  # a group is filled after it was made
+            assert outcome is not None and not outcome.refusals, (action, outcome)
             made += 1
     return made
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
+from pathlib import Path
+
 from hypothesis import strategies as st
 
-from elys.common.scene import SceneSettings
+from elys.common.scene import EntityRecord, SceneSettings
 
 # Each action is a kind and some numbers, read as indices into whatever is there when it is made.
 ACTIONS = st.lists(
@@ -56,9 +59,31 @@ def perform(stage, action):
         case "duplicate" | "delete":
             model.selection.replace(chosen)
             return edit.duplicate() if kind == "duplicate" else edit.delete()
+        case "group":
+            model.selection.replace(chosen)
+            return model.tree.group()
+        case "paste":
+            model.selection.replace(chosen)
+            return asyncio.ensure_future(model.tree.paste(directory=Path())) if model.tree.copy() else None
+        case "lay over":  # as pasting components and going back to a prefab do
+            changes = {"Light": {"intensity": 1.0 + second}, ("Material", "Collider", "RigidBody")[second % 3]: None}
+            return edit.lay_over("Revert to the prefab: {what}", dict.fromkeys(chosen, changes))
+        case "drop":
+            return edit.spawn_records("Add", model_records(second / 9.0))
         case "settings":
             return edit.set_settings(SceneSettings(substeps=1 + second % 8))
         case "undo":
             return model.history.undo() if model.history.undo_label else None
         case "redo":
             return model.history.redo() if model.history.redo_label else None
+
+
+def model_records(height: float) -> list[EntityRecord]:
+    """What a model that is let go in a viewport makes: a tree of entities."""
+    root = EntityRecord(name="Model", components={"Transform": {"position": [0.5, height, 0.0]}})
+    part = EntityRecord(
+        name="Part",
+        parent=0,
+        components={"Transform": {"position": [0.0, 1.0, 0.0]}, "MeshRenderer": {"mesh": "box"}, "Collider": {}},
+    )
+    return [root, part]
