@@ -104,7 +104,7 @@ DebugKinds = Annotated[
     str,
     typer.Option(
         "--debug",
-        help="draw over it: aabb, obb, contacts, joints, trajectories, velocity, axes, grid, labels, islands, sleeping, "
+        help="draw over it: aabb, obb, contacts, forces, joints, trajectories, velocity, axes, grid, labels, islands, sleeping, "
         "divergence; several with commas",
     ),
 ]

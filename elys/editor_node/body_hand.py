@@ -30,6 +30,11 @@ class BodyHand:
         self._sending: asyncio.Task[None] | None = None
 
     @property
+    def held(self) -> int:
+        """The body that it holds; 0 for none."""
+        return self._entity if self.target is not None else 0
+
+    @property
     def held_point(self) -> Point | None:
         """Where the point that it holds is now [m]; None: it holds nothing, or what it held is gone."""
         if self.target is None or not self._model.scene.exists(self._entity):

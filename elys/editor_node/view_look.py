@@ -17,6 +17,16 @@ class ViewLook:
     debug: tuple[Debug, ...] = ()  # lines and letters over the picture
     debugs_selection: bool = False  # of what is selected alone
 
+    def lines(self, selection: tuple[int, ...], held: int) -> tuple[tuple[Debug, ...], tuple[int, ...]]:
+        """Which kinds are drawn over the picture, and of whom, none for everybody. While a body is dragged they are of it alone,
+        what pushes it among them. Of a selection of nothing nothing is drawn, and not everything.
+        """
+        if held:
+            return tuple(known for known in get_args(Debug) if known in self.debug or known == "forces"), (held,)
+        if self.debugs_selection:
+            return (self.debug, selection) if selection else ((), ())
+        return self.debug, ()
+
     def switch_debug(self, kind: Debug) -> None:
         """Draws lines of a kind, or draws them no more; they keep the order of `Debug`."""
         wanted = set(self.debug) ^ {kind}

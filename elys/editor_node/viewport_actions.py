@@ -23,6 +23,7 @@ DEBUG_LABELS: Final[dict[Debug, str]] = {
     "aabb": "Boxes along the axes",
     "obb": "Boxes that turn along",
     "contacts": "Contacts",
+    "forces": "Forces",
     "joints": "Joints",
     "trajectories": "Trajectories",
     "velocity": "Velocities",

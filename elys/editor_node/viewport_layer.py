@@ -104,7 +104,10 @@ class ViewportLayer:
                 self._model.request_redraw(0.0)
         if self._action and self._panel not in self._viewports:
             self._release()
-        self._panel.hand_line = self._hand_line()
+        for panel in self._viewports:
+            is_pulling = panel is self._panel
+            panel.hand_line = self._hand_line() if is_pulling else None
+            panel.held = self.hand.held if is_pulling else 0
         if not self.is_flying:
             return
         steps = [step for key, step in _FLY_KEYS.items() if key in self._held]

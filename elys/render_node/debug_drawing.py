@@ -37,14 +37,15 @@ DEBUG_KINDS: Final[tuple[Debug, ...]] = get_args(Debug)
 PHYSICS_LINES: Final[dict[Debug, str]] = {
     "aabb": "boxes",
     "contacts": "contacts",
+    "forces": "forces",
     "joints": "joints",
     "islands": "islands",
     "sleeping": "sleeping",
 }
-ONLY_SIMULATED: Final[frozenset[Debug]] = frozenset(("islands", "sleeping"))
+ONLY_SIMULATED: Final[frozenset[Debug]] = frozenset(("forces", "islands", "sleeping"))
 MOST_AXES: Final = 2000
-NUMBERED_CONTACTS: Final = 8  # whose impulses stand beside them, the strongest
-STRONGEST: Final = 0.6  # [m] of the line of the strongest impulse
+NUMBERED: Final = 8  # contacts and forces whose strength stands beside them, the strongest
+STRONGEST: Final = 0.6  # [m] of the line of the strongest impulse or force
 NORMAL_LENGTH: Final = 0.2  # [m]
 CROSS_SIZE: Final = 0.03  # [m]
 AXIS_LENGTH: Final = 0.3  # [m] of a joint's axis
@@ -52,6 +53,8 @@ ARROW_TIME: Final = 0.2  # [s] of motion that a velocity's arrow spans
 LARGE: Final = 3.0  # times as large as most things are
 EDGE_COUNT: Final = 12  # of a box
 SLOWEST: Final = 0.01  # [m/s] that has an arrow
+# Weight, contacts, joints, what was asked for, and hands: as the simulation numbers them.
+FORCE_COLORS: Final = (marks.STATIC, marks.IMPULSE, marks.ARM, marks.TURNED_BOX, marks.ARROW)
 
 
 class _PhysicsLines(NamedTuple):
@@ -188,8 +191,25 @@ class DebugDrawing:
         normals = np.stack([point, point + NORMAL_LENGTH * normal], axis=1)
         parts.append(Lines.of(normals, marks.NORMAL, hidden=0.8))
         parts.append(Lines.of(marks.crosses(point, CROSS_SIZE), marks.POINT, width=2.0, hidden=1.0))
-        numbered = [row for row in np.argsort(-impulse, kind="stable")[:NUMBERED_CONTACTS].tolist() if strong[row]]
-        labels += [Label(f"{impulse[row]:.3g} N s", _place(ends[row, 1]), marks.IMPULSE) for row in numbered]
+        labels += [
+            Label(f"{impulse[row]:.3g} N s", _place(ends[row, 1]), marks.IMPULSE)
+            for row in _strongest(impulse)
+            if strong[row]
+        ]
+
+    def _forces(self, scope: _Scope, parts: list[Lines], labels: list[Label]) -> None:
+        told = self._told("forces", scope)
+        if told is None or not len(told.values):
+            return
+        starts, strength = told.positions[:, 0].astype(np.float64), told.values.astype(np.float64)
+        ways = (told.positions[:, 1] - starts) / NORMAL_LENGTH
+        tips = starts + (STRONGEST * strength / strength.max())[:, None] * ways
+        kinds = np.minimum(told.colors, len(FORCE_COLORS) - 1)
+        colors = np.tile(np.array(FORCE_COLORS, np.uint8)[kinds], (3, 1))  # a shaft and two barbs
+        parts.append(Lines.of(marks.arrows(starts, tips), colors, width=2.4, hidden=0.8))
+        labels += [
+            Label(_newtons(strength[row]), _place(tips[row]), FORCE_COLORS[kinds[row]]) for row in _strongest(strength)
+        ]
 
     def _joints(self, scope: _Scope, parts: list[Lines], labels: list[Label]) -> None:
         told = self._told("joints", scope)
@@ -292,12 +312,22 @@ class _Scope:
         return (self.is_all or not self._chosen.isdisjoint(entities)) and self._unseen.isdisjoint(entities)
 
 
+def _strongest(values: NDArray[np.float64]) -> list[int]:
+    """Where the largest stand, beside which letters are to be read."""
+    return np.argsort(-values, kind="stable")[:NUMBERED].tolist()
+
+
+def _newtons(strength: float) -> str:
+    return f"{strength / 1e3:.3g} kN" if strength >= 1e3 else f"{strength:.3g} N"
+
+
 _Maker = Callable[[DebugDrawing, _Scope, list[Lines], list[Label]], None]
 # In the order in which they are drawn, which is that of DEBUG_KINDS; the grid is a pass of its own.
 _MAKERS: Final[dict[Debug, _Maker]] = {
     "aabb": DebugDrawing._aabb,
     "obb": DebugDrawing._obb,
     "contacts": DebugDrawing._contact,
+    "forces": DebugDrawing._forces,
     "joints": DebugDrawing._joints,
     "trajectories": DebugDrawing._paths,
     "velocity": DebugDrawing._velocity,

@@ -56,6 +56,7 @@ DEBUG_KEYS: Final[Mapping[Key, Debug]] = {
     "8": "labels",
     "9": "islands",
     "0": "sleeping",
+    "n": "forces",
     "g": "grid",
     "d": "divergence",
 }

@@ -36,7 +36,7 @@ if _is_null():
 import glfw  # noqa: E402  reads the environment when it is imported
 
 Button = Literal["left", "middle", "right"]
-Key = Literal["f", "c", "a", "d", "g", "m", "p", "space", "escape", "0", "1", "2", "3", "4", "5", "6", "7", "8", "9"]
+Key = Literal["f", "c", "a", "d", "g", "m", "n", "p", "space", "escape", "0", "1", "2", "3", "4", "5", "6", "7", "8", "9"]
 _BUTTONS: Final[Mapping[int, Button]] = {
     glfw.MOUSE_BUTTON_LEFT: "left",
     glfw.MOUSE_BUTTON_MIDDLE: "middle",
@@ -49,6 +49,7 @@ _KEYS: Final[Mapping[int, Key]] = {
     glfw.KEY_D: "d",
     glfw.KEY_G: "g",
     glfw.KEY_M: "m",
+    glfw.KEY_N: "n",
     glfw.KEY_P: "p",
     glfw.KEY_0: "0",
     glfw.KEY_1: "1",

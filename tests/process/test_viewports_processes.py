@@ -26,6 +26,8 @@ from elys.editor_node.keys import Key
 from elys.editor_node.panels.viewport import ViewportPanel
 from tests.process.test_editor_session import editor_at, named, until
 
+ARROW = (60, 230, 225)  # of a hand's pull
+
 pytestmark = [pytest.mark.process, pytest.mark.gl]
 
 
@@ -60,6 +62,12 @@ def pixels_of(editor, panel: ViewportPanel, path: Path) -> np.ndarray:
 def is_green(pixels: np.ndarray) -> bool:
     red, green, blue = np.median(pixels.reshape(-1, 3), axis=0)
     return bool(green > max(red, blue) + 60.0)
+
+
+def shows_pull(editor, path: Path) -> bool:
+    """Whether an arrow of the colour of hands is seen."""
+    editor.screenshot(path)
+    return int((np.abs(np.asarray(Image.open(path)).astype(int) - ARROW) < 12).all(axis=-1).sum()) > 20
 
 
 def test_two_viewports_see_different_things(elys, free_port, tmp_path):
@@ -113,7 +121,7 @@ def test_two_viewports_see_different_things(elys, free_port, tmp_path):
     asyncio.run(scenario())
 
 
-def test_a_hand_lifts_a_body_of_a_running_simulation(elys, free_port):
+def test_a_hand_lifts_a_body_of_a_running_simulation(elys, free_port, tmp_path):
     endpoint = f"tcp/127.0.0.1:{free_port}"
     elys("run", "yard", "--headless", "--realtime", "--listen", endpoint).wait_for("simulating")
     elys("node", "render", "--connect", endpoint).wait_for("drawing views")
@@ -144,9 +152,12 @@ def test_a_hand_lifts_a_body_of_a_running_simulation(elys, free_port):
             assert editor.navigation.hand.target[1] > before + 1.0
             # It hangs below the point where it is held, the lower the softer the spring is.
             await until(editor, lambda: scene.world_pose(held).position[1] > before + 0.3)
+            # What pulls it is seen as an arrow, in the colour of hands, as long as it is held.
+            await until(editor, lambda: shows_pull(editor, tmp_path / "held.png"))
             await do(editor, MouseReleased(MouseButton.LEFT))
             await until(editor, lambda: isinstance(done[-1].command, Release))
             top = scene.world_pose(held).position[1]
             await until(editor, lambda: scene.world_pose(held).position[1] < top - 0.1)  # it falls again
+            await until(editor, lambda: not shows_pull(editor, tmp_path / "fell.png"))
 
     asyncio.run(scenario())

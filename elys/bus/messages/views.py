@@ -16,6 +16,7 @@ Debug = Literal[
     "aabb",
     "obb",
     "contacts",
+    "forces",
     "joints",
     "trajectories",
     "velocity",

@@ -38,6 +38,7 @@ class ViewportPanel:
         self.hand_line: tuple[float, float, float, float] | None = (
             None  # of a body being dragged: held point and target
         )
+        self.held = 0  # the body being dragged
         self.is_seen = False  # in the last frame
         self.was_focused = False  # its window got the keyboard in the last frame
         self.is_marked = False  # as the one of several that keys mean
@@ -102,6 +103,7 @@ class ViewportPanel:
         width, height = int(self.rectangle[2] * scale.x), int(self.rectangle[3] * scale.y)
         selection = ui.model.selection.entities
         hidden = ui.model.scene.marks.own("hidden")
+        kinds, whose = self.look.lines(selection, self.held)
         self.stream.want(
             View(
                 self.camera.view,
@@ -111,9 +113,8 @@ class ViewportPanel:
                 hidden,
                 self.look.shows_grid,
                 self.look.shows,
-                # Of a selection of nothing nothing is drawn, and not everything.
-                debug=self.look.debug if selection or not self.look.debugs_selection else (),
-                debug_entities=selection if self.look.debugs_selection else (),
+                debug=kinds,
+                debug_entities=whose,
             )
         )
         draw_list = imgui.get_window_draw_list()

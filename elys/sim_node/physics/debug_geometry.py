@@ -16,11 +16,24 @@ from elys.common.math import quaternion
 from elys.sim_node.physics.bodies import BodyTable
 from elys.sim_node.physics.colliders import ColliderTable
 from elys.sim_node.physics.contacts import ContactStore
+from elys.sim_node.physics.force_lines import (
+    ASKED,
+    CONTACT,
+    JOINT,
+    WEIGHT,
+    Forces,
+    asked_forces,
+    contact_forces,
+    force_segments,
+    joint_forces,
+    weights,
+)
 from elys.sim_node.physics.joint_lines import joint_lines
 from elys.sim_node.physics.joints import JointTable
 from elys.sim_node.physics.kernels.placement import place_colliders
 from elys.sim_node.physics.kernels.tables import DYNAMIC, PLANE, STATIC
 from elys.sim_node.physics.kernels.tree import FAR
+from elys.sim_node.physics.settings import PhysicsSettings
 
 Array = np.ndarray[Any, Any]
 
@@ -39,6 +52,10 @@ class Lines(NamedTuple):
     entities: Array  # (L, 2) uint32: whose it is; 0 for nobody
     values: Array = np.zeros(0, np.float32)  # (L,) float32 where a kind measures something, else (0,)
 
+    def with_more(self, more: Lines) -> Lines:
+        """These and then more of the same kind."""
+        return Lines(*(np.concatenate(pair) for pair in zip(self, more, strict=True)))
+
 
 class Tables(NamedTuple):
     """What a world is made of."""
@@ -47,6 +64,7 @@ class Tables(NamedTuple):
     colliders: ColliderTable
     contacts: ContactStore
     joints: JointTable
+    settings: PhysicsSettings
 
 
 def debug_lines(tables: Tables, kind: str) -> Lines:
@@ -122,6 +140,27 @@ def _joints(tables: Tables) -> Lines:
     return _lines(*joint_lines(tables.joints.rows, tables.bodies.rows))
 
 
+def _forces(tables: Tables) -> Lines:
+    """What pushes what moves, by the colours of force_lines.py, and how hard [N]."""
+    bodies, settings = tables.bodies, tables.settings
+    return lines_of_forces(
+        {
+            WEIGHT: weights(bodies, settings.gravity, settings.attractors),
+            CONTACT: contact_forces(bodies, tables.colliders, tables.contacts),
+            JOINT: joint_forces(bodies, tables.joints),
+            ASKED: asked_forces(bodies),
+        }
+    )
+
+
+def lines_of_forces(forces: dict[int, Forces]) -> Lines:
+    """Forces by their colours."""
+    segments, entities, strengths = zip(*map(force_segments, forces.values()), strict=True)
+    colors = np.repeat(list(forces), [len(found) for found in segments])
+    lines = _lines(np.concatenate(segments), colors, np.concatenate(entities))
+    return lines._replace(values=np.concatenate(strengths).astype(np.float32))
+
+
 # Every kind there is, and so every key of the topic.
 LINES: Final[dict[str, Callable[[Tables], Lines]]] = {
     "boxes": _boxes,
@@ -131,6 +170,7 @@ LINES: Final[dict[str, Callable[[Tables], Lines]]] = {
     "sleeping": _sleeping,
     "axes": _axes,
     "joints": _joints,
+    "forces": _forces,
 }
 
 

@@ -31,6 +31,15 @@ def energy_of(bodies: BodyTable, gravity: Vec3, attractors: tuple[Attractor, ...
     return Energy(kinetic, float((mass * rows["gravity_scale"] * potential).sum()))
 
 
+def field_at(points: Array, gravity: Vec3, attractors: tuple[Attractor, ...]) -> Array:
+    """(N, 3) how fast gravity makes what falls at points (N, 3) [m/s^2]."""
+    pull = np.broadcast_to(np.asarray(gravity, np.float64), points.shape).copy()
+    for attractor in attractors:
+        away = points - np.asarray(attractor.position)
+        pull -= attractor.strength * away / ((away**2).sum(1) + attractor.softening**2)[:, None] ** 1.5
+    return pull
+
+
 def momentum_of(bodies: BodyTable) -> Momentum:
     """Linear momentum of all dynamic bodies, and angular momentum about the origin."""
     rows, mass, moments = _dynamic(bodies)

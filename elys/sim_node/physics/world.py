@@ -573,8 +573,8 @@ class PhysicsWorld(WorldJoints):
         return total ^ int(hash_bodies(self._joints.living, self._joints.memory()))
 
     def debug_lines(self, kind: str) -> Lines:
-        """How physics sees the world, as lines of a kind: boxes, fat_boxes, contacts, islands, sleeping, axes or joints."""
-        return debug_lines(Tables(self._bodies, self._colliders, self._contacts, self._joints), kind)
+        """How physics sees the world, as lines of a kind: as `debug_geometry.LINES` names them."""
+        return debug_lines(Tables(self._bodies, self._colliders, self._contacts, self._joints, self.settings), kind)
 
     # ---------------------------------------------------------------- the whole state
 

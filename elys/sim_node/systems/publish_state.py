@@ -135,6 +135,8 @@ def publish_debug_lines(session: Session, simulation: Simulation) -> None:
 def debug_lines(simulation: Simulation, kind: str, *, epoch: int) -> DebugLines:
     """One kind of debug lines as the last tick left them."""
     lines = simulation.physics.debug_lines(kind)
+    if kind == "forces":
+        lines = lines.with_more(simulation.hands.force_lines(1.0 / simulation.settings.tick_rate))
     return DebugLines(
         epoch=epoch,
         tick=simulation.tick,

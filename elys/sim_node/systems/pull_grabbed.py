@@ -11,13 +11,18 @@ import math
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from elys.bus.messages.commands import Grab
 from elys.common.errors import RequestError
 from elys.common.math import quaternion
+from elys.sim_node.physics.debug_geometry import Lines, lines_of_forces
+from elys.sim_node.physics.force_lines import HAND
 from elys.sim_node.physics.kernels.tables import DYNAMIC
 from elys.sim_node.physics.world import PhysicsWorld
 from elys.sim_node.systems.simulate_physics import REACH
+
+Point = NDArray[np.float64]
 
 MOST_HANDS: Final = 64
 _SHARE: Final = (
@@ -64,17 +69,25 @@ class Hands:
             return
         self._grabs = tuple(grab for grab in self._grabs if self._is_moved(grab.entity))
         for grab in self._grabs:
-            self._pull(grab, tick_time)
+            point, pull = self._pull(grab, tick_time)
+            self._physics.apply_force([grab.entity], pull, point)
 
-    def _pull(self, grab: Grab, tick_time: float) -> None:
+    def force_lines(self, tick_time: float) -> Lines:
+        """How they pull as things stand, as physics shows forces."""
+        grabs = [grab for grab in self._grabs if self._is_moved(grab.entity)]
+        pulls = np.array([self._pull(grab, tick_time) for grab in grabs]).reshape(-1, 2, 3)
+        entities = np.array([grab.entity for grab in grabs], np.uint32)
+        return lines_of_forces({HAND: (entities, pulls[:, 0], pulls[:, 1])})
+
+    def _pull(self, grab: Grab, tick_time: float) -> tuple[Point, Point]:
+        """Where a hand holds [m], and its force there [N]."""
         bodies = self._physics.bodies
         row = self._row_of(grab.entity)
         rotation = bodies.rotation[row].astype(np.float64)
         point = bodies.position[row] + quaternion.rotate(rotation, np.array(grab.anchor))
         velocity, mass = self._physics.motion_at([grab.entity], point)
         rate = min(math.sqrt(grab.stiffness), _SHARE / tick_time)  # [1/s]
-        pull = mass[0] * (rate * rate * (np.array(grab.target) - point) - 2.0 * rate * velocity[0])
-        self._physics.apply_force([grab.entity], pull, point)
+        return point, mass[0] * (rate * rate * (np.array(grab.target) - point) - 2.0 * rate * velocity[0])
 
     def _is_moved(self, entity: int) -> bool:
         """Whether an entity is a body that forces move."""

@@ -410,6 +410,8 @@ def test_a_hand_drags_a_body_and_lets_it_go(at_the_editor):
         wanted = pytest.approx((2.7, 3.4, 3.1), abs=1e-6)  # in the plane through the point that faces the camera
         await person.until(lambda: isinstance(host.received[-1], Grab) and host.received[-1].target == wanted)
         assert host.received[-1].entity == crate
+        await person.until(lambda: source.requests[-1].debug == ("forces",))  # what pushes it, while it is held
+        assert source.requests[-1].debug_entities == (crate,)
         assert host.received[-1].anchor == pytest.approx((0.2, 0.4, 0.1))
         await person.frames(2)
         assert editor.panel.hand_line == pytest.approx(
@@ -424,5 +426,6 @@ def test_a_hand_drags_a_body_and_lets_it_go(at_the_editor):
         assert len(host.received) == count
         assert not editor.model.selection
         assert editor.panel.hand_line is None
+        await person.until(lambda: not source.requests[-1].debug)
 
     at_the_editor(scenario)

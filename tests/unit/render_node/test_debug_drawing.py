@@ -18,7 +18,7 @@ from elys.common.scene import PictureSettings, SceneSettings
 from elys.render_node.camera import View
 from elys.render_node.debug_drawing import DEBUG_KINDS, PHYSICS_LINES, DebugDrawing, parsed_kinds
 from elys.render_node.lettering import Sheet, free_places, sheet_for, write_on
-from elys.render_node.marks import LETTERS, Label, Lines, Marks, arrows, box_corners, box_edges
+from elys.render_node.marks import ARROW, IMPULSE, LETTERS, STATIC, Label, Lines, Marks, arrows, box_corners, box_edges
 from elys.render_node.passes.marks import placed_labels
 from elys.render_node.quality import FAST, FULL
 from elys.render_node.render_world import RenderWorld
@@ -436,3 +436,29 @@ def test_an_island_is_boxed_as_far_as_it_is_seen() -> None:
     assert spans(hidden=(1,)) == [(2.0, 3.0), (3.0, 4.0)]
     assert spans(hidden=(1, 2)) == [(3.0, 4.0)]
     assert spans(entities=(2,)) == [(2.0, 3.0)]
+
+
+def test_forces_are_arrows_as_long_as_they_are_strong() -> None:
+    """The strongest is 0.6 m; letters say how strong, in the colour of what pushes."""
+    mirror = scene(("Crate", 0, box((0.0, 0.0, 0.0))), ("Other", 0, box((5.0, 0.0, 0.0))))
+    world = placed(mirror)
+    starts = np.array([(0.0, 0.0, 0.0), (0.0, -0.5, 0.0), (5.0, 0.0, 0.0)])
+    ways = np.array([(0.0, -1.0, 0.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)])
+    told = DebugLines(
+        epoch=mirror.epoch,
+        tick=1,
+        positions=np.stack([starts, starts + 0.2 * ways], axis=1).astype("<f4").tobytes(),
+        colors=bytes([0, 1, 4]),
+        values=np.array([500.0, 2000.0, 40.0], "<f4").tobytes(),
+        entities=np.array([(1, 0), (1, 0), (2, 0)], "<u4").tobytes(),
+    )
+    drawing = DebugDrawing(mirror)
+    drawing.take_lines("forces", told)
+    made = drawing.marks(world, ("forces",))
+    shafts = made.lines.ends[:3]
+    np.testing.assert_allclose(shafts[:, 0], starts, atol=1e-6)
+    np.testing.assert_allclose(shafts[:, 1] - shafts[:, 0], np.array([[0.15], [0.6], [0.012]]) * ways, atol=1e-6)
+    assert [label.text for label in made.labels] == ["2 kN", "500 N", "40 N"]
+    assert [label.color for label in made.labels] == [IMPULSE, STATIC, ARROW]
+    (alone,) = drawing.marks(world, ("forces",), (2,)).labels
+    assert alone.text == "40 N"

@@ -18,9 +18,11 @@ from elys.common.errors import EntityError, RequestError
 from elys.common.scene import EntityRecord, SceneSettings
 from elys.sim_node.flight_recorder import FlightRecorder
 from elys.sim_node.node import SimulationNode
+from elys.sim_node.physics.force_lines import HAND, WEIGHT
 from elys.sim_node.scene.loading import load_records
 from elys.sim_node.simulation import Simulation
 from elys.sim_node.systems.apply_commands import apply_command
+from elys.sim_node.systems.publish_state import debug_lines
 
 RECORDS = [
     EntityRecord(
@@ -148,3 +150,30 @@ def test_a_hand_lets_go_when_who_holds_is_gone():
         await host.close()
 
     asyncio.run(scenario())
+
+
+def test_what_a_hand_pulls_with_is_shown_where_it_holds():
+    """A ball that hangs still in a hand is pulled by its weight, at the point that is held; let go, by nothing."""
+    simulation = Simulation(settings=SceneSettings(), assets=AssetStore())
+    ball = int(load_records(simulation.world, RECORDS[:1])[0])
+    simulation.settle()
+    apply_command(simulation, Grab(entity=ball, anchor=(0.0, 0.25, 0.0), target=(0.0, 3.0, 0.0), holder="a"))
+    for _ in range(300):
+        simulation.step()
+    hand = shown_forces(simulation, HAND)
+    ((start, end),), (strength,) = hand
+    np.testing.assert_allclose(start, place(simulation, ball) + (0.0, 0.25, 0.0), atol=1e-4)
+    np.testing.assert_allclose((end - start) / np.linalg.norm(end - start), (0.0, 1.0, 0.0), atol=1e-4)
+    assert strength == pytest.approx(3.0 * 9.81, rel=1e-3)
+    (_, (weight,)) = shown_forces(simulation, WEIGHT)
+    assert weight == pytest.approx(3.0 * 9.81)
+    apply_command(simulation, Release(holder="a"))
+    simulation.step()
+    assert not len(shown_forces(simulation, HAND)[1])
+
+
+def shown_forces(simulation: Simulation, color: int) -> tuple[np.ndarray, np.ndarray]:
+    """Segments (L, 2, 3) and strengths (L,) of a colour, as they go over the bus."""
+    lines = debug_lines(simulation, "forces", epoch=1)
+    meant = np.frombuffer(lines.colors, np.uint8) == color
+    return np.frombuffer(lines.positions, "<f4").reshape(-1, 2, 3)[meant], np.frombuffer(lines.values, "<f4")[meant]
