@@ -88,6 +88,7 @@ class Chronicle:
         self._done: list[Command] = []  # what in it changed the simulation
         self._forked_from = -1  # the instant, of a fork that no command has told of yet
         self._is_fork_new = False
+        self._void_until = -1  # the newest instant of all futures that were left
         self.is_broken = False
         self._marks = {0: _Mark(0, 0, False)}
         self._last_beat = -1  # that held a change
@@ -103,6 +104,10 @@ class Chronicle:
         """Whether commands have changed the simulation since the last instant."""
         return any(record.number > 0 for record in self._waiting)
 
+    def had_another(self, instant: int) -> bool:
+        """Whether an instant is of a future that was left, also: what was told of it is void."""
+        return instant <= self._void_until
+
     def leads_to(self, *, steps: bool) -> int:
         """The instant to which the beat leads that is under way, and that ends with a step or not."""
         return self.instant + bool(steps or self._done or self.is_broken)
@@ -110,8 +115,8 @@ class Chronicle:
     # --- what happens ------------------------------------------------------------------------------------------------
 
     def forked(self) -> None:
-        """What came after this instant is void."""
-        self.forks += 1
+        """What came after this instant is void; the flight recorder has it still."""
+        self._leave_future()
         self._forked_from = self.instant
         self._is_fork_new = True
         self._marks = {instant: mark for instant, mark in self._marks.items() if instant <= self.instant}
@@ -199,6 +204,11 @@ class Chronicle:
 
     # --- inside ------------------------------------------------------------------------------------------------------
 
+    def _leave_future(self) -> None:
+        assert self._flight is not None
+        self.forks += 1
+        self._void_until = max(self._void_until, self._first + self._flight.end)
+
     def _begin_anew(self) -> None:
         """What led here cannot be done again: the instants before it are gone."""
         self.is_broken = False
@@ -206,7 +216,7 @@ class Chronicle:
             self._count += 1
             return
         if self._flight.is_rewound:
-            self.forks += 1
+            self._leave_future()
         self._first = self.instant + 1
         self._flight.start_anew()
         self._marks.clear()

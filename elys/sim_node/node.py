@@ -154,7 +154,6 @@ class SimulationNode:
         self._markers = MarkerLog()
         self._repeated = False  # what the tick did was kept already
         self._is_whole = True  # its commands and its step are all that happened in it
-        self._forked_until = -1.0  # [s] how far the future went that a fork made void
         self._is_fork_told = True  # by a frame of its first beat, which says from where on what was told before is void
 
     @property
@@ -347,10 +346,9 @@ class SimulationNode:
         """From here on it is another run: what came after is forgotten."""
         if self.flight is not None and self.flight.is_rewound:
             tick = self.simulation.tick
-            self._forked_until = max(self._forked_until, self.flight.end_time)
             self._is_fork_told = False
-            dropped = self.flight.fork()
             self.chronicle.forked()
+            dropped = self.flight.fork()
             self.history.forget_older()
             self._markers.forget_after(tick)
             self._events.append(Event(kind="forked", values={"from_tick": tick, "dropped_ticks": dropped}))
@@ -569,14 +567,15 @@ class SimulationNode:
         self.session.publish(topics.COMMANDS, record)
 
     def _publish_frame(self, *, steps: bool = False) -> None:
+        instant = self.chronicle.leads_to(steps=steps)
         frame = state_frame(
             self.simulation,
             epoch=self.session.epoch,
             delta_sequence=self._scene.sequence,
             playing=self.playing,
             is_told_again=self._is_rewound,
-            is_forked=self.simulation.time <= self._forked_until,
-            instant=self.chronicle.leads_to(steps=steps) % INSTANTS,
+            is_forked=self.chronicle.had_another(instant),
+            instant=instant % INSTANTS,
         )
         self.session.publish_large(topics.STATE, frame)
         self._is_fork_told |= not self._is_rewound

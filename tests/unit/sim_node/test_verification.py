@@ -115,6 +115,18 @@ async def forks_left_at_once(stage: Stage) -> None:
     await anna.step(70)
 
 
+async def forks_of_another_pace(stage: Stage) -> None:
+    """The first step of another future leads beyond all that was told of the old one, whose ticks were shorter."""
+    anna = await stage.person("Anna")
+    await anna.step(40)
+    for rate in (20, 10, 5):
+        await anna.step(1)
+        await anna.together(StepTicks(count=-1), Resume(), SetSettings(settings=SceneSettings(tick_rate=rate)))
+        await anna.do(SetPlaying(playing=False))
+        await stage.stands()
+    await anna.step(60)
+
+
 async def another_scene(stage: Stage) -> None:
     anna = await stage.person("Anna")
     await anna.step(30)
@@ -141,7 +153,7 @@ def record(folder: Path, story: Story, **options: Any) -> tuple[Path, Path]:
 
 
 @pytest.mark.parametrize("keep", [60.0, 0.0])
-@pytest.mark.parametrize("story", [edits_of_two, forks, forks_left_at_once, another_scene])
+@pytest.mark.parametrize("story", [edits_of_two, forks, forks_left_at_once, forks_of_another_pace, another_scene])
 def test_sessions_come_out_equal(tmp_path: Path, story: Story, keep: float) -> None:
     if story in (forks, forks_left_at_once) and not keep:
         pytest.skip("without a flight recorder there is no going back")
