@@ -36,7 +36,9 @@ if _is_null():
 import glfw  # noqa: E402  reads the environment when it is imported
 
 Button = Literal["left", "middle", "right"]
-Key = Literal["f", "c", "a", "d", "g", "m", "n", "p", "space", "escape", "0", "1", "2", "3", "4", "5", "6", "7", "8", "9"]
+Key = Literal[
+    "f", "c", "a", "d", "g", "m", "n", "p", "space", "escape", "0", "1", "2", "3", "4", "5", "6", "7", "8", "9"
+]
 _BUTTONS: Final[Mapping[int, Button]] = {
     glfw.MOUSE_BUTTON_LEFT: "left",
     glfw.MOUSE_BUTTON_MIDDLE: "middle",

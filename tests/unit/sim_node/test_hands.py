@@ -162,7 +162,7 @@ def test_what_a_hand_pulls_with_is_shown_where_it_holds():
         simulation.step()
     hand = shown_forces(simulation, HAND)
     ((start, end),), (strength,) = hand
-    np.testing.assert_allclose(start, place(simulation, ball) + (0.0, 0.25, 0.0), atol=1e-4)
+    np.testing.assert_allclose(start, place(simulation, ball) + np.array((0.0, 0.25, 0.0)), atol=1e-4)
     np.testing.assert_allclose((end - start) / np.linalg.norm(end - start), (0.0, 1.0, 0.0), atol=1e-4)
     assert strength == pytest.approx(3.0 * 9.81, rel=1e-3)
     (_, (weight,)) = shown_forces(simulation, WEIGHT)
