@@ -30,7 +30,10 @@ _WIDTHS: Final = {
     "COLOR_0": (3, 4),
     "JOINTS_0": (4,),
     "WEIGHTS_0": (4,),
+    "JOINTS_1": (4,),
+    "WEIGHTS_1": (4,),
 }
+LOST_WEIGHT: Final = 0.01  # of a vertex' bending, above which it is told that joints are left out
 # A byte of indices can name a vertex of a hundred: where each triangle gets its own, the sum is bounded.
 MAX_CORNERS: Final = 1 << 24
 
@@ -166,15 +169,21 @@ def _read_targets(buffers: Buffers, primitive: Primitive, vertex_count: int, whe
 def _bending(
     attributes: dict[str, FloatArray], primitive: Primitive, where: str
 ) -> tuple[FloatArray | None, FloatArray | None]:
-    """Joints and weights of each vertex, the weights adding up to 1."""
-    joints, weights = attributes.get("JOINTS_0"), attributes.get("WEIGHTS_0")
-    if joints is None or weights is None:
+    """Four joints and weights of each vertex (V, 4), of eight those that bend it most, the weights adding up to 1."""
+    sets = [(attributes.get(f"JOINTS_{number}"), attributes.get(f"WEIGHTS_{number}")) for number in range(2)]
+    found = [(joints, weights) for joints, weights in sets if joints is not None and weights is not None]
+    if not found:
         return None, None
-    if "JOINTS_1" in primitive.attributes:
-        logger.warning("%s is bent by more than four joints a vertex; the first four are kept", where)
+    joints, weights = (np.concatenate(parts, axis=1) for parts in zip(*found, strict=True))
     if (joints < 0).any() or (joints != np.floor(joints)).any():
         raise AssetError(f"{where}.attributes.JOINTS_0 must be unsigned whole numbers")
     weights = np.maximum(weights, 0.0)
+    if len(found) > 1:
+        most = np.argsort(-weights, axis=1, kind="stable")
+        joints, weights = (np.take_along_axis(values, most, axis=1) for values in (joints, weights))
+        if "JOINTS_2" in primitive.attributes or (weights[:, 4:].sum(axis=1) > LOST_WEIGHT * weights.sum(axis=1)).any():
+            logger.warning("%s is bent by more than four joints a vertex; the four that bend it most are kept", where)
+        joints, weights = joints[:, :4], weights[:, :4]
     total = weights.sum(axis=1, keepdims=True)
     first = np.array((1.0, 0.0, 0.0, 0.0), np.float32)
     return joints, np.where(total > 0.0, weights / np.where(total > 0.0, total, 1.0), first).astype(np.float32)

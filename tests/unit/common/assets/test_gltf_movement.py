@@ -215,6 +215,26 @@ def test_skins_that_are_wrong_are_refused(change: Any, words: str, tmp_path: Pat
         opened(model, tmp_path)
 
 
+@pytest.mark.parametrize("fifth", [0.0, 0.2])
+def test_of_eight_joints_the_four_that_bend_most_are_kept(fifth: float, tmp_path: Path, caplog: Any) -> None:
+    """The largest of both sets, in the order of their weights, which add up to 1 again."""
+    model = bent()
+    model.document["nodes"] += [{"name": f"Joint {number}"} for number in range(2, 8)]
+    model.document["skins"][0] = {"joints": [2, 3, *range(4, 10)]}
+    model.document["nodes"][0]["children"] += list(range(4, 10))
+    model.attribute("JOINTS_0", np.array(((0, 1, 2, 3),) * 4, np.uint8))
+    model.attribute("WEIGHTS_0", np.array(((0.1, 0.3, fifth, 0.0),) * 4, np.float32))
+    model.attribute("JOINTS_1", np.array(((4, 5, 6, 7),) * 4, np.uint8))
+    model.attribute("WEIGHTS_1", np.array(((0.4, 0.0, 0.2, 0.05 * (fifth > 0)),) * 4, np.float32))
+    records, assets = opened(model, tmp_path)
+    (mesh,) = [record.components["MeshRenderer"]["mesh"] for record in records if "MeshRenderer" in record.components]
+    made = decode_mesh(assets.get(mesh))
+    kept = {4: 0.4, 1: 0.3, 6: 0.2, 0: 0.1} if not fifth else {4: 0.4, 1: 0.3, 2: 0.2, 6: 0.2}
+    np.testing.assert_array_equal(made.joints[0], list(kept))
+    np.testing.assert_allclose(made.weights[0], np.array(list(kept.values())) / sum(kept.values()), atol=1e-6)
+    assert ("more than four joints" in caplog.text) == bool(fifth)
+
+
 def test_bytes_that_are_no_skin_are_refused(tmp_path: Path) -> None:
     records, assets = opened(bent(), tmp_path)
     (reference,) = [record.components["Skin"]["skin"] for record in records if "Skin" in record.components]
