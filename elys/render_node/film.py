@@ -18,6 +18,7 @@ from elys.render_node.sound.mixer import RATE
 
 CONSTANT_RATE_FACTOR: Final = "20"  # of H.264: hardly told from the original
 ENCODER_THREADS: Final = "4"  # a number of its own: what is written depends on it, and must not on the machine
+SAME_BYTES: Final = "mbtree=0"  # x264 spreads quality over time by sums that come out otherwise in one film of two hundred
 SOUND_BIT_RATE: Final = 160_000  # [bit/s] of AAC
 AAC_SAMPLES: Final = 1024  # in a frame
 MAX_VIDEO_EDGE: Final = 8192  # [pixels]
@@ -45,7 +46,12 @@ class VideoWriter:
         except (OSError, ValueError, av.FFmpegError) as error:
             raise ElysError(f"the video {path} cannot be written: {error}") from error
         stream.width, stream.height, stream.pix_fmt = self.width, self.height, "yuv420p"
-        stream.options = {"crf": CONSTANT_RATE_FACTOR, "preset": "veryfast", "threads": ENCODER_THREADS}
+        stream.options = {
+            "crf": CONSTANT_RATE_FACTOR,
+            "preset": "veryfast",
+            "threads": ENCODER_THREADS,
+            "x264-params": SAME_BYTES,
+        }
         self._stream = stream
 
     def __enter__(self) -> Self:
