@@ -18,7 +18,8 @@ from elys.render_node.sound.mixer import RATE
 
 CONSTANT_RATE_FACTOR: Final = "20"  # of H.264: hardly told from the original
 ENCODER_THREADS: Final = "4"  # a number of its own: what is written depends on it, and must not on the machine
-SAME_BYTES: Final = "mbtree=0"  # x264 spreads quality over time by sums that come out otherwise in one film of two hundred
+# x264 spreads quality over time by sums that come out otherwise in one film of two hundred.
+SAME_BYTES: Final = "mbtree=0"
 SOUND_BIT_RATE: Final = 160_000  # [bit/s] of AAC
 AAC_SAMPLES: Final = 1024  # in a frame
 MAX_VIDEO_EDGE: Final = 8192  # [pixels]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import gc
+import subprocess
+import sys
 import weakref
 from collections.abc import Iterator
 
@@ -69,3 +71,41 @@ def test_what_nobody_refers_to_any_more_ends_at_once_as_ever() -> None:
     gc.collect()
     del thing
     assert end() is None
+
+
+def test_no_interrupt_is_lost_in_a_search() -> None:
+    """Each of many that strike while hardly anything but searches goes on is raised, also where asyncio has run meanwhile."""
+    program = """
+import asyncio, gc, os, signal, sys, threading, time
+from elys.common.garbage import keep_searches_short
+keep_searches_short()
+asyncio.run(asyncio.sleep(0))
+searches = interrupts = 0
+
+def wait(is_so):
+    end = time.monotonic() + 20.0
+    while not is_so():
+        if time.monotonic() > end:
+            print(f"{interrupts} came", flush=True)
+            os._exit(1)
+        time.sleep(0.0001)
+
+def strike():
+    for number in range(200):
+        begun = searches
+        wait(lambda: searches > begun + 1)
+        os.kill(os.getpid(), signal.SIGINT)
+        wait(lambda: interrupts > number)
+    os._exit(0)
+
+threading.Thread(target=strike).start()
+while True:
+    try:
+        while True:
+            searches += 1
+            gc.collect(0)
+    except KeyboardInterrupt:
+        interrupts += 1
+"""
+    ended = subprocess.run([sys.executable, "-c", program], check=False, capture_output=True, text=True, timeout=120)
+    assert (ended.returncode, ended.stdout) == (0, ""), ended.stderr
