@@ -25,6 +25,7 @@ class DebugListener:
         """Listens to what these kinds need from now on, and to nothing else."""
         for kind in [kind for kind in self._closers if kind not in kinds]:
             self._stop(kind)
+            self._drawing.drop_lines(PHYSICS_LINES[kind])
         for kind, key in PHYSICS_LINES.items():
             if kind not in kinds or kind in self._closers:
                 continue
@@ -33,14 +34,13 @@ class DebugListener:
                 self._closers[kind].append(self._session.subscribe(topics.CONTACTS, self._heard_contacts))
 
     def close(self) -> None:
-        """Listens to nothing any more."""
+        """Listens to nothing any more; what was heard may still be drawn."""
         for kind in list(self._closers):
             self._stop(kind)
 
     def _stop(self, kind: Debug) -> None:
         for closer in self._closers.pop(kind):
             closer()
-        self._drawing.drop_lines(PHYSICS_LINES[kind])
 
     def _heard_lines(self, lines: DebugLines, key: str) -> None:
         self._drawing.take_lines(key, lines)

@@ -11,6 +11,7 @@ import pytest
 
 from elys.common.errors import DisplayError
 from elys.render_node.gpu import offscreen_context
+from elys.render_node.marks import IMPULSE
 from elys.render_node.offline import load_picture
 
 pytestmark = [pytest.mark.process, pytest.mark.gl]
@@ -111,3 +112,14 @@ def test_a_session_that_has_not_begun_is_marked_as_its_scene_is_and_nobody_of_an
     assert vain.wait() == 1
     assert vain.lines[-1] == "elys: there is no entity 'Nobody'"
     assert not (tmp_path / "vain.png").exists()
+
+
+def test_what_physics_alone_knows_of_a_running_session_is_in_its_picture(elys, free_port, tmp_path: Path) -> None:
+    """Contacts and forces of ten cubes, as of the scene itself, where no lines can be guessed."""
+    endpoint = f"tcp/127.0.0.1:{free_port}"
+    elys("run", "stack", "--headless", "--realtime", "--listen", endpoint).wait_for("first tick")
+    for kind in ("contacts", "forces"):
+        drawing = elys("render", "--connect", endpoint, "-o", f"{kind}.png", "--size", "480x360", "--debug", kind)
+        assert drawing.wait() == 0, drawing.output
+        picture = load_picture(tmp_path / f"{kind}.png").astype(int)
+        assert (np.abs(picture - IMPULSE).max(axis=-1) < 60).sum() > 100, kind
