@@ -67,11 +67,6 @@ class FixedStepClock:
         return 1.0 / self._tick_rate
 
     @property
-    def simulation_time(self) -> float:
-        """Simulated time since the beginning [s]: exactly tick / tick_rate, never a sum of steps."""
-        return self._tick / self._tick_rate
-
-    @property
     def lost_ticks(self) -> int:
         """Ticks that were due and given up, because the machine was too slow."""
         return self._lost_ticks
@@ -154,12 +149,12 @@ class FixedStepClock:
         self._rate = _checked_rate(rate)
         self._start_anew()
 
-    def set_tick_rate(self, tick_rate: float, *, tick: int | None = None) -> None:
-        """Another length of ticks [Hz] from now on; `tick` restarts the count, as simulation time is tick / tick_rate."""
+    def set_tick_rate(self, tick_rate: float) -> None:
+        """Another length of ticks [Hz] from now on."""
         if not tick_rate > 0.0:
             raise ValueError(f"a tick rate must be above 0 Hz, not {tick_rate}")
         self._tick_rate = tick_rate
-        self.seek(self._tick if tick is None else tick)
+        self._start_anew()
 
     def seek(self, tick: int) -> None:
         """Goes on from another tick, now."""

@@ -277,15 +277,15 @@ class Referee:
 
     def _take(self, event: Event, tick: int) -> None:
         """ValidationError for an event with other values than a race has."""
-        attempt, tick_rate = self.attempt, self._node.simulation.settings.tick_rate
-        told_at = (tick - 1) / tick_rate
+        attempt, simulation = self.attempt, self._node.simulation
+        told_at = simulation.time_at(tick - 1)
         if event.kind == "race_wanted":
             if (what := event.values.get("what")) in WISHES:
                 self._wishes.put_nowait((what, event.values))
         elif attempt is None:
             return
         elif event.kind == "race_go":
-            attempt.began = tick / tick_rate
+            attempt.began = simulation.time_at(tick)
             self._send_ghosts(attempt)
         elif event.kind == "race_paused":
             # It was told in the step before, and the one after that was the first that was held.

@@ -47,7 +47,7 @@ DERIVED: Final[Mapping[str, frozenset[str]]] = {
 _STRANGERS: Final = (AssetStore, ComponentDeclaration, Query, MethodType)
 _SELF_KEPT: Final = (PhysicsWorld, Scripts, PlayerActions)  # that say themselves what is kept, and how it comes back
 # What came to be after states that are still around: parts that were empty then, and fields that had their defaults.
-_LATER: Final = frozenset({"Voices", "RestPoses", "RootWalks"})
+_LATER: Final = frozenset({"Voices", "RestPoses", "RootWalks", "TickTime"})
 _LATER_FIELDS: Final[Mapping[str, tuple[str, ...]]] = {"Animation": ("fade", "passes"), "Camera": ("player",)}
 _PACKAGE: Final = "elys.sim_node."
 

@@ -87,4 +87,5 @@ class SceneTelling:
 
     def _follow_settings(self) -> None:
         self._settings_told = self._simulation.settings
-        self._clock.set_tick_rate(self._simulation.settings.tick_rate, tick=self._simulation.tick)
+        if self._clock.tick_rate != self._settings_told.tick_rate:
+            self._clock.set_tick_rate(self._settings_told.tick_rate)

@@ -52,6 +52,7 @@ from elys.sim_node.state import State
 from elys.sim_node.systems.play_animations import Animated, Animations
 from elys.sim_node.systems.pull_grabbed import Hands
 from elys.sim_node.systems.simulate_physics import MovingBodies, RigidBodies
+from elys.sim_node.tick_time import TickTime
 
 _log = logging.getLogger(__name__)
 
@@ -62,7 +63,7 @@ class Simulation:
     Attributes:
         world: entities and components; change it between ticks.
         physics: its rigid bodies, kept equal to the components by the step.
-        tick: steps done since the beginning.
+        tick: steps done since the beginning. tick_time: since when the tick rate is what it is.
         path: the file its scene came from; empty if from none.
         edited: what steps have moved, as it was edited.
         inputs: what players do, by their numbers: `inputs[1].action("jump")`.
@@ -86,6 +87,7 @@ class Simulation:
         self.physics = PhysicsWorld(physics_settings(self.settings, threads))
         self.physics.named = self.named
         self.tick = 0
+        self.tick_time = TickTime()
         self.path = ""
         self.edited = EditedValues(self.world)
         self.systems: tuple[System, ...] = (
@@ -123,8 +125,12 @@ class Simulation:
 
     @property
     def time(self) -> float:
-        """Simulated time since the beginning [s]: ticks over the tick rate, never a sum of steps."""
-        return self.tick / self.settings.tick_rate
+        """Simulated time since the beginning [s]."""
+        return self.time_at(self.tick)
+
+    def time_at(self, tick: int) -> float:
+        """The time [s] of a tick of the present tick rate."""
+        return self.tick_time.at(tick, self.settings.tick_rate)
 
     @property
     def is_held(self) -> bool:
@@ -272,9 +278,9 @@ class Simulation:
 
     def change_settings(self, settings: SceneSettings) -> None:
         """Gravity, substeps and the like, from the next tick on."""
-        self.tick = round(self.time * settings.tick_rate)  # another tick rate must not make time jump
-        hold = self.scripts.hold
-        hold.ticks = round(hold.ticks / self.settings.tick_rate * settings.tick_rate)
+        if settings.tick_rate != self.settings.tick_rate:
+            self.tick_time.turn(self.tick, self.settings.tick_rate)
+            self.scripts.hold.held.turn(self.scripts.hold.ticks, self.settings.tick_rate)
         self.settings = settings
         self.physics.settings = physics_settings(settings, self._threads)
 

@@ -176,7 +176,7 @@ class _Run:
         self._tick, self.last_time = tick, when
 
     def _pass(self, tick: int, when: float) -> None:
-        """It is at a tick, or has left it out. Numbers of ticks may leap: another rate of ticks counts them anew."""
+        """It is at a tick, or has left it out."""
         passed = self._passed
         if when < self._first or (passed and passed[-1][1] == tick):
             return

@@ -40,7 +40,8 @@ class GameWorld:
     @property
     def time(self) -> float:
         """Simulation time [s], but for what of it was held."""
-        return self.tick / self._scripts.simulation.settings.tick_rate
+        simulation, hold = self._scripts.simulation, self._scripts.hold
+        return simulation.tick_time.without(hold.held).at(self.tick, simulation.settings.tick_rate)
 
     @property
     def tick(self) -> int:
@@ -55,7 +56,8 @@ class GameWorld:
     @property
     def held_time(self) -> float:
         """How long time was held in all so far [s]."""
-        return self._scripts.hold.ticks / self._scripts.simulation.settings.tick_rate
+        hold = self._scripts.hold
+        return hold.held.at(hold.ticks, self._scripts.simulation.settings.tick_rate)
 
     def hold(self, by: Behaviour) -> None:
         """Lets time stand from the next step on, for all but one script: nothing moves, and only its `fixed_update` and `update`

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from elys.bus.messages.session import Event
+from elys.sim_node.tick_time import TickTime
 
 CALLED: Final = frozenset(("fixed_update", "update"))  # hooks of the one who holds it: nothing else of it runs either
 MOST_MISSED: Final = 10_000  # events told in one hold, for those who hear of them afterwards
@@ -21,7 +22,7 @@ class Hold:
 
     Attributes:
         by: the entity whose script asked for it; 0: none. It begins with the step after.
-        ticks: steps so far in which time stood.
+        ticks: steps so far in which time stood. held: how long they took.
         missed: what was told in them: all hear it when time goes on.
         stands: whether this step, or the last one between two, is such a step.
     """
@@ -30,6 +31,7 @@ class Hold:
     ticks: int = 0
     missed: list[Event] = field(default_factory=list)
     stands: bool = False
+    held: TickTime = field(default_factory=TickTime)
 
     def take_missed(self) -> list[Event]:
         """What nobody has heard yet."""
@@ -43,10 +45,10 @@ class Hold:
 
     def saved(self) -> tuple[Any, ...]:
         """For a state."""
-        return self.by, self.ticks, tuple(self.missed)
+        return self.by, self.ticks, tuple(self.missed), self.held.tick, self.held.time
 
     @classmethod
     def of(cls, saved: tuple[Any, ...] | None) -> Hold:
-        """What `saved` gave; a state of before there were holds has none."""
-        by, ticks, missed = saved or (0, 0, ())
-        return cls(by, ticks, list(missed))
+        """What `saved` gave; a state of before there were holds, or of before their length was kept, has none."""
+        by, ticks, missed, since, seconds = (*(saved or (0, 0, ())), 0, 0.0)[:5]
+        return cls(by, ticks, list(missed), held=TickTime(since, seconds))

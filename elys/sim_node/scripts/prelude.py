@@ -3,7 +3,7 @@
 from elys.common.components import RigidBody
 from elys.sim_node.scripts.easing import eased
 from elys.sim_node.scripts.tweening import between, spin_between, turned
-from elys.sim_node.scripts.waiting import Call, ticks, until
+from elys.sim_node.scripts.waiting import Call, seconds, ticks, until
 
 
 async def move_to(world, entity, position, rotation, duration, ease):
@@ -52,11 +52,10 @@ async def tween(world, entity, component, goals, duration, ease):
 
 
 async def every(behaviour, name, interval):
-    began, number = behaviour.world.tick, 0
+    began, number = behaviour.world.time, 0
     while True:
         number += 1
-        due = began + round(number * interval / behaviour.world.dt)  # by the whole, so that nothing adds up
-        await ticks(max(1, due - behaviour.world.tick))
+        await seconds(began + number * interval - behaviour.world.time)  # by the whole, so that nothing adds up
         answer = getattr(behaviour, name)()
         if isinstance(answer, Call):
             answer = await answer

@@ -8,6 +8,7 @@ refused, they take back those that were accepted before it.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from copy import copy
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -93,13 +94,13 @@ def apply_edits(simulation: Simulation, edits: tuple[Edit, ...]) -> Applied:
         raise RequestError(f"one command may have {MAX_EDITS} edits, not {len(edits)}: send several")
     if len(edits) > 1:
         simulation.settle()  # bodies have followed what was edited before: what is refused is taken back alone
-    resting, tick = simulation.world.allocator.resting(), simulation.tick
+    resting, tick_time = simulation.world.allocator.resting(), copy(simulation.tick_time)
     done: list[Outcome] = []
     try:
         _apply_all(simulation, edits, done)
     except Exception:
         _take_back(simulation, done)
-        simulation.tick = tick  # another tick rate rounds it
+        simulation.tick_time = tick_time
         if done:
             _keep_physics(simulation)
         came_back = {entity for edit in edits if isinstance(edit, Spawn) for entity in edit.entities}

@@ -49,13 +49,7 @@ def test_waking_at_each_deadline_loses_and_adds_nothing_in_an_hour() -> None:
         assert run_due(clock) == 1
         assert clock.tick == tick
     assert hand.time == pytest.approx(1000.0 + 3600.0, abs=1e-6)
-    assert clock.simulation_time == 3600.0
     assert clock.lost_ticks == 0
-
-
-def test_simulation_time_is_a_quotient_not_a_sum() -> None:
-    clock = FixedStepClock(60, now=Hand(), tick=7)
-    assert clock.simulation_time == 7 / 60
 
 
 def test_a_short_delay_is_caught_up_and_a_long_one_is_given_up_and_counted() -> None:

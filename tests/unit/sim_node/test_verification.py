@@ -26,6 +26,7 @@ from elys.bus.messages.commands import (
     Resume,
     Rewind,
     SetComponent,
+    SetEnabled,
     SetPlaying,
     SetSettings,
     Spawn,
@@ -127,6 +128,18 @@ async def forks_of_another_pace(stage: Stage) -> None:
     await anna.step(60)
 
 
+async def other_paces(stage: Stage) -> None:
+    """Tick rates of 120, 7, 60 and 1 Hz, from which on a tick takes otherwise long, and one that was refused with a batch."""
+    anna = await stage.person("Anna")
+    await anna.step(25)
+    for rate, count in ((120, 31), (7, 5), (60, 25), (1, 4), (60, 30)):
+        await anna.do(SetSettings(settings=SceneSettings(tick_rate=rate)))
+        await anna.step(count)
+    nobody = SetEnabled(entity=4_000_000, enabled=False)
+    await anna.ask(Batch(edits=(SetSettings(settings=SceneSettings(tick_rate=9)), nobody)))
+    await anna.step(10)
+
+
 async def another_scene(stage: Stage) -> None:
     anna = await stage.person("Anna")
     await anna.step(30)
@@ -153,7 +166,9 @@ def record(folder: Path, story: Story, **options: Any) -> tuple[Path, Path]:
 
 
 @pytest.mark.parametrize("keep", [60.0, 0.0])
-@pytest.mark.parametrize("story", [edits_of_two, forks, forks_left_at_once, forks_of_another_pace, another_scene])
+@pytest.mark.parametrize(
+    "story", [edits_of_two, forks, forks_left_at_once, forks_of_another_pace, other_paces, another_scene]
+)
 def test_sessions_come_out_equal(tmp_path: Path, story: Story, keep: float) -> None:
     if story in (forks, forks_left_at_once) and not keep:
         pytest.skip("without a flight recorder there is no going back")
@@ -162,6 +177,19 @@ def test_sessions_come_out_equal(tmp_path: Path, story: Story, keep: float) -> N
         assert (verdict.cause, verdict.difference, verdict.notes) == ("equal", None, []), verdict
         assert verdict.ticks > 100
         assert not verdict.other
+
+
+def test_ticks_and_time_go_on_where_another_tick_rate_begins(tmp_path: Path) -> None:
+    for path in record(tmp_path, other_paces):
+        with Recording(path) as recording:
+            assert recording.run_count == 1
+            tick, time = recording.tick.astype(int), recording.time
+            _, first = np.unique(tick, return_index=True)
+            assert tick[first].tolist() == list(range(tick[0], 131))
+            spans = [(25, 60), (31, 120), (5, 7), (25, 60), (4, 1), (40, 60)]
+            steps = [1.0 / rate for count, rate in spans for _ in range(count)]
+            times = np.cumsum([0.0, *steps])[tick[0] :]
+            np.testing.assert_allclose(time[first], times, rtol=0.0, atol=1e-12)
 
 
 def test_a_recorder_that_comes_late_and_a_fork_before_it(tmp_path: Path) -> None:

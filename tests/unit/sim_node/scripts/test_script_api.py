@@ -15,7 +15,7 @@ from elys.common.assets.scripts import decode_script
 from elys.common.components import Collider, Light, Material, RigidBody, Script, Transform
 from elys.common.ids import Entity
 from elys.common.math import quaternion
-from elys.common.scene import EntityNode, SceneDocument, collapse, expand, read_script_file
+from elys.common.scene import EntityNode, SceneDocument, SceneSettings, collapse, expand, read_script_file
 from elys.sim_node.scene.loading import load_records
 from elys.sim_node.scripts.easing import EASES, eased
 from elys.sim_node.scripts.tweening import spin_between
@@ -158,6 +158,27 @@ def test_timers_call_methods_at_the_ticks_that_seconds_mean(play: Playground) ->
     thing = play.spawn(source)  # 0.11 s are 6.6 ticks: by the whole, so that nothing adds up
     goes_on_the_same(play, lambda: list(play.on(thing).calls), before=15, after=80)
     assert play.on(thing).calls == [7, 13, 20, 26, "done", 33, 40, 46, 53]
+
+
+def test_timers_keep_to_seconds_where_another_tick_rate_begins(play: Playground) -> None:
+    source = play.write(
+        "a.py",
+        """
+        class A(Behaviour):
+            def start(self):
+                self.times = []
+                self.every(0.5, self.often)
+            def often(self):
+                self.times.append(self.world.time)
+        """,
+    )
+    thing = play.spawn(source)
+    for rate, count in ((60, 70), (240, 480)):
+        play.simulation.change_settings(SceneSettings(tick_rate=rate))
+        play.run(count)
+    times = play.on(thing).times
+    assert times.pop(2) < 1.5  # who waits when a rate ends waits for as many ticks of the next
+    assert times == pytest.approx([0.5, 1.0, 2.0, 2.5, 3.0], abs=1e-9)
 
 
 def test_timers_take_methods_of_the_script_alone(play: Playground) -> None:
