@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -20,15 +21,15 @@ from elys.bus.transports.transport import Closer, Transport
 from elys.common.errors import BusError
 
 COUNT: Final = 4
-TRY_EVERY: Final = 0.25  # [s] between two tries while nothing comes
+TRY_EVERY: Final = 0.06  # [s] between the beginnings of two tries while nothing comes: together they knock as often
 TRY_SELDOM: Final = 2.0  # [s] the same after long
 LONG: Final = 6.0  # [s] of silence
 PATIENCE: Final = 1.0  # [s], or six round trips, that a try may take: greetings are three
-MOST_TRIES: Final = 6  # at a time
 _MOMENT: Final = 0.5  # [s]
 _log = logging.getLogger(__name__)
 
-Connect = Callable[[float], Transport]  # blocks, that many seconds at most
+# Blocks, that many seconds at most; with an event it knocks until a door opens, or the event is set.
+Connect = Callable[[float, threading.Event | None], Transport]
 
 
 @dataclass(slots=True)
@@ -66,9 +67,9 @@ class Connections:
         self._silence = LONG
         self.heard_at = clock()
         self._has_heard = False  # before the first frame nobody may be there to send
-        self._is_closed = False
+        self._is_closed = threading.Event()
         # zenoh blocks while it opens, and while it closes what stands still: one must not wait for the other.
-        self._threads = ThreadPoolExecutor(MOST_TRIES, thread_name_prefix="elys-stream")
+        self._threads = ThreadPoolExecutor(COUNT, thread_name_prefix="elys-stream")
         self._closers = ThreadPoolExecutor(LANES, thread_name_prefix="elys-stream-end")
 
     @property
@@ -81,16 +82,23 @@ class Connections:
         """How many are open."""
         return len(self._lanes)
 
+    @property
+    def tries(self) -> int:
+        """How many are being opened."""
+        return len(self._tries)
+
     def tend(self, silence: float, trip: float) -> None:
         """Opens what is missing, and, if nothing has come for `silence` seconds, new ones in the place of the old."""
         now = self._clock()
         self._silence = silence
         is_silent = self._has_heard and now - self.heard_at > silence
-        is_missing = len(self._lanes) + len(self._tries) < COUNT
-        pause = TRY_SELDOM if now - self.heard_at > LONG else TRY_EVERY if is_silent else 0.0
-        if (is_missing or is_silent) and len(self._tries) < MOST_TRIES and now - self._tried_at >= pause:
+        is_gone = now - self.heard_at > LONG
+        standing = 0 if is_silent else len(self._lanes)
+        pause = TRY_SELDOM if is_gone else TRY_EVERY if is_silent else 0.0
+        if standing + len(self._tries) < COUNT and now - self._tried_at >= pause:
             self._tried_at = now
-            task = self._loop.create_task(self._open(max(PATIENCE, 6.0 * trip)))
+            patience = LONG if is_silent and not is_gone else max(PATIENCE, 6.0 * trip)
+            task = self._loop.create_task(self._open(patience, knocks=is_silent))
             self._tries.add(task)
             task.add_done_callback(self._tries.discard)
 
@@ -109,33 +117,31 @@ class Connections:
 
     async def close(self) -> None:
         """Closes all."""
-        self._is_closed = True
+        self._is_closed.set()
         for number in list(self._lanes):
             self._drop(number)
         await asyncio.gather(*self._tries, *self._closing, return_exceptions=True)
         for threads in (self._threads, self._closers):
             threads.shutdown(wait=False)
 
-    async def _open(self, patience: float) -> None:
+    async def _open(self, patience: float, *, knocks: bool) -> None:
+        knocks_until = self._is_closed if knocks else None
         try:
-            transport = await self._loop.run_in_executor(self._threads, self._connect, patience)
+            transport = await self._loop.run_in_executor(self._threads, self._connect, patience, knocks_until)
         except BusError as error:
             _log.debug("no further connection now: %s", error)
             return
-        if self._is_closed:
-            transport.close()
+        now = self._clock()
+        # Those that wait carry what is of long ago; those that go are left alone.
+        for old in [old for old, lane in self._lanes.items() if now - lane.heard_at > 2.0 * self._silence]:
+            self._drop(old)
+        if self._is_closed.is_set() or len(self._lanes) >= COUNT:
+            self._end(transport)
             return
         number, self._next = self._next % LANES, self._next + 1
-        now = self._clock()
         mailbox = Mailbox(self._loop, lambda _, payload: self._arrived(number, payload), newest_only=False)
         stop = transport.subscribe(self._key_of_lane(number), mailbox.put)
         self._lanes[number] = _Lane(transport, stop, now, now)
-        if self._has_heard and now - self.heard_at > self._silence:
-            # Those that were there wait, and what they carry is of long ago.
-            for old in [old for old, lane in self._lanes.items() if now - lane.heard_at > 2.0 * self._silence]:
-                self._drop(old)
-        while len(self._lanes) > COUNT:
-            self._drop(min(self._lanes, key=lambda lane: self._lanes[lane].heard_at))
         self._opened()
 
     def _arrived(self, number: int, payload: bytes) -> None:
@@ -145,7 +151,9 @@ class Connections:
         self._heard(payload)
 
     def _drop(self, number: int) -> None:
-        lane = self._lanes.pop(number)
-        closing = self._loop.run_in_executor(self._closers, lane.transport.close)
+        self._end(self._lanes.pop(number).transport)
+
+    def _end(self, transport: Transport) -> None:
+        closing = self._loop.run_in_executor(self._closers, transport.close)
         self._closing.add(closing)
         closing.add_done_callback(self._closing.discard)

@@ -35,6 +35,9 @@ _IN_VAIN: Final = (
 )
 _SHORTER: Final = 0.8
 _SILENCE: Final = 0.3  # [s], or three round trips, without an answer: the link stands still
+_SETTLING: Final = (
+    1.0  # [s] after a silence: on the few connections that stand by then, each lost packet looks like a queue
+)
 _FEWEST: Final = 3  # frames, of which one met no delay of its own
 _QUIET: Final = 0.25  # of the rate: who sends less than that makes no queue
 _GAIN: Final = 0.125  # of a new sample in the smoothed round trip (RFC 6298)
@@ -61,6 +64,7 @@ class RateControl:
         self._silent_since: float | None = None
         self._before_silence = START
         self._falls: list[tuple[float, float]] = []  # in a row: rate before, the waiting [s]
+        self._settled_at = -math.inf
         self._trusted_from = -math.inf  # frames sent earlier waited for other reasons than a queue
 
     @property
@@ -125,6 +129,8 @@ class RateControl:
                 return  # a queue that is not this stream's, or somebody who was busy
             delivered = self.rate
         limit = max(QUEUE, base / 5.0)
+        if limit < queue <= max(LONG_QUEUE, base) and now < self._settled_at:
+            return
         if queue <= limit:
             self._falls.clear()
         elif self._is_in_vain(now, queue):
@@ -173,9 +179,10 @@ class RateControl:
         self._answered_at = now  # half again after as long
 
     def _revive(self, now: float) -> None:
-        """The link goes again: most likely as it did, but carefully."""
+        """The link goes again, most likely as it did. If not, a queue that is out of hand tells within a round trip or two."""
         self._silent_since = None
-        self.rate = max(self.rate, 0.5 * self._before_silence)
+        self.rate = max(self.rate, self._before_silence)
+        self._settled_at = now + _SETTLING
         self._trusted_from = now  # what was sent before waited for the link
         self._samples.clear()
         self._delivered, self._looked_at = 0.0, now

@@ -62,9 +62,12 @@ _PRIORITIES: Final = {Delivery.LATEST: zenoh.Priority.DATA, Delivery.SEQUENCED: 
 _CLOSED: Final = "this transport is closed: open another one"
 _log = logging.getLogger(__name__)
 
-# Closing a connection to who has gone silent blocks one of zenoh's receiving threads for as long as its system waits for an
-# answer (SO_LINGER, 10 s), and there are few of them: one viewer's five made a host deaf for seconds. Read when zenoh starts.
-os.environ.setdefault("ZENOH_RUNTIME", "(rx: (worker_threads: 16))")
+# Closing a connection to who has gone silent blocks one of zenoh's threads for as long as its system waits for an answer
+# (SO_LINGER, 10 s), and there are few of them: one viewer's five made a host deaf for seconds. Read when zenoh starts.
+_THREADS: Final = {"rx": 16, "tx": 8, "acc": 4, "net": 4}
+os.environ.setdefault(
+    "ZENOH_RUNTIME", ", ".join(f"{name}: (worker_threads: {count})" for name, count in _THREADS.items()).join("()")
+)
 
 
 class ZenohTransport:
@@ -184,9 +187,26 @@ class ZenohTransport:
                 )
             patience = 2.0 * _ASKING_WHY
 
-    def another(self, timeout: float) -> ZenohTransport:
-        """One more connection to the same host; raises as `connect` does."""
-        return self.connect(self._names, timeout=timeout, credentials=self._credentials)
+    def another(self, timeout: float, knocks_until: threading.Event | None = None) -> ZenohTransport:
+        """One more connection to the same host; raises as `connect` does.
+
+        Where the host has gone silent: knocks, until the event is set at most, and begins with zenoh when a door has opened.
+        """
+        if knocks_until is None:
+            return self.connect(self._names, timeout=timeout, credentials=self._credentials)
+        door = reach(self._names, timeout=timeout, stop=knocks_until)
+        session = _opened(door, _OPENING_TIME, self._credentials) if door is not None else None
+        if door is None or session is None:
+            raise ConnectionLost(f"nobody lets a further connection in at {', '.join(self._names)}")
+        return type(self)(
+            session,
+            endpoint=door.endpoint,
+            hosts=self._hosts,
+            user=self._credentials.user if self._credentials else "",
+            names=self._names,
+            round_trip=door.round_trip,
+            credentials=self._credentials,
+        )
 
     # --- publishing and subscribing --------------------------------------------------------------------------------
 
