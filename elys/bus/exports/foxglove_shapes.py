@@ -48,8 +48,10 @@ class Shapes:
         found = self._meshes.get(mesh)
         if found is None:
             return {}
-        if has_images(material):
+        if has_images(material) or found.topology == "points":  # of which Foxglove knows no primitive
             return {"models": [self._model(mesh, found, material, scale)]}
+        if found.topology == "lines":
+            return {"lines": [_lines(found, scale, color)]}
         return {"triangles": [_triangles(found, scale, color)]}
 
     def bounds(self, mesh: str) -> tuple[Vec3, Vec3]:
@@ -85,21 +87,40 @@ def _cylinder(x: float, y: float, z: float, color: Any, *, top: float) -> Any:
 
 
 def _triangles(mesh: Mesh, scale: Vec3, color: Any) -> Any:
-    points = (mesh.positions.astype(np.float64) * scale).tolist()
     indices = mesh.indices if np.prod(scale) >= 0.0 else mesh.indices.reshape(-1, 3)[:, ::-1].reshape(-1)
-    colors = []
-    if mesh.colors is not None:
-        colors = [
-            fox.Color(r=srgb(r) * color.r, g=srgb(g) * color.g, b=srgb(b) * color.b, a=a * color.a)
-            for r, g, b, a in np.clip(mesh.colors, 0.0, 1.0).tolist()
-        ]
     return fox.TriangleListPrimitive(
         pose=_pose(),
-        points=[fox.Point3(x=x, y=y, z=z) for x, y, z in points],
+        points=_points(mesh, scale),
         color=color,
-        colors=colors,
+        colors=_colors(mesh, color),
         indices=indices.tolist(),
     )
+
+
+def _lines(mesh: Mesh, scale: Vec3, color: Any) -> Any:
+    return fox.LinePrimitive(
+        type=fox.LinePrimitiveLineType.LineList,
+        pose=_pose(),
+        thickness=1.0,
+        scale_invariant=True,  # in pixels
+        points=_points(mesh, scale),
+        color=color,
+        colors=_colors(mesh, color),
+        indices=mesh.indices.tolist(),
+    )
+
+
+def _points(mesh: Mesh, scale: Vec3) -> list[Any]:
+    return [fox.Point3(x=x, y=y, z=z) for x, y, z in (mesh.positions.astype(np.float64) * scale).tolist()]
+
+
+def _colors(mesh: Mesh, color: Any) -> list[Any]:
+    if mesh.colors is None:
+        return []
+    return [
+        fox.Color(r=srgb(r) * color.r, g=srgb(g) * color.g, b=srgb(b) * color.b, a=a * color.a)
+        for r, g, b, a in np.clip(mesh.colors, 0.0, 1.0).tolist()
+    ]
 
 
 def _pose() -> Any:
