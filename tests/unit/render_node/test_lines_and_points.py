@@ -12,6 +12,7 @@ from elys.common.math.matrix import look_rotation
 from elys.common.scene import PictureSettings, SceneSettings
 from elys.render_node.camera import View
 from elys.render_node.drawable_assets import DrawableAssets
+from elys.render_node.ghost_worlds import Parting, ShownGhost
 from elys.render_node.passes.data import DATA_KINDS
 from elys.render_node.picture_plan import plan_picture
 
@@ -195,3 +196,16 @@ def test_computed_tangents_are_for_surfaces(stage, draw, renderer) -> None:
     stage.components[entity - 1] = {**components, "MeshRenderer": drawing}
     light = light_of(renderer, draw.world())
     assert light[7, 10:25, 0] == pytest.approx(Material().base_color[0], rel=1e-3)
+
+
+def test_those_of_another_run_are_tinted(stage, draw, renderer) -> None:
+    empty = draw.world()
+    draw(PAINT, of=LINES)
+    other = draw.world()
+    parting = Parting(entity=np.ones(1, np.uint32), here=np.zeros((1, 3)), there=np.ones((1, 3)))
+    ghost = ShownGhost("Other", (200, 100, 50), other, (), parting, 1)
+    before = light_of(renderer, empty)
+    renderer.draw(empty, CAMERA, WIDTH, HEIGHT, ghosts=(ghost,))
+    changed = (renderer.read_light(WIDTH, HEIGHT)[..., :3] != before).any(axis=-1)
+    assert changed[7, 6:29].all()
+    assert not changed[[5, 9]].any()
