@@ -47,7 +47,7 @@ def keep_made_contents(records: Sequence[EntityRecord], scene: Path, assets: Ass
         lacking = _without_source(records, assets)
     folder = parts_folder(scene)
     decoded = ((reference, _decoded(decode_mesh, reference, assets)) for reference in lacking)
-    meshes = {reference: mesh for reference, mesh in decoded if mesh is not None and mesh.triangle_count}
+    meshes = {reference: mesh for reference, mesh in decoded if mesh is not None and len(mesh.indices)}
     try:
         if meshes:
             _keep_meshes(meshes, records, folder, assets)

@@ -128,6 +128,11 @@ class DrawableAssets:
             self._extents[name] = _extent(mesh)
         return self._extents[name]
 
+    def is_surface(self, name: str) -> bool:
+        """Whether a mesh consists of triangles; of one that is not here yet it is taken for granted."""
+        mesh = self.mesh(name)
+        return mesh is None or mesh.is_surface
+
     def joint_bounds(self, name: str, joint_count: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Boxes (J, 3) around what each joint bends of a mesh that is here, see `skin.joint_bounds`."""
         key = (name, joint_count)

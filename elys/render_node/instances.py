@@ -41,8 +41,8 @@ class Instances:
     Attributes:
         batches: runs of the instances. batch_of: [M]. rows: [M] of the tables. stand_rows: [M] rows of where they stand: for who
             is bent that of the skin's root.
-        entity: [M] u32. casts: [M] throws shadows. surface: [M, 3, 4] f32, the numbers of the materials as `instance.glsl` has
-            them.
+        entity: [M] u32. casts: [M] throws shadows, as lines and points never do. surface: [M, 3, 4] f32, the numbers of the
+            materials as `instance.glsl` has them.
         first_blended: the first see-through one, M where there is none.
     """
 
@@ -78,6 +78,7 @@ class Instances:
         self.batch_of: Rows = np.repeat(np.arange(len(batches)), [batch.instance_count for batch in batches])
         self.surface = _surfaces([material for _, material in members])
         self.casts = np.array([tables.meshes[row].cast_shadows for row in rows], np.bool_)
+        self.casts &= np.array([assets.is_surface(batch.mesh) for batch in batches], np.bool_)[self.batch_of]
         self.first_blended = next((batch.first for batch in batches if batch.is_blended), len(rows))
 
     def of_rows(self, rows: Rows) -> Rows:

@@ -56,8 +56,10 @@ class Geometry:
         }
         self._indices = Buffer(context, np.ascontiguousarray(mesh.indices, np.uint32)) if len(mesh.indices) else None
         self._count = len(mesh.indices)
+        self._topology = mesh.topology
+        self.is_surface = mesh.is_surface
         self._corners: tuple[NDArray[np.float32], NDArray[np.uint32]] | None = (mesh.positions, mesh.indices)
-        self._welded: tuple[Buffer, ...] = ()  # places and triangles for programs that read nothing else, once one came
+        self._welded: tuple[Buffer, ...] = ()  # places and indices for programs that read nothing else, once one came
         self._arrays: dict[Program, VertexArray] = {}
         self.defines = (
             *((TANGENTS,) if "tangent" in self._waiting else ()),
@@ -100,11 +102,13 @@ class Geometry:
                 self._welded = tuple(Buffer(self._context, array) for array in found) if found else ()
             if self._welded:
                 positions, indices = self._welded
-                return VertexArray(self._context, program, {"positions": positions}, indices, self._count)
+                return VertexArray(
+                    self._context, program, {"positions": positions}, indices, self._count, mode=self._topology
+                )
         for attribute in [waiting for waiting in self._waiting if program.reads(waiting)]:
             name, values = self._waiting.pop(attribute)
             self._attributes[name] = Buffer(self._context, np.ascontiguousarray(values, np.float32))
-        return VertexArray(self._context, program, self._attributes, self._indices, self._count)
+        return VertexArray(self._context, program, self._attributes, self._indices, self._count, mode=self._topology)
 
 
 class Resources:
@@ -128,14 +132,14 @@ class Resources:
         return self.programs.program(vertex, fragment, defines)
 
     def geometry(self, world: RenderWorld, batch: Batch) -> Geometry | None:
-        """The mesh of a batch on the card; None while it is not here, or if it has no triangles."""
+        """The mesh of a batch on the card; None while it is not here, or if it has nothing to draw."""
         key = (batch.mesh, batch.look.tangent_uvs)
         geometry = self._geometries.get(key)
         if geometry is None:
             arrays = world.assets.mesh(batch.mesh)
             if arrays is None:
                 return None
-            if arrays.tangents is None and key[1] is not None:
+            if arrays.tangents is None and key[1] is not None and arrays.is_surface:
                 arrays = with_tangents(arrays, uv_set=key[1])
             try:
                 geometry = self._geometries[key] = Geometry(self.context, arrays)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,7 +61,7 @@ def body() -> Mesh:
         limbs += [_arm(side, sign), _leg(side, sign), _shoe(side, sign)]
     parts = [_tube(rings) for rings in limbs]
     first = np.cumsum([0, *(len(part.positions) for part in parts[:-1])])
-    joined = {
+    joined: dict[str, Any] = {
         name: np.concatenate([getattr(part, name) for part in parts]).astype(np.float32)
         for name in ("positions", "normals", "uvs", "colors", "joints", "weights")
     }

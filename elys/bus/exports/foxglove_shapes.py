@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -15,6 +15,8 @@ from elys.common.assets.gltf_material_writing import MaterialWriting, has_images
 from elys.common.assets.gltf_writing import GltfModel
 from elys.common.assets.mesh import Mesh
 from elys.common.components import Material, Vec3
+
+Paint = tuple[float, float, float, float]  # linear, with opacity
 
 _HALF_TURN: Final = math.sqrt(0.5)
 # Foxglove's cylinders stand along z, ours along y; and it turns models from y up to z up, which our scene is not.
@@ -32,8 +34,8 @@ class Shapes:
     def primitives(self, mesh: str, material: Material, scale: Vec3) -> dict[str, Any]:
         """The fields of a SceneEntity that hold what is drawn: none if the mesh cannot be had."""
         opacity = 1.0 if material.alpha_mode == "opaque" else material.opacity
-        red, green, blue = (srgb(channel) for channel in material.base_color)
-        color = fox.Color(r=red, g=green, b=blue, a=opacity)
+        paint = (*material.base_color, opacity)
+        color = _color(paint)
         x, y, z = (abs(axis) for axis in scale)
         if not has_images(material):
             match mesh:
@@ -48,9 +50,11 @@ class Shapes:
         found = self._meshes.get(mesh)
         if found is None:
             return {}
-        if has_images(material):
+        if has_images(material) or found.topology == "points":  # of which Foxglove knows no primitive
             return {"models": [self._model(mesh, found, material, scale)]}
-        return {"triangles": [_triangles(found, scale, color)]}
+        if found.topology == "lines":
+            return {"lines": [_lines(found, scale, paint)]}
+        return {"triangles": [_triangles(found, scale, paint)]}
 
     def bounds(self, mesh: str) -> tuple[Vec3, Vec3]:
         """Lower and upper corner of a mesh in its own space; a cube of 1 m if it cannot be had."""
@@ -84,22 +88,43 @@ def _cylinder(x: float, y: float, z: float, color: Any, *, top: float) -> Any:
     return fox.CylinderPrimitive(pose=pose, size=size, bottom_scale=1.0, top_scale=top, color=color)
 
 
-def _triangles(mesh: Mesh, scale: Vec3, color: Any) -> Any:
-    points = (mesh.positions.astype(np.float64) * scale).tolist()
+def _triangles(mesh: Mesh, scale: Vec3, paint: Paint) -> Any:
     indices = mesh.indices if np.prod(scale) >= 0.0 else mesh.indices.reshape(-1, 3)[:, ::-1].reshape(-1)
-    colors = []
-    if mesh.colors is not None:
-        colors = [
-            fox.Color(r=srgb(r) * color.r, g=srgb(g) * color.g, b=srgb(b) * color.b, a=a * color.a)
-            for r, g, b, a in np.clip(mesh.colors, 0.0, 1.0).tolist()
-        ]
     return fox.TriangleListPrimitive(
         pose=_pose(),
-        points=[fox.Point3(x=x, y=y, z=z) for x, y, z in points],
-        color=color,
-        colors=colors,
+        points=_points(mesh, scale),
+        color=_color(paint),
+        colors=_colors(mesh, paint),
         indices=indices.tolist(),
     )
+
+
+def _lines(mesh: Mesh, scale: Vec3, paint: Paint) -> Any:
+    return fox.LinePrimitive(
+        type=fox.LinePrimitiveLineType.LineList,
+        pose=_pose(),
+        thickness=1.0,
+        scale_invariant=True,  # in pixels
+        points=_points(mesh, scale),
+        color=_color(paint),
+        colors=_colors(mesh, paint),
+        indices=mesh.indices.tolist(),
+    )
+
+
+def _points(mesh: Mesh, scale: Vec3) -> list[Any]:
+    return [fox.Point3(x=x, y=y, z=z) for x, y, z in (mesh.positions.astype(np.float64) * scale).tolist()]
+
+
+def _colors(mesh: Mesh, paint: Paint) -> list[Any]:
+    if mesh.colors is None:
+        return []
+    return [_color(mixed) for mixed in (np.clip(mesh.colors.astype(np.float64), 0.0, 1.0) * paint).tolist()]
+
+
+def _color(paint: Sequence[float]) -> Any:
+    red, green, blue = (srgb(channel) for channel in paint[:3])
+    return fox.Color(r=red, g=green, b=blue, a=paint[3])
 
 
 def _pose() -> Any:

@@ -188,11 +188,9 @@ def _import_meshes(job: ModelImport) -> None:
             if key in known:
                 job.meshes[mesh_index, index] = known[key]
                 continue
-            read = read_primitive(job.buffers, primitive, place)
-            if read is not None:
-                data = encode_mesh(read)
-                size += len(data)
-                if size > MAX_MESH_BYTES:
-                    raise AssetError(f"{place}: the model's meshes have more than {MAX_MESH_BYTES >> 30} GiB")
-                source = f"{job.path}#{mesh_index}/{index}"
-                known[key] = job.meshes[mesh_index, index] = job.assets.put(data, kind="mesh", source=source)
+            data = encode_mesh(read_primitive(job.buffers, primitive, place))
+            size += len(data)
+            if size > MAX_MESH_BYTES:
+                raise AssetError(f"{place}: the model's meshes have more than {MAX_MESH_BYTES >> 30} GiB")
+            source = f"{job.path}#{mesh_index}/{index}"
+            known[key] = job.meshes[mesh_index, index] = job.assets.put(data, kind="mesh", source=source)

@@ -1,4 +1,4 @@
-"""A primitive of a glTF mesh as a Mesh: indexed triangles with normals."""
+"""A primitive of a glTF mesh as a Mesh: indexed triangles with normals, or lines or points, which are drawn unlit."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from elys.common.assets.gltf_accessors import Buffers
 from elys.common.assets.gltf_compression import unpack_draco
 from elys.common.assets.gltf_schema import DracoMesh, Primitive
-from elys.common.assets.mesh import MAX_TARGET_VERTICES, FloatArray, IndexArray, Mesh
+from elys.common.assets.mesh import MAX_TARGET_VERTICES, FloatArray, IndexArray, Mesh, Topology
 from elys.common.assets.morph_weights import MAX_TARGETS
 from elys.common.errors import AssetError
 
@@ -19,6 +19,9 @@ Offsets = tuple[FloatArray, FloatArray]  # of T morph targets: positions and nor
 
 logger = logging.getLogger(__name__)
 
+POINTS: Final = 0
+LINES: Final = 1
+LINE_LOOP: Final = 2
 TRIANGLES: Final = 4
 TRIANGLE_STRIP: Final = 5
 _WIDTHS: Final = {
@@ -38,11 +41,8 @@ LOST_WEIGHT: Final = 0.01  # of a vertex' bending, above which it is told that j
 MAX_CORNERS: Final = 1 << 24
 
 
-def read_primitive(buffers: Buffers, primitive: Primitive, where: str) -> Mesh | None:
-    """The triangles of a primitive; None of one that has points or lines. Raises AssetError."""
-    if primitive.mode < TRIANGLES:
-        logger.warning("%s consists of points or lines, which are not drawn", where)
-        return None
+def read_primitive(buffers: Buffers, primitive: Primitive, where: str) -> Mesh:
+    """The triangles, lines or points of a primitive; none of them where it has too few vertices. Raises AssetError."""
     if "POSITION" not in primitive.attributes:
         raise AssetError(f"{where} has no POSITION")
     draco = primitive.extensions.draco
@@ -53,9 +53,14 @@ def read_primitive(buffers: Buffers, primitive: Primitive, where: str) -> Mesh |
         indices = _read_indices(buffers, primitive, len(attributes["POSITION"]), where)
     if len(indices) > 3 * MAX_CORNERS:
         raise AssetError(f"{where} has {len(indices)} indices; there may be {3 * MAX_CORNERS}, so split it")
-    indices = _triangles(indices, primitive.mode)
+    topology, indices = _listed(indices, primitive.mode)
     targets = _read_targets(buffers, primitive, len(attributes["POSITION"]), where)
-    if "NORMAL" not in attributes:
+    if topology != "triangles":
+        # Tangents lie in surfaces. Where normals are missing they point up: nothing is lit by them, but shaders give all of them
+        # length 1 where meshes are bent.
+        attributes.pop("TANGENT", None)
+        attributes.setdefault("NORMAL", np.zeros_like(attributes["POSITION"]))
+    elif "NORMAL" not in attributes:
         if len(indices) > MAX_CORNERS:
             raise AssetError(f"{where} has no normals and {len(indices)} corners; export it with normals")
         attributes, targets, indices = _with_flat_normals(attributes, targets, indices)
@@ -75,6 +80,7 @@ def read_primitive(buffers: Buffers, primitive: Primitive, where: str) -> Mesh |
         weights=weights,
         target_positions=targets[0] if targets is not None else None,
         target_normals=targets[1] if targets is not None else None,
+        topology=topology,
     )
 
 
@@ -93,7 +99,8 @@ def _read_draco(
 ) -> tuple[dict[str, FloatArray], IndexArray]:
     place = f"{where}.extensions.KHR_draco_mesh_compression"
     if primitive.mode not in (TRIANGLES, TRIANGLE_STRIP):
-        raise AssetError(f"{place} holds a fan; Draco knows triangles")
+        held = "points or lines" if primitive.mode < TRIANGLES else "a fan"
+        raise AssetError(f"{place} holds {held}; Draco knows triangles")
     unpacked, indices = unpack_draco(bytes(buffers.view(draco.buffer_view, place)), place)
     attributes: dict[str, FloatArray] = {}
     for name in _WIDTHS:
@@ -131,6 +138,23 @@ def _named(indices: NDArray[Any], vertex_count: int, place: str) -> IndexArray:
     if len(indices) and int(indices.max()) >= vertex_count:
         raise AssetError(f"{place} names vertex {int(indices.max())}, there are {vertex_count}")
     return indices.astype(np.uint32)
+
+
+def _listed(indices: IndexArray, mode: int) -> tuple[Topology, IndexArray]:
+    """What a primitive consists of, and the indices (I,) of all its parts one by one."""
+    if mode == POINTS:
+        return "points", indices
+    return ("lines", _lines(indices, mode)) if mode < TRIANGLES else ("triangles", _triangles(indices, mode))
+
+
+def _lines(indices: IndexArray, mode: int) -> IndexArray:
+    """Indices (I,), two a line, of a list, loop or strip of lines; what is left over is dropped."""
+    if mode == LINES:
+        return indices[: len(indices) // 2 * 2]
+    if len(indices) < 2:
+        return indices[:0]
+    pairs = np.stack((indices, np.roll(indices, -1)), axis=-1)  # the last one leads back to where the first began
+    return (pairs if mode == LINE_LOOP else pairs[:-1]).ravel()
 
 
 def _triangles(indices: IndexArray, mode: int) -> IndexArray:

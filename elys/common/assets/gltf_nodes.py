@@ -155,13 +155,12 @@ def _drawings(job: ModelImport, node: Node, place: str) -> list[ComponentValues]
         return []
     pick(job.document.meshes, node.mesh, place, "mesh")
     mesh = job.document.meshes[node.mesh]
-    found = [number for number in range(len(mesh.primitives)) if (node.mesh, number) in job.meshes]
     weights = format_weights((node.weights or mesh.weights)[:MAX_TARGETS])
     morph: ComponentValues = {"Morph": {"weights": weights} if weights else {}}
-    drawings = [_drawing(job, node.mesh, number, place) for number in found]
+    drawings = [_drawing(job, node.mesh, number, place) for number in range(len(mesh.primitives))]
     return [
-        {**drawing, **morph} if mesh.primitives[number].targets else drawing
-        for number, drawing in zip(found, drawings, strict=True)
+        {**drawing, **morph} if primitive.targets else drawing
+        for primitive, drawing in zip(mesh.primitives, drawings, strict=True)
     ]
 
 

@@ -20,6 +20,7 @@ INDICES: Final = 34963
 MAX_GLB: Final = (1 << 32) - 1  # [bytes] what its header can say
 _TYPES: Final = {"f4": 5126, "u4": 5125, "u2": 5123, "u1": 5121}
 _SHAPES: Final = {(): "SCALAR", (2,): "VEC2", (3,): "VEC3", (4,): "VEC4", (4, 4): "MAT4"}
+_MODES: Final = {"points": 0, "lines": 1}  # triangles go without saying
 _ATTRIBUTES: Final = {
     "positions": "POSITION",
     "normals": "NORMAL",
@@ -82,10 +83,12 @@ class GltfModel:
     def primitive(self, mesh: Mesh, *, has_tangents: bool = True, has_uvs: bool = True) -> dict[str, Any]:
         """Adds the arrays of a mesh; what names them goes into "meshes", with a material.
 
-        Only a normal map needs tangents, and only images need uvs.
+        Only a normal map needs tangents, and only images need uvs. Lines and points go without normals, which tells readers that
+        they are unlit.
         """
         left_out = {"tangents"} if not has_tangents else set()
         left_out |= set() if has_uvs else {"uvs", "second_uvs"}
+        left_out |= set() if mesh.is_surface else {"normals", "tangents"}
         attributes: dict[str, int] = {}
         for name, attribute in _ATTRIBUTES.items():
             array = getattr(mesh, name)
@@ -100,6 +103,8 @@ class GltfModel:
             attributes["JOINTS_0"] = self.accessor(mesh.joints.astype(np.uint16), target=VERTICES)
         indices = mesh.indices.astype(np.uint16) if mesh.vertex_count < 0xFFFF else mesh.indices
         made: dict[str, Any] = {"attributes": attributes, "indices": self.accessor(indices, target=INDICES)}
+        if mesh.topology in _MODES:
+            made["mode"] = _MODES[mesh.topology]
         if mesh.target_positions is not None:
             made["targets"] = [self._target(mesh, number) for number in range(mesh.target_count)]
         return made
@@ -122,7 +127,7 @@ class GltfModel:
     def _target(self, mesh: Mesh, number: int) -> dict[str, int]:
         assert mesh.target_positions is not None
         target = {"POSITION": self.accessor(mesh.target_positions[number], target=VERTICES, has_bounds=True)}
-        if mesh.target_normals is not None:
+        if mesh.target_normals is not None and mesh.is_surface:
             target["NORMAL"] = self.accessor(mesh.target_normals[number], target=VERTICES)
         return target
 

@@ -41,7 +41,7 @@ def with_tangents(mesh: Mesh, *, uv_set: int = 0) -> Mesh:
     parted = {
         field.name: getattr(mesh, field.name)[source]
         for field in fields(mesh)
-        if field.name not in ("indices", "tangents") and getattr(mesh, field.name) is not None
+        if field.name not in ("indices", "tangents", "topology") and getattr(mesh, field.name) is not None
     }
     return replace(mesh, **parted, tangents=signed.astype(np.float32), indices=indices.astype(np.uint32))
 

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from elys.render_node.gpu.context import Context
 from elys.render_node.gpu.program import Program
+
+Mode = Literal[
+    "triangles", "triangle_strip", "lines", "points"
+]  # what vertices make; lines and points are one pixel wide
 
 # Where every vertex shader expects what, and as what: location, floats.
 VERTEX_ATTRIBUTES: Final[Mapping[str, tuple[int, int]]] = {
@@ -105,14 +109,14 @@ class VertexArray:
         indices: Buffer | None,
         count: int,
         *,
-        strip: bool = False,
+        mode: Mode = "triangles",
     ) -> None:
         """`attributes` by their names in VERTEX_ATTRIBUTES; `count` indices, or vertices when there are none."""
         self._kept = (program, dict(attributes), indices)  # what the card reads while this lives
         self._count = count
         self._fields = tuple(name for name in _FIELDS if program.reads(name))
-        mode = context.gl.TRIANGLE_STRIP if strip else context.gl.TRIANGLES
-        self.raw = context.gl.vertex_array(program.raw, [], None if indices is None else indices.raw, mode=mode)
+        drawn = getattr(context.gl, mode.upper())
+        self.raw = context.gl.vertex_array(program.raw, [], None if indices is None else indices.raw, mode=drawn)
         self._finalizer = context.adopt(self, "vertex array", self.raw)
         for name, buffer in attributes.items():
             location, width = VERTEX_ATTRIBUTES[name]

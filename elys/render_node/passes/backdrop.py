@@ -55,7 +55,7 @@ class GridPass:
         height = abs(float(eye[1]))
         program = self._resources.program("grid.vert", "grid.frag", self._quality.light_defines(plan.picture))
         if program not in self._squares:
-            self._squares[program] = VertexArray(self._context, program, {}, None, 4, strip=True)
+            self._squares[program] = VertexArray(self._context, program, {}, None, 4, mode="triangle_strip")
         program.set("reach", min(GRID_REACH + 12.0 * height, plan.view.camera.far))
         program.set("axes", (-float(eye[0]), -float(eye[2])))
         self._squares[program].draw()

@@ -22,16 +22,18 @@ def draw_calls(
     choose: ChooseProgram,
     *,
     cull: bool = True,
+    surfaces_only: bool = False,
     placing: InstancePlacing | None = None,
 ) -> None:
     """Draws each call with the program that `choose` picks for its mesh and batch. State but culling is the pass' own.
+    With `surfaces_only` lines and points are left out.
 
     Rows are those of the picture, or of another `placing` that has placed the plan.
     """
     rows = (placing or resources.placing).rows
     for batch, first, count in calls:
         geometry = resources.geometry(plan.world, batch)
-        if geometry is None:
+        if geometry is None or (surfaces_only and not geometry.is_surface):
             continue
         program = choose(geometry, batch)
         resources.context.set_culling(cull and not batch.look.is_double_sided, mirrored=batch.look.is_mirrored)

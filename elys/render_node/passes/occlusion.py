@@ -48,7 +48,8 @@ class OcclusionPass:
             program.set("target_from_relative", view.clip_from_relative)
             return program
 
-        draw_calls(self._resources, plan, plan.opaque, choose)
+        # A line before a wall keeps no light from it.
+        draw_calls(self._resources, plan, plan.opaque, choose, surfaces_only=True)
         context.set_state()
         self._depths.depth.use(TEXTURE_UNITS["depths"])
         finding, triangle = self._find.compiled()

@@ -71,6 +71,8 @@ def _shaded(resources: Resources, plan: PicturePlan, quality: Quality, *, occlud
         textures = resources.bind_textures(plan.world, look)
         along_vertices = not NORMAL_MAPS.isdisjoint(textures) and look.tangents != "pixels"
         vertices = tuple(define for define in geometry.defines if define != TANGENTS or along_vertices)
+        if not (geometry.is_surface or "UNLIT" in textures):
+            textures = (*textures, "UNLIT")  # lines and points face nowhere
         numbers = (*look.surface, *batch.terms)
         program = resources.program("shaded.vert", "shaded.frag", (*vertices, *textures, *numbers, *shared))
         resources.set_look(program, look, textures)

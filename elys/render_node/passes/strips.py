@@ -42,6 +42,6 @@ class Strips:
         assert self._texels is not None
         program = self.program(name)
         if program not in self._strips:
-            self._strips[program] = VertexArray(self._resources.context, program, {}, None, 4, strip=True)
+            self._strips[program] = VertexArray(self._resources.context, program, {}, None, 4, mode="triangle_strip")
         self._texels.use(TEXTURE_UNITS["mark_texels"])
         self._strips[program].draw(count)

@@ -113,6 +113,10 @@ def _ground(physics: PhysicsWorld, assets: AssetStore, collider: Collider, scale
 
 
 def _geometry(physics: PhysicsWorld, shape: int, mesh: Mesh, scale: Values) -> int:
+    if not mesh.is_surface:
+        raise AssetError(
+            f"its shape is that of its mesh, which consists of {mesh.topology}; choose a mesh of triangles"
+        )
     points = mesh.positions.astype(np.float64) * scale
     if shape == HULL:
         return physics.add_hull(points)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -88,6 +89,18 @@ def test_a_form_that_cannot_be_is_told_and_the_simulation_goes_on(simulation, co
     assert sentence in str(event.values)
     simulation.step()
     assert simulation.take_events() == []
+
+
+@pytest.mark.parametrize("shape", ["mesh", "hull"])
+@pytest.mark.parametrize("topology", ["lines", "points"])
+def test_lines_and_points_are_collided_with_by_nobody(simulation, shape, topology) -> None:
+    edges = replace(primitive("box"), topology=topology)
+    reference = simulation.assets.put(encode_mesh(edges), kind="mesh")
+    simulation.world.spawn([Transform(), Collider(shape=shape), MeshRenderer(mesh=reference)], name="Body")
+    simulation.step()
+    (event,) = simulation.take_events()
+    sentence = f"its shape is that of its mesh, which consists of {topology}; choose a mesh of triangles"
+    assert f"'Body' collides with nothing: {sentence}" in str(event.values)
 
 
 @pytest.mark.parametrize(("x", "z"), [(6.0, -4.0), (-5.0, 3.0), (0.5, 4.5)])

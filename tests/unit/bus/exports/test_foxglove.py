@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import math
 import shutil
@@ -15,10 +16,13 @@ from typing import Any
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from mcap.records import Schema
 
 from elys.bus.exports.foxglove_file import export_foxglove
 from elys.bus.exports.selection import Selection
 from elys.bus.recording import Recording
+from elys.common.assets.mesh import Mesh, encode_mesh
+from elys.common.components import Material
 from elys.common.errors import RecordingError
 from tests.unit.bus.told_recordings import (
     DESPAWNED,
@@ -277,3 +281,36 @@ def test_times_that_cannot_be_are_the_nearest_that_can(tmp_path: Path, log_time:
     writer.close()
     export_foxglove(tmp_path / "odd.mcap", tmp_path / "t.foxglove.mcap")
     assert len(decoded(tmp_path / "t.foxglove.mcap")["/tf"]) == 6
+
+
+@pytest.mark.parametrize("topology", ["triangles", "lines", "points"])
+def test_a_mesh_with_colours_is_told_by_what_it_consists_of(topology: str) -> None:
+    """Points are in a model, for want of a primitive; colours are multiplied as light, and told as screens take them."""
+    decoders = pytest.importorskip("mcap_protobuf.decoder").DecoderFactory()
+    shapes = importlib.import_module("elys.bus.exports.foxglove_shapes")  # needs foxglove
+    positions = np.array(((0, 0, 0), (1, 0, 0), (0, 1, 0)), np.float32)
+    mesh = Mesh(
+        positions=positions,
+        normals=np.tile(np.float32((0, 1, 0)), (3, 1)),
+        uvs=np.zeros((3, 2), np.float32),
+        indices=np.array((0, 1, 1, 2, 2, 0), np.uint32),
+        colors=np.tile(np.float32((1.0, 0.5, 0.25, 0.5)), (3, 1)),
+        topology=topology,
+    )
+    told = shapes.Shapes(lambda _: encode_mesh(mesh)).primitives(
+        "blake2b:" + "0" * 32, Material(base_color=(0.5, 0.5, 1.0)), (1.0, 2.0, 3.0)
+    )
+    found = fox.SceneUpdate.get_schema()
+    schema = Schema(id=1, name=found.name, encoding=found.encoding, data=found.data)
+    decode = decoders.decoder_for("protobuf", schema)
+    (entity,) = decode(fox.SceneUpdate(entities=[fox.SceneEntity(**told)]).encode()).entities
+    if topology == "points":
+        assert entity.models[0].data[:4] == b"glTF"
+        return
+    (shape,) = getattr(entity, topology)
+    assert [vector(point) for point in shape.points] == [[0, 0, 0], [1, 0, 0], [0, 2, 0]]
+    assert list(shape.indices) == [0, 1, 1, 2, 2, 0]
+    # sRGB of 0.5, 0.25 and 0.25.
+    np.testing.assert_allclose(
+        [vector(c, "rgba") for c in shape.colors], [[0.735357, 0.537099, 0.537099, 0.5]] * 3, atol=1e-5
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import io
 import json
 import math
 import struct
@@ -13,10 +14,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from elys.common.assets import AssetStore, Mesh, decode_mesh
+from elys.common.assets import AssetStore, Mesh, decode_mesh, encode_mesh
 from elys.common.assets.gltf import import_gltf
 from elys.common.assets.gltf_accessors import Buffers
 from elys.common.assets.gltf_schema import parse_gltf
+from elys.common.assets.gltf_writing import GltfModel
 from elys.common.errors import AssetError
 
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(16)
@@ -198,12 +200,87 @@ def test_lists_strips_and_fans(load: Any, mode: int, indices: list[int], triangl
     assert [tuple(t) for t in mesh_of(load(model)).indices.reshape(-1, 3).tolist()] == triangles
 
 
-def test_points_and_lines_are_not_drawn(load: Any, caplog: pytest.LogCaptureFixture) -> None:
+@pytest.mark.parametrize(
+    ("mode", "topology", "indices", "expected"),
+    [
+        (0, "points", [3, 1], [3, 1]),
+        (0, "points", None, [0, 1, 2, 3]),
+        (1, "lines", [3, 1, 0, 2, 1], [3, 1, 0, 2]),
+        (1, "lines", None, [0, 1, 2, 3]),
+        (2, "lines", [3, 1, 0], [3, 1, 1, 0, 0, 3]),
+        (2, "lines", None, [0, 1, 1, 2, 2, 3, 3, 0]),
+        (3, "lines", [3, 1, 0], [3, 1, 1, 0]),
+        (3, "lines", None, [0, 1, 1, 2, 2, 3]),
+        (1, "lines", [2], []),
+        (2, "lines", [2], []),
+        (3, "lines", [2], []),
+    ],
+)
+def test_points_and_lines(
+    load: Any,
+    mode: int,
+    topology: str,
+    indices: list[int] | None,
+    expected: list[int],
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    model = Model()
+    model.attribute("POSITION", QUAD)
+    model.attribute("COLOR_0", np.tile(np.float32((1.0, 0.5, 0.25)), (4, 1)))
+    model.attribute("TANGENT", np.tile(np.float32((1, 0, 0, 1)), (4, 1)))
+    model.primitive["mode"] = mode
+    if indices is not None:
+        model.indices(indices)
+    mesh = mesh_of(load(model))
+    assert (mesh.topology, mesh.indices.tolist()) == (topology, expected)
+    assert np.array_equal(mesh.positions, QUAD)  # as they are: shared and in their order
+    assert np.array_equal(mesh.normals, np.tile((0, 1, 0), (4, 1)))
+    assert mesh.tangents is None
+    assert np.array_equal(mesh.colors, np.tile((1.0, 0.5, 0.25, 1.0), (4, 1)))
+    assert not caplog.records
+
+
+def test_lines_keep_normals_that_are_there_and_their_targets(load: Any) -> None:
+    model = quad()
+    model.primitive["mode"] = 3
+    model.primitive["targets"] = [{"POSITION": model.accessor(QUAD)}]
+    mesh = mesh_of(load(model))
+    assert np.array_equal(mesh.normals, np.tile((0, 0, 1), (4, 1)))
+    assert np.array_equal(mesh.target_positions, QUAD[None])
+
+
+def test_a_mesh_of_triangles_and_lines_becomes_children_of_each(load: Any) -> None:
+    model = quad()
+    edges = {"attributes": {"POSITION": 0}, "mode": 2}
+    model.document["meshes"][0]["primitives"] += [edges, {**edges, "mode": 0}]
+    loaded = load(model)
+    assert [record.name for record in loaded[0][2:]] == ["Root.0", "Root.1", "Root.2"]
+    assert [mesh_of(loaded, row).topology for row in (2, 3, 4)] == ["triangles", "lines", "points"]
+
+
+def test_lines_name_vertices_that_are_there(load: Any) -> None:
     model = quad()
     model.primitive["mode"] = 1
-    records, _ = load(model)
-    assert "MeshRenderer" not in records[1].components
-    assert "points or lines" in caplog.text
+    model.indices((0, 4))
+    with pytest.raises(AssetError, match="names vertex 4, there are 4"):
+        load(model)
+
+
+@pytest.mark.parametrize("topology", ["lines", "points"])
+def test_lines_and_points_are_written_and_read_back(load: Any, topology: str) -> None:
+    """Without normals: so other programs know that they are unlit."""
+    up = np.tile(np.float32((0, 1, 0)), (4, 1))
+    uvs, indices = np.zeros((4, 2), np.float32), np.array((0, 2, 1, 3), np.uint32)
+    mesh = Mesh(
+        positions=QUAD, normals=up, uvs=uvs, indices=indices, colors=np.ones((4, 4), np.float32), topology=topology
+    )
+    model = GltfModel("test")
+    surface = model.primitive(mesh)
+    assert "NORMAL" not in surface["attributes"]
+    model.add("nodes", {"mesh": model.add("meshes", {"primitives": [surface]})})
+    file = io.BytesIO()
+    model.write(file)
+    assert encode_mesh(mesh_of(load(file.getvalue(), "model.glb"))) == encode_mesh(mesh)
 
 
 def test_missing_normals_are_those_of_the_faces(load: Any) -> None:

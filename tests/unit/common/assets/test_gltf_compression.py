@@ -125,6 +125,14 @@ def same_triangles(mesh: Mesh, within: float) -> None:
     np.testing.assert_allclose(corners(mesh), corners(SPHERE), atol=within)
 
 
+@pytest.mark.parametrize(("mode", "held"), [(0, "points or lines"), (3, "points or lines"), (6, "a fan")])
+def test_draco_knows_triangles_alone(tmp_path: Path, mode: int, held: str) -> None:
+    model = draco(tmp_path)
+    model.primitive["mode"] = mode
+    with pytest.raises(AssetError, match=f"holds {held}; Draco knows triangles"):
+        model.load()
+
+
 def test_draco_gives_back_what_was_packed(tmp_path: Path) -> None:
     mesh = draco(tmp_path).load()
     assert mesh.triangle_count == SPHERE.triangle_count

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from elys.common.assets import PRIMITIVES, Mesh, decode_mesh, encode_mesh, primitive
+from elys.common.assets.store import reference_of
 from elys.common.errors import AssetError
 
 
@@ -61,6 +63,28 @@ def test_a_decoded_mesh_is_a_read_only_view() -> None:
     assert np.array_equal(mesh.bounds, ((0, 0, 0), (1, 1, 0)))
 
 
+@pytest.mark.parametrize(("topology", "indices"), [("lines", (0, 1, 1, 2)), ("points", (2, 0)), ("points", ())])
+def test_lines_and_points_keep_what_they_are(topology: str, indices: tuple[int, ...]) -> None:
+    mesh = replace(triangle(indices=np.array(indices, np.uint32)), topology=topology)
+    data = encode_mesh(mesh)
+    found = decode_mesh(data)
+    assert (found.topology, found.indices.tolist()) == (topology, list(indices))
+    assert (found.triangle_count, found.is_surface) == (0, False)
+    assert encode_mesh(found) == data != encode_mesh(triangle())
+
+
+def test_hashes_of_triangles_are_those_of_before_there_were_lines() -> None:
+    """Of the code of then: scenes, recordings and caches name meshes by them."""
+    morphed = triangle(
+        colors=np.tile(np.float32((1, 0.5, 0.25, 1)), (3, 1)),
+        target_positions=np.ones((2, 3, 3), np.float32),
+        target_normals=np.zeros((2, 3, 3), np.float32),
+    )
+    assert reference_of(encode_mesh(triangle())) == "blake2b:c8643bc3bf3826984fa940bf800aae0b"
+    assert reference_of(encode_mesh(morphed)) == "blake2b:daffb680124d85c4df0ab491c1042c44"
+    assert reference_of(encode_mesh(primitive("box"))) == "blake2b:94b41ca64b6bb1d6ea4978fa23138360"
+
+
 def with_header(data: bytes, **changes: object) -> bytes:
     (size,) = struct.unpack_from("<I", data, 8)
     header = json.loads(data[12 : 12 + size]) | changes
@@ -70,6 +94,7 @@ def with_header(data: bytes, **changes: object) -> bytes:
 
 
 GOOD = encode_mesh(triangle())
+LINES = encode_mesh(replace(triangle(indices=np.array((0, 1), dtype=np.uint32)), topology="lines"))
 NOT_FINITE = encode_mesh(triangle(uvs=np.full((3, 2), np.nan, dtype=np.float32)))
 HOSTILE = {
     "nothing": b"",
@@ -85,6 +110,10 @@ HOSTILE = {
     "overflow": with_header(GOOD, vertex_count=2**62, index_count=3 * 2**61),
     "huge count": with_header(GOOD, vertex_count=10**30),
     "no triangles": with_header(GOOD, index_count=4),
+    "triangles of a line": with_header(LINES, topology="triangles"),
+    "lines of a triangle": with_header(GOOD, topology="lines"),
+    "unknown topology": with_header(GOOD, topology="patches"),
+    "topology of another type": with_header(GOOD, topology=1),
     "no normals": with_header(GOOD, attributes=["positions"]),
     "twice": with_header(GOOD, attributes=["positions", "positions", "normals"]),
     "unknown": with_header(GOOD, attributes=["positions", "normals", "smell"]),
@@ -99,6 +128,13 @@ HOSTILE = {
 def test_hostile_bytes_are_refused(data: bytes) -> None:
     with pytest.raises(AssetError, match="mesh"):
         decode_mesh(data)
+
+
+def test_what_is_wrong_with_lines_is_said_in_a_sentence() -> None:
+    with pytest.raises(AssetError, match="a mesh of 'patches'; known are triangles, lines, points"):
+        decode_mesh(with_header(GOOD, topology="patches"))
+    with pytest.raises(AssetError, match="a mesh of 3 vertices and 3 indices of lines"):
+        decode_mesh(with_header(GOOD, topology="lines"))
 
 
 @given(st.integers(0, len(GOOD) - 1), st.integers(0, 255), st.integers(0, 30))
