@@ -198,9 +198,10 @@ def _bending(
     found = [(joints, weights) for joints, weights in sets if joints is not None and weights is not None]
     if not found:
         return None, None
+    for number, (named, _) in enumerate(sets):
+        if named is not None and ((named < 0).any() or (named != np.floor(named)).any()):
+            raise AssetError(f"{where}.attributes.JOINTS_{number} must be unsigned whole numbers")
     joints, weights = (np.concatenate(parts, axis=1) for parts in zip(*found, strict=True))
-    if (joints < 0).any() or (joints != np.floor(joints)).any():
-        raise AssetError(f"{where}.attributes.JOINTS_0 must be unsigned whole numbers")
     weights = np.maximum(weights, 0.0)
     if len(found) > 1:
         most = np.argsort(-weights, axis=1, kind="stable")

@@ -206,6 +206,13 @@ def test_without_inverse_bind_matrices_they_are_none(tmp_path: Path) -> None:
             lambda m: m.attribute("JOINTS_0", np.full((4, 4), -1, np.int8)),
             "JOINTS_0 must be unsigned whole numbers",
         ),
+        (
+            lambda m: (
+                m.attribute("JOINTS_1", np.full((4, 4), -1, np.int8)),
+                m.attribute("WEIGHTS_1", np.zeros((4, 4), np.float32)),
+            ),
+            "JOINTS_1 must be unsigned whole numbers",
+        ),
     ],
 )
 def test_skins_that_are_wrong_are_refused(change: Any, words: str, tmp_path: Path) -> None:
