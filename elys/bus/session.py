@@ -330,6 +330,7 @@ class Session:
 
     async def _ask(self, key: str, payload: bytes, timeout: float) -> bytes:
         future: asyncio.Future[bytes] = self._loop.create_future()
+        began = time.monotonic()
 
         def settle(answer: bytes | None, reason: str) -> None:
             if future.done():
@@ -339,7 +340,9 @@ class Session:
             elif reason:
                 future.set_exception(RequestError(reason))
             else:
-                future.set_exception(ConnectionLost(f"nobody answered within {timeout:g} s"))
+                is_over = time.monotonic() - began > 0.9 * timeout
+                why = f"within {timeout:g} s" if is_over else "and nobody is there who could, or the connection broke"
+                future.set_exception(ConnectionLost(f"nobody answered {why}"))
 
         self.transport.request(key, payload, timeout, self._from_thread(settle))
         return await future

@@ -292,6 +292,13 @@ async def test_a_silent_host_is_given_up(pair: Pair) -> None:
     await close(joined, host)
 
 
+async def test_what_nobody_serves_is_not_waited_for(pair: Pair) -> None:
+    host, joined = await pair.open()
+    with pytest.raises(ConnectionLost, match="nobody answered and nobody is there who could"):
+        await joined.request(topics.SNAPSHOT, SnapshotRequest(), timeout=30.0)
+    await close(joined, host)
+
+
 async def test_the_host_comes_back_as_another_run(pair: Pair) -> None:
     host, joined = await pair.open()
     links: list[bool] = []
