@@ -33,7 +33,6 @@ from elys.bus.mirror import MirrorUpdate, SceneMirror
 from elys.bus.session import Session
 from elys.common.errors import ElysError
 
-os.environ["ELYS_STATES"] = "full"  # a stream is told as exactly as a link carries; here every bit is compared
 MOVING = ("Transform", "RigidBody")
 
 
@@ -118,6 +117,7 @@ async def watch(endpoint: str) -> None:
 
 
 if __name__ == "__main__":
+    os.environ["ELYS_STATES"] = "full"  # a stream is told as exactly as a link carries; here every bit is compared
     try:
         asyncio.run(watch(sys.argv[1]))
     except ElysError as error:
