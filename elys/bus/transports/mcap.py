@@ -19,6 +19,7 @@ import contextlib
 import fcntl
 import logging
 import os
+import struct
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -60,6 +61,7 @@ COMPONENTS_NAME: Final = "elys/components.schema.json"
 _CHUNK_SECONDS: Final = 0.15  # a kill costs this, and the time it takes to pack and write a chunk
 _CHUNK_SIZE: Final = 4 << 20  # [bytes]
 _SYNC_SECONDS: Final = 1.0
+_KEY: Final = struct.Struct("<III")  # an entry of STATE_KEYS
 _log = logging.getLogger(__name__)
 
 
@@ -81,7 +83,7 @@ class McapWriter:
         self._index = IndexBuilder()
         self._compact = compact
         self._packer = FramePacker(compact=compact)
-        self._keys: list[tuple[int, int, int]] = []  # number, chunk, message
+        self._keys = bytearray()  # STATE_KEYS
         self._is_entry = True  # whether the open chunk has no frame yet
         self._chunk_number = 0
         self._message_number = 0  # in the open chunk
@@ -128,7 +130,7 @@ class McapWriter:
         self._is_entry = False
         head = head_of(packed)
         if head.kind is Kind.KEY:
-            self._keys.append((head.number, self._chunk_number, self._message_number))
+            self._keys += _KEY.pack(head.number, self._chunk_number, self._message_number)
         return packed
 
     def add_video(self, channel: str) -> None:
@@ -192,7 +194,7 @@ class McapWriter:
             if has_all_frames:  # else who reads looks for them
                 self._attach(STATE_INDEX_NAME, self._index.frames().tobytes())
             self._attach(SCENE_INDEX_NAME, self._index.scene().tobytes())
-            self._attach(STATE_KEYS_NAME, np.array(self._keys, STATE_KEYS).tobytes())
+            self._attach(STATE_KEYS_NAME, bytes(self._keys))
             self._writer.finish()
             self._file.sync()
         except OSError:
@@ -249,7 +251,8 @@ class McapWriter:
     def _refusal_of_end(self, count: int) -> OSError | None:
         """Ends the file behind so many chunks; why not, if it cannot be."""
         has_all_frames = self._index.cut(count)
-        self._keys = [key for key in self._keys if key[1] < count]
+        keys = np.frombuffer(self._keys, STATE_KEYS)
+        self._keys = bytearray(keys[keys["chunk"] < count].tobytes())
         try:
             self._finish(has_all_frames=has_all_frames)
         except OSError as error:
@@ -259,7 +262,7 @@ class McapWriter:
 
     @property
     def _indexes_size(self) -> int:
-        return self._index.size + 12 * len(self._keys) + 1200
+        return self._index.size + len(self._keys) + 1200
 
     def _begin(self, session: str, scene: str) -> None:
         # This class closes chunks, so that it knows in which one each frame stands.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+from array import array
 from typing import Final
 
 import msgspec
@@ -30,6 +32,7 @@ STATE_INDEX: Final = np.dtype(
         ("message", "<u4"),
     ]
 )
+_ENTRY: Final = struct.Struct("<QQdQIII")  # the same, for one
 LATEST: Final = 2.0**64 / 1e9  # [s], the last time that MCAP's nanoseconds can tell
 SCENE_INDEX: Final = np.dtype(
     [("epoch", "<u8"), ("sequence", "<i8"), ("is_snapshot", "?"), ("chunk", "<u4"), ("message", "<u4")]
@@ -53,9 +56,10 @@ class IndexBuilder:
     """
 
     def __init__(self) -> None:
-        self._frames: list[tuple[int, int, float, int, int, int, int]] = []
-        self._instants: list[int] = []  # of each of them
-        self._told_again: list[tuple[int, int, float, int, int, int, int]] = []
+        # As in the file: there are sixty a second, for as long as somebody records.
+        self._frames = bytearray()
+        self._instants = array("q")  # of each of them
+        self._told_again = bytearray()
         self._last_fork = -1  # chunk of the last frame that made others void
         self._scene: list[tuple[int, int, bool, int, int]] = []
 
@@ -91,42 +95,46 @@ class IndexBuilder:
         if not 0.0 <= time < LATEST:  # nor what is no number
             return
         if flags & TOLD_AGAIN:
-            self._told_again.append((epoch, tick, time, sequence, count, chunk, message))
+            self._told_again += _ENTRY.pack(epoch, tick, time, sequence, count, chunk, message)
             return
         instant = instant_of(flags)
         if flags & FORKED:
             self._drop_void(epoch, tick, instant)
             self._last_fork = chunk
-        self._frames.append((epoch, tick, time, sequence, count, chunk, message))
+        self._frames += _ENTRY.pack(epoch, tick, time, sequence, count, chunk, message)
         self._instants.append(instant)
 
     def _drop_void(self, epoch: int, tick: int, instant: int) -> None:
         """Drops what a fork made void by a frame of this instant; ticks count where instants are not told."""
         frames, instants = self._frames, self._instants
-        while frames and frames[-1][0] == epoch:
+        while frames:
+            its_epoch, its_tick, *_ = _ENTRY.unpack_from(frames, len(frames) - _ENTRY.size)
             is_told = instant >= 0 and instants[-1] >= 0
-            if not (instants[-1] >= instant if is_told else frames[-1][1] > tick):
+            if its_epoch != epoch or not (instants[-1] >= instant if is_told else its_tick > tick):
                 return
-            frames.pop()
-            instants.pop()
+            self._pop()
 
     def cut(self, chunk_count: int) -> bool:
         """Forgets what stands in later chunks than so many; False if frames are missing now that one of those made void."""
-        while self._frames and self._frames[-1][5] >= chunk_count:
-            self._frames.pop()
-            self._instants.pop()
-        self._told_again = [entry for entry in self._told_again if entry[5] < chunk_count]
+        while self._frames and _ENTRY.unpack_from(self._frames, len(self._frames) - _ENTRY.size)[5] >= chunk_count:
+            self._pop()
+        told_again = np.frombuffer(self._told_again, STATE_INDEX)
+        self._told_again = bytearray(told_again[told_again["chunk"] < chunk_count].tobytes())
         self._scene = [entry for entry in self._scene if entry[3] < chunk_count]
         return self._last_fork < chunk_count
+
+    def _pop(self) -> None:
+        del self._frames[-_ENTRY.size :]
+        self._instants.pop()
 
     @property
     def size(self) -> int:
         """What it takes in the file [bytes]."""
-        return len(self._frames) * STATE_INDEX.itemsize + len(self._scene) * SCENE_INDEX.itemsize
+        return len(self._frames) + len(self._scene) * SCENE_INDEX.itemsize
 
     def frames(self) -> NDArray[np.void]:
         """[F] STATE_INDEX, in the order of the file."""
-        return np.array(self._frames or self._told_again, STATE_INDEX)
+        return np.frombuffer(bytearray(self._frames or self._told_again), STATE_INDEX)
 
     def scene(self) -> NDArray[np.void]:
         """[S] SCENE_INDEX, in the order of the file."""

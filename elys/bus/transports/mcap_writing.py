@@ -38,14 +38,34 @@ _LEVEL: Final = 1  # of zstd
 _MESSAGE: Final = struct.Struct("<BQHIQQ")
 _CHUNK: Final = struct.Struct("<BQQQQII4sQ")
 _FOOTER: Final = struct.Struct("<BQQQ")
+# Of a ChunkIndex: times, place and length of the chunk, bytes of the map of offsets; behind that the length of message indexes.
+_INDEX: Final = struct.Struct("<9xQQQQI")
+_LENGTH: Final = struct.Struct("<Q")
+_COUNT: Final = struct.Struct("<HI")  # channel, and messages of it
 
 
 class _Written(NamedTuple):
-    """A chunk in the file."""
+    """A chunk in the file. Kept small: there are seven a second, for as long as somebody records."""
 
-    index: ChunkIndex
-    counts: dict[int, int]  # of messages by channel
-    end: int  # of it and its message indexes in the file
+    record: bytes  # its ChunkIndex
+    counts: bytes  # _COUNT of each channel that has messages in it
+
+    @property
+    def times(self) -> tuple[int, int]:
+        """[ns] of its first message and its last."""
+        first, last, *_ = _INDEX.unpack_from(self.record)
+        return first, last
+
+    @property
+    def start(self) -> int:
+        """Where it begins in the file."""
+        return int(_INDEX.unpack_from(self.record)[2])
+
+    @property
+    def end(self) -> int:
+        """Where it and its message indexes end in the file."""
+        _, _, start, length, offsets = _INDEX.unpack_from(self.record)
+        return int(start + length + _LENGTH.unpack_from(self.record, _INDEX.size + offsets)[0])
 
 
 class ChunkedWriter:
@@ -153,7 +173,7 @@ class ChunkedWriter:
     def drop_chunks(self, count: int) -> None:
         """Leaves `count` chunks in the file; the others, and what came after them, go."""
         if count < len(self._chunks):
-            self.drop_from(self._chunks[count].index.chunk_start_offset)
+            self.drop_from(self._chunks[count].start)
 
     def drop_from(self, end: int) -> None:
         """Takes everything away that was written from there on [bytes]."""
@@ -168,18 +188,17 @@ class ChunkedWriter:
         data_end = _bytes(DataEnd(data_section_crc=0))
         start = self.size + len(data_end)
         groups = (
-            (Opcode.SCHEMA, self._schemas),
-            (Opcode.CHANNEL, self._channels),
-            (Opcode.STATISTICS, [self._statistics()]),
-            (Opcode.CHUNK_INDEX, [chunk.index for chunk in self._chunks]),
-            (Opcode.ATTACHMENT_INDEX, self._attachments),
-            (Opcode.METADATA_INDEX, self._metadata),
+            (Opcode.SCHEMA, _bytes(*self._schemas)),
+            (Opcode.CHANNEL, _bytes(*self._channels)),
+            (Opcode.STATISTICS, _bytes(self._statistics())),
+            (Opcode.CHUNK_INDEX, b"".join(chunk.record for chunk in self._chunks)),
+            (Opcode.ATTACHMENT_INDEX, _bytes(*self._attachments)),
+            (Opcode.METADATA_INDEX, _bytes(*self._metadata)),
         )
         parts: list[bytes] = []
         offsets: list[SummaryOffset] = []
         place = start
-        for opcode, records in groups:
-            data = _bytes(*records)
+        for opcode, data in groups:
             parts.append(data)
             if data:
                 offsets.append(SummaryOffset(group_opcode=opcode, group_start=place, group_length=len(data)))
@@ -211,9 +230,10 @@ class ChunkedWriter:
         length = _CHUNK.size - 9 + packed_size
         head = _CHUNK.pack(Opcode.CHUNK, length, first, last, size, checksum, 4, b"zstd", packed_size)
         place = end = offset + len(head) + packed_size
-        offsets, counts, indexes = {}, {}, []
+        offsets, counts, indexes = {}, b"", []
         for channel, records in self._open_index.items():
-            offsets[channel], counts[channel] = place, len(records)
+            offsets[channel] = place
+            counts += _COUNT.pack(channel, len(records))
             indexes.append(_bytes(MessageIndex(channel_id=channel, records=records)))
             place += len(indexes[-1])
         self._put(head, *packed, *indexes)
@@ -229,21 +249,20 @@ class ChunkedWriter:
             message_start_time=first,
             uncompressed_size=size,
         )
-        self._chunks.append(_Written(index, counts, place))
+        self._chunks.append(_Written(_bytes(index), counts))
 
     def _statistics(self) -> Statistics:
         counts: Counter[int] = Counter()
         for chunk in self._chunks:
-            counts.update(chunk.counts)
-        indexes = [chunk.index for chunk in self._chunks]
+            counts.update(dict(_COUNT.iter_unpack(chunk.counts)))
         return Statistics(
             attachment_count=len(self._attachments),
             channel_count=len(self._channels),
             channel_message_counts=dict(counts),
-            chunk_count=len(indexes),
+            chunk_count=len(self._chunks),
             message_count=counts.total(),
-            message_end_time=max((index.message_end_time for index in indexes), default=0),
-            message_start_time=min((index.message_start_time for index in indexes), default=0),
+            message_end_time=max((chunk.times[1] for chunk in self._chunks), default=0),
+            message_start_time=min((chunk.times[0] for chunk in self._chunks), default=0),
             metadata_count=len(self._metadata),
             schema_count=len(self._schemas),
         )
