@@ -22,7 +22,7 @@ class Hold:
 
     Attributes:
         by: the entity whose script asked for it; 0: none. It begins with the step after.
-        ticks: steps so far in which time stood. held: how long they took.
+        ticks: steps so far in which time stood. held: the time of those, over changes of the tick rate.
         missed: what was told in them: all hear it when time goes on.
         stands: whether this step, or the last one between two, is such a step.
     """

@@ -94,13 +94,14 @@ def apply_edits(simulation: Simulation, edits: tuple[Edit, ...]) -> Applied:
         raise RequestError(f"one command may have {MAX_EDITS} edits, not {len(edits)}: send several")
     if len(edits) > 1:
         simulation.settle()  # bodies have followed what was edited before: what is refused is taken back alone
-    resting, tick_time = simulation.world.allocator.resting(), copy(simulation.tick_time)
+    resting, hold = simulation.world.allocator.resting(), simulation.scripts.hold
+    tick_time, held = copy(simulation.tick_time), copy(hold.held)
     done: list[Outcome] = []
     try:
         _apply_all(simulation, edits, done)
     except Exception:
         _take_back(simulation, done)
-        simulation.tick_time = tick_time
+        simulation.tick_time, hold.held = tick_time, held  # to the bit: who runs it again does not come by here
         if done:
             _keep_physics(simulation)
         came_back = {entity for edit in edits if isinstance(edit, Spawn) for entity in edit.entities}

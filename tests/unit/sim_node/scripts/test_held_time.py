@@ -6,12 +6,14 @@ import dataclasses
 
 import pytest
 
-from elys.bus.messages.commands import LoadScene
+from elys.bus.messages.commands import Despawn, LoadScene, SetSettings
 from elys.common.components import Collider, RigidBody, Script, Transform
+from elys.common.errors import EntityError
 from elys.common.ids import Entity
+from elys.common.scene import SceneSettings
 from elys.sim_node.scene.loading import records_of
 from elys.sim_node.state import State
-from elys.sim_node.systems.apply_edits import load_scene
+from elys.sim_node.systems.apply_edits import apply_edits, load_scene
 from tests.unit.sim_node.scripts.conftest import Playground
 
 COUNTS = """
@@ -249,3 +251,23 @@ def test_a_state_of_before_time_could_be_held_can_be_gone_back_to(play: Playgrou
     play.simulation.restore(older)
     assert play.on(counts).early == 20 and not play.on(counts).world.is_held
     assert play.on(counts).world.held_time == 0.0
+
+
+def test_another_tick_rate_that_is_refused_with_others_leaves_no_bit_of_time_behind(play: Playground) -> None:
+    thrown(play)
+    play.run(50)
+    before = play.simulation.capture().to_bytes()
+    with pytest.raises(EntityError):
+        apply_edits(play.simulation, (SetSettings(settings=SceneSettings(tick_rate=7)), Despawn(entity=4_000_000)))
+    assert play.simulation.capture().to_bytes() == before
+
+
+def test_what_is_held_counts_in_seconds_of_each_tick_rate(play: Playground) -> None:
+    thrown(play)
+    play.run(40)  # ten of them held, at 60 Hz
+    play.simulation.change_settings(SceneSettings(tick_rate=20))
+    play.run(50)  # twenty of them held
+    world = play.simulation.scripts.world
+    assert world.held_time == pytest.approx(10 / 60 + 20 / 20, abs=1e-12)
+    assert world.time == pytest.approx(30 / 60 + 30 / 20, abs=1e-12)
+    assert play.simulation.time == pytest.approx(40 / 60 + 50 / 20, abs=1e-12)
