@@ -91,7 +91,7 @@ class Rogue:
     def publish_nonsense(self) -> None:
         for topic in TOPICS:
             for payload in payloads(topic, self._noise):
-                self._zenoh.put(self._key[topic.name], payload)
+                self._put(self._key[topic.name], payload)
 
     def ask_nonsense(self) -> dict[str, list[str]]:
         """The answers by query: "" for one that was answered, else the refusal. What is too large is dropped unread."""
@@ -136,7 +136,11 @@ class Rogue:
         self._zenoh.close()
 
     def _put_json(self, topic: str, content: dict[str, Any]) -> None:
-        self._zenoh.put(self._key[topic], codec.with_prefix(json.dumps(content).encode(), Encoding.JSON))
+        self._put(self._key[topic], codec.with_prefix(json.dumps(content).encode(), Encoding.JSON))
+
+    def _put(self, key: str, payload: bytes) -> None:
+        """All of it arrives: by zenoh's default what finds a full queue is dropped."""
+        self._zenoh.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
 
 
 def test_nonsense_on_every_topic_and_query_harms_nobody(elys, free_port, tmp_path) -> None:

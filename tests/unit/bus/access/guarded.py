@@ -54,6 +54,14 @@ class Raw:
             allowed_origin=zenoh.Locality.REMOTE,
         )
 
+    def say(self, key: str, payload: bytes) -> None:
+        """Waits for room: by zenoh's default what finds a full queue is dropped, and nothing would come."""
+        self.zenoh.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
+
+    def take_back(self, key: str) -> None:
+        """Says that nothing is under a key any more, and waits for room as `say` does."""
+        self.zenoh.delete(key, congestion_control=zenoh.CongestionControl.BLOCK)
+
     def ask(self, key: str, payload: bytes = b"", *, timeout: float = PATIENCE) -> list[bytes | str]:
         """All answers; refusals as text."""
         replies = self.zenoh.get(
@@ -94,7 +102,7 @@ class Guarded:
         """All that came before something that the client may say for sure, and says now: messages overtake none of their kind."""
         self._markers += 1
         marker = f"marker {self._markers}".encode()
-        client.zenoh.put(topics.key_of(NAME, topics.VIEW_REQUEST, "anybody"), marker)
+        client.say(topics.key_of(NAME, topics.VIEW_REQUEST, "anybody"), marker)
         came: list[tuple[str, bytes]] = []
         while True:
             key, payload = heard.get(timeout=PATIENCE)

@@ -63,7 +63,7 @@ def until_way_up(tree: Tree, client: Raw, heard: queue.Queue[tuple[str, bytes]])
     """Returns when what the client below says comes to who listens above."""
 
     def came() -> bool:
-        client.zenoh.put(topics.key_of(NAME, topics.VIEW_REQUEST, "anybody"), b"marker of the way")
+        client.say(topics.key_of(NAME, topics.VIEW_REQUEST, "anybody"), b"marker of the way")
         try:
             heard.get(timeout=0.01)
         except queue.Empty:
@@ -88,7 +88,7 @@ def test_what_a_role_may_not_say_below_a_router_reaches_nobody_above_or_beside(t
     for topic in TOPICS:
         for node in (client.node, f"tool-1.{other}", "tool-1"):
             key = topics.key_of(NAME, topic, node if topic.by_node else "anything")
-            client.zenoh.put(key, b"said by " + node.encode())
+            client.say(key, b"said by " + node.encode())
             if role >= topic.publisher and (node == client.node or not topic.by_node):
                 expected.append((key, b"said by " + node.encode()))
     for heard in (tree.heard, above.heard, beside.heard):
@@ -150,7 +150,7 @@ def test_a_router_with_a_viewers_key_passes_up_no_more_than_that_viewer_may() ->
         owner = tree.client_below(Role.OWNER)
         until_way_up(tree, owner, tree.heard)
         for topic in TOPICS:
-            owner.zenoh.put(topics.key_of(NAME, topic, owner.node), b"said")
+            owner.say(topics.key_of(NAME, topic, owner.node), b"said")
         said = {key for key, payload in tree.heard_of(owner, tree.heard) if payload == b"said"}
         assert said == {
             topics.key_of(NAME, topic, owner.node)
@@ -178,11 +178,11 @@ def test_what_a_host_says_comes_down_however_large_and_sessions_may_be_hosted_be
 
     key = f"elys/{NAME}/state"
     wait_until(lambda: heard(lambda: tree.transport.publish(key, LARGE, Delivery.SEQUENCED), LARGE))
-    wait_until(lambda: heard(lambda: owner.zenoh.put("elys/meadow/state", LARGE), LARGE))
-    editor.zenoh.put("elys/meadow/state", b"forged")
-    editor.zenoh.put("elys/meadow/log", b"line")
+    wait_until(lambda: heard(lambda: owner.say("elys/meadow/state", LARGE), LARGE))
+    editor.say("elys/meadow/state", b"forged")
+    editor.say("elys/meadow/log", b"line")
     owner.listen("elys/meadow/log")
-    owner.zenoh.put("elys/meadow/state", b"end")
+    owner.say("elys/meadow/state", b"end")
     payloads = []
     while not payloads or payloads[-1] != b"end":
         payloads.append(viewer.heard.get(timeout=PATIENCE)[1])

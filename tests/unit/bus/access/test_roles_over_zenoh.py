@@ -43,8 +43,8 @@ def test_what_a_role_may_not_say_reaches_neither_host_nor_others(guarded: Guarde
     client = guarded.client(role)
     wait_until(lambda: reaches(guarded, client, witness))
     for topic in TOPICS:
-        client.zenoh.put(said_key(topic, client.node), b"said")
-        client.zenoh.delete(said_key(topic, client.node))
+        client.say(said_key(topic, client.node), b"said")
+        client.take_back(said_key(topic, client.node))
     expected = sorted(
         (said_key(topic, client.node), payload)
         for topic in TOPICS
@@ -64,7 +64,7 @@ def test_what_a_role_may_not_say_reaches_neither_host_nor_others(guarded: Guarde
 
 def reaches(guarded: Guarded, client: Raw, witness: Raw) -> bool:
     """Whether what the client says comes to the witness yet."""
-    client.zenoh.put(topics.key_of(NAME, topics.VIEW_REQUEST, "anybody"), b"marker of the way")
+    client.say(topics.key_of(NAME, topics.VIEW_REQUEST, "anybody"), b"marker of the way")
     try:
         witness.heard.get(timeout=0.01)
     except queue.Empty:
@@ -77,8 +77,8 @@ def test_nobody_sends_input_as_another_user(guarded: Guarded) -> None:
     player = guarded.client(Role.PLAYER)
     other = guarded.keyring.named("editor").user
     for node in (f"tool-1.{other}", f"tool-1.{player.user}.{other}", "tool-1", f"tool-1.{player.user}x"):
-        player.zenoh.put(f"elys/{NAME}/input/{node}", b"forged")
-    player.zenoh.put(f"elys/{NAME}/input/tool-1.{player.user}", b"own")
+        player.say(f"elys/{NAME}/input/{node}", b"forged")
+    player.say(f"elys/{NAME}/input/tool-1.{player.user}", b"own")
     assert guarded.heard_of(player, guarded.heard) == [(f"elys/{NAME}/input/tool-1.{player.user}", b"own")]
 
 
@@ -91,8 +91,8 @@ async def test_nobody_acknowledges_a_stream_for_another(guarded: Guarded) -> Non
 
     def say(client: Raw, stream: str, ack: Ack, chosen: int) -> None:
         interest = codec.encode(StreamInterest(chosen=(chosen,)), Encoding.MSGPACK)
-        client.zenoh.put(f"elys/{NAME}/stream/ack/{stream}", codec.with_prefix(pack_ack(ack), Encoding.RAW))
-        client.zenoh.put(f"elys/{NAME}/stream/interest/{stream}", interest)
+        client.say(f"elys/{NAME}/stream/ack/{stream}", codec.with_prefix(pack_ack(ack), Encoding.RAW))
+        client.say(f"elys/{NAME}/stream/interest/{stream}", interest)
 
     async def served(stream: str, chosen: int) -> Sender:
         async with asyncio.timeout(PATIENCE):
@@ -190,10 +190,10 @@ def test_nobody_reads_along_what_is_not_for_him(guarded: Guarded) -> None:
     key = f"elys/{NAME}/input/tool-1.{player.user}"
     wait_until(lambda: said_and_heard(player, owner, key))
     wait_until(lambda: said_and_heard(owner, viewer, f"elys/{NAME}/log"))
-    player.zenoh.put(key, b"typed")
+    player.say(key, b"typed")
     while owner.heard.get(timeout=PATIENCE)[1] != b"typed":
         pass
-    owner.zenoh.put(f"elys/{NAME}/log", b"end")
+    owner.say(f"elys/{NAME}/log", b"end")
     came = []
     while (item := viewer.heard.get(timeout=PATIENCE)) != (f"elys/{NAME}/log", b"end"):
         came.append(item[0])
@@ -201,7 +201,7 @@ def test_nobody_reads_along_what_is_not_for_him(guarded: Guarded) -> None:
 
 
 def said_and_heard(speaker: Raw, listener: Raw, key: str) -> bool:
-    speaker.zenoh.put(key, b"way")
+    speaker.say(key, b"way")
     try:
         listener.heard.get(timeout=0.01)
     except queue.Empty:
@@ -239,8 +239,8 @@ def test_what_is_larger_than_its_topic_is_dropped_at_the_door(guarded: Guarded) 
     for topic in TOPICS:
         if topic.publisher <= Role.OWNER and topic.largest < 1 << 23:
             key = said_key(topic, owner.node)
-            owner.zenoh.put(key, bytes(topic.largest + 1))
-            owner.zenoh.put(key, bytes(topic.largest))
+            owner.say(key, bytes(topic.largest + 1))
+            owner.say(key, bytes(topic.largest))
             assert [(k, len(p)) for k, p in guarded.heard_of(owner, guarded.heard)] == [(key, topic.largest)]
     for query in QUERIES:
         if query.largest < 1 << 23:
