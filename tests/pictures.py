@@ -21,6 +21,7 @@ from elys.bus.messages.commands import CommandRequest, StepTicks
 from elys.verbs.nodes import joined
 from tests.benchmarks.processes import environment, running
 from tests.editor_pictures import draw_editor_pictures
+from tests.game_pictures import draw_controls
 from tests.instrument_pictures import main as draw_instrument_pictures
 from tests.web_pictures import draw_web_pictures
 
@@ -62,6 +63,10 @@ def main() -> None:
         draw_instrument_pictures()
     if "web" in (sys.argv[1:] or ["web"]):
         draw_web_pictures(PICTURES)
+    if "controls" in (sys.argv[1:] or ["controls"]):
+        level = (*elys, "run", "meadow", "--headless", "--listen", ENDPOINT)
+        with environment() as env, running(level, env=env, wait_for="simulating"):
+            asyncio.run(draw_controls(PICTURES / "controls.png", ENDPOINT))
     if "editor-inspector" not in (sys.argv[1:] or ["editor-inspector"]):
         return
     table = (*elys, "run", "docs/examples/table.scene.json", "--headless", "--paused", "--listen", ENDPOINT)

@@ -7,7 +7,7 @@ pad plays as stays, though it be unplugged and come again while play goes on.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Final, Protocol
+from typing import Final, Generic, Protocol, TypeVar
 
 from elys.bus.input_sender import InputSender
 from elys.common.input_names import PAD_NAMES
@@ -52,10 +52,21 @@ def pads_of(glfw: Glfw) -> dict[int, PadState]:
     return {number: state for number, state in states if state is not None}
 
 
-class Gamepad:
+class PadHands(Protocol):
+    """Who hears what a pad does, as `InputSender` does."""
+
+    def press(self, name: str) -> None: ...
+    def let_go(self, name: str) -> None: ...
+    def set_axis(self, name: str, place: float) -> None: ...
+
+
+_Hands = TypeVar("_Hands", bound=PadHands)
+
+
+class Gamepad(Generic[_Hands]):
     """One pad: tells a sender what is another than it was."""
 
-    def __init__(self, sender: InputSender) -> None:
+    def __init__(self, sender: _Hands) -> None:
         self.sender = sender
         self._down: frozenset[str] = frozenset()
         self._places: dict[str, float] = dict.fromkeys(AXES, 0.0)
@@ -105,7 +116,7 @@ class Gamepads:
     def __init__(self, sender: InputSender, *, join: Callable[[], InputSender | None]) -> None:
         self._sender = sender
         self._join = join
-        self._pads: dict[int, Gamepad] = {}  # by GLFW's number of the joystick
+        self._pads: dict[int, Gamepad[InputSender]] = {}  # by GLFW's number of the joystick
         self._waiting: dict[int, bool] = {}  # whether start was down already, of those that play as nobody yet
 
     @property

@@ -55,6 +55,21 @@ class BindingsFile(NamedTuple):
         players = {**self.players, player: dict(bindings)}
         return self._replace(players={number: players[number] for number in sorted(players) if players[number]})
 
+    def rebound(self, player: int, wanted: Mapping[str, str]) -> BindingsFile:
+        """Another file, in which a player has bound this and nothing else: what stands there for this player alone is changed
+        there, all else for everybody. InputError for more names than a player may bind.
+        """
+        if len(wanted) > MOST_NAMES:
+            raise InputError(f"a player may bind {MOST_NAMES} names, not {len(wanted)}")
+        before, everybody, own = self.of(player), dict(self.everybody), self.told(player)
+        for name in before.keys() - wanted.keys():
+            everybody.pop(name, None)
+            own.pop(name, None)
+        for name, text in wanted.items():
+            if before.get(name) != text:
+                (own if name in own else everybody)[name] = text
+        return self.with_told(None, everybody).with_told(player, own)
+
 
 def user_file() -> Path:
     """Where the user's own bindings are kept."""
@@ -100,6 +115,12 @@ class FollowedBindings:
         except InputError as error:
             _log.warning("%s; what it said before counts", error)
         return self._last.of(player)
+
+    def keep(self, player: int, bindings: Mapping[str, str]) -> None:
+        """Writes that a player has bound this and nothing else. InputError if that cannot be; the file stays as it is then."""
+        path = self._path or user_file()
+        self._last = (load_bindings(path) if path.exists() else BindingsFile()).rebound(player, bindings)
+        save_bindings(self._last, path)
 
 
 def save_bindings(file: BindingsFile, path: Path | None = None) -> Path:

@@ -22,12 +22,15 @@ from elys.bus.messages.views import FRAMED, Debug, PickRequest, ViewCamera
 from elys.bus.session import Session
 from elys.common.assets import AssetStore
 from elys.common.errors import BusError
+from elys.render_node.camera import View
 from elys.render_node.game_input import GameInput, Seating, Seen
 from elys.render_node.gpu import TEXTURE_UNITS, Context, Framebuffer, Texture, window_context
 from elys.render_node.lettering import write_on
 from elys.render_node.marks import LETTERS, age_text, stamp_text
 from elys.render_node.orbit import Orbit
+from elys.render_node.overlays import NO_OVERLAYS, Overlays
 from elys.render_node.passes.backdrop import ScreenShader
+from elys.render_node.passes.overlay import OverlayPass
 from elys.render_node.play_control import PlayControl
 from elys.render_node.remote_view import Choice, RemotePicture, RemoteView, Wanted
 from elys.render_node.resources import Resources
@@ -230,6 +233,8 @@ class _ThinViewer:
             pixels = pixels.copy()
             write_on(pixels, notes, LETTERS)
         self._screen.show(pixels, *self._window.framebuffer_size)
+        if card := self._game.over(NO_OVERLAYS):
+            self._screen.show_over(card, View.of(picture.frame.camera, *self._window.framebuffer_size))
         self._window.swap()
         self._is_fresh = False
         if picture.asked_at is not None and self._orbit is not None:
@@ -309,6 +314,8 @@ class _ThinViewer:
             case KeyPressed(key="p"):
                 self._game.start()
                 self._is_fresh = True
+            case KeyPressed(key="f1"):
+                self._game.show_controls()
             case KeyPressed(key="space"):
                 self._play.toggle()
             case KeyPressed(key="escape"):
@@ -353,7 +360,9 @@ class _Screen:
 
     def __init__(self, context: Context) -> None:
         self._context = context
-        self._shader = ScreenShader(Resources(context), "picture.frag")
+        resources = Resources(context)
+        self._shader = ScreenShader(resources, "picture.frag")
+        self._overlays = OverlayPass(resources)
         self._texture: Texture | None = None
 
     def show(self, pixels: NDArray[np.uint8], width: int, height: int) -> None:
@@ -367,4 +376,9 @@ class _Screen:
         self._context.set_state()
         self._texture.use(TEXTURE_UNITS["picture"])
         self._shader.compiled()[1].draw()
+        self._context.collect()
+
+    def show_over(self, overlays: Overlays, view: View) -> None:
+        """Overlays of the window's own, which show no images, over that."""
+        self._overlays.draw_over(overlays, view, None, Framebuffer.of_window(self._context, view.width, view.height))
         self._context.collect()

@@ -1,7 +1,7 @@
 """`elys view`: a window that draws a running session or a replay by itself.
 
 left drag orbit   middle drag pan   wheel zoom   F frame all   C the scene's camera   space play / pause   Esc quit
-P lends keys, mouse and gamepads to the game, Esc gives them back
+P lends keys, mouse and gamepads to the game, Esc gives them back; F1 shows which does what, and binds them anew
 1 to 9, 0, G and D debug drawing, see DEBUG_KEYS   A tick, time, age and frame rate   M silence
 """
 
@@ -17,9 +17,11 @@ from typing import Final
 from elys.bus.host_clock import HostClock
 from elys.bus.messages.streaming import StreamInterest
 from elys.bus.messages.views import Debug, ViewCamera
+from elys.bus.scene_controls import input_map_of
 from elys.bus.session import Session
 from elys.bus.state_source import stream_report, tell_interest
 from elys.bus.streaming.measures import stream_text
+from elys.common.components import InputMap
 from elys.common.errors import DisplayError
 from elys.render_node.game_input import GameInput, Seating, Seen
 from elys.render_node.gpu import Framebuffer, window_context
@@ -124,7 +126,13 @@ class _Viewer:
         self._host_clock = HostClock(session)
         session.start(self._host_clock.run())
         self._game = GameInput(
-            session, window, self._play, seen=self._seen, host_time=self._host_clock.host_time, seating=seating
+            session,
+            window,
+            self._play,
+            seen=self._seen,
+            host_time=self._host_clock.host_time,
+            seating=seating,
+            declared=self._input_map,
         )
         self._is_dirty = True
         self._drawn: tuple[object, ...] | None = None
@@ -169,6 +177,9 @@ class _Viewer:
         rate = (len(shown) - 1) / (shown[-1] - shown[0]) if len(shown) > 1 and shown[-1] > shown[0] else 0.0
         notes = (*stream_notes(self._session), *self._game.latency, *self._game.note)
         return what, f"{age}   {rate:.0f} pictures/s", *notes
+
+    async def _input_map(self) -> InputMap:
+        return input_map_of(self._follower.mirror)
 
     def _seen(self) -> Seen:
         world = self._follower.world
@@ -237,7 +248,7 @@ class _Viewer:
         marks = self._follower.drawing.marks(world, self._debug, notes=self.notes(now), ghosts=ghosts)
         camera = self._camera(width / height)
         tell_interest(self._session, StreamInterest(cameras=(camera,), aspect=width / height))
-        overlays = self._follower.overlays.shown(world, player=self._player)
+        overlays = self._game.over(self._follower.overlays.shown(world, player=self._player))
         self._renderer.draw(world, camera, width, height, marks=marks, ghosts=ghosts, overlays=overlays, target=target)
 
     def _listen(self) -> None:
@@ -251,7 +262,7 @@ class _Viewer:
 
     async def _wait(self, start: float) -> None:
         await asyncio.sleep(max(0.0, start + FRAME_TIME - time.monotonic()))
-        if self._is_dirty or self._game.is_on or self._follower.world.timeline.is_moving(time.monotonic()):
+        if self._is_dirty or self._game.is_busy or self._follower.world.timeline.is_moving(time.monotonic()):
             return
         try:  # idle: only input and news wake us
             async with asyncio.timeout(IDLE_TIME if not self._follower.changed.is_set() else 0.0):
@@ -286,6 +297,8 @@ class _Viewer:
                 self.show_debug(self._debug ^ {DEBUG_KEYS[key]})
             case KeyPressed(key="p"):
                 self._game.start()
+            case KeyPressed(key="f1"):
+                self._game.show_controls()
             case KeyPressed(key="space"):
                 self._play.toggle()
             case KeyPressed(key="escape"):

@@ -7,10 +7,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, Protocol
 
 from elys.bus.gamepads import PadState, pads_of
-from elys.bus.input_sender import InputSender
 from elys.common.errors import DisplayError
 from elys.common.input_names import KEY_NAMES, MOUSE_NAMES
 
@@ -37,7 +36,7 @@ import glfw  # noqa: E402  reads the environment when it is imported
 
 Button = Literal["left", "middle", "right"]
 Key = Literal[
-    "f", "c", "a", "d", "g", "m", "n", "p", "space", "escape", "0", "1", "2", "3", "4", "5", "6", "7", "8", "9"
+    "f", "c", "a", "d", "g", "m", "n", "p", "f1", "space", "escape", "0", "1", "2", "3", "4", "5", "6", "7", "8", "9"
 ]
 _BUTTONS: Final[Mapping[int, Button]] = {
     glfw.MOUSE_BUTTON_LEFT: "left",
@@ -53,6 +52,7 @@ _KEYS: Final[Mapping[int, Key]] = {
     glfw.KEY_M: "m",
     glfw.KEY_N: "n",
     glfw.KEY_P: "p",
+    glfw.KEY_F1: "f1",
     glfw.KEY_0: "0",
     glfw.KEY_1: "1",
     glfw.KEY_2: "2",
@@ -103,6 +103,15 @@ class KeyPressed:
 WindowEvent = Dragged | Clicked | Scrolled | KeyPressed
 
 
+class Hands(Protocol):
+    """Whom keys, mouse and what is typed reach, as `InputSender` takes them."""
+
+    def press(self, name: str) -> None: ...
+    def let_go(self, name: str) -> None: ...
+    def move(self, name: str, distance: float) -> None: ...
+    def type(self, text: str) -> None: ...
+
+
 class Window:
     """One window whose context is current on this thread. What it hears goes to `on_event`, from `poll`."""
 
@@ -112,7 +121,10 @@ class Window:
         self.on_event: Callable[[WindowEvent], None] = lambda event: None
         self._pointer = (0.0, 0.0)
         self._pressed_at: tuple[float, float] | None = None  # where the left button went down
-        self._player: InputSender | None = None
+        self._player: Hands | None = None
+        self.keeps: Callable[[str], bool] = (
+            self._gives_back
+        )  # whether a key is not for the player, who would have it else
         self.gave_back = False  # a player was here and is no more; whoever hears of it makes it false again
         _initialise()
         self._window = _create(title, size, visible=True)
@@ -143,12 +155,12 @@ class Window:
         return self.is_null or not glfw.get_window_attrib(self._window, glfw.ICONIFIED)
 
     @property
-    def player(self) -> InputSender | None:
+    def player(self) -> Hands | None:
         """Whom keys and mouse reach instead of `on_event`, with the pointer held, until Escape or another window ends it."""
         return self._player
 
     @player.setter
-    def player(self, player: InputSender | None) -> None:
+    def player(self, player: Hands | None) -> None:
         self.gave_back |= self._player is not None and player is None
         self._player = player
         mode = glfw.CURSOR_DISABLED if player is not None else glfw.CURSOR_NORMAL
@@ -210,14 +222,18 @@ class Window:
 
     def _key(self, _: Any, key: int, __: int, action: int, ___: int) -> None:
         if self._player is not None:
+            name = KEY_NAMES.get(key, "")
             if action == glfw.RELEASE:
-                self._player.let_go(KEY_NAMES.get(key, ""))
-            elif key == glfw.KEY_ESCAPE:
-                self.player = None
-            elif action == glfw.PRESS:
-                self._player.press(KEY_NAMES.get(key, ""))
+                self._player.let_go(name)
+            elif action == glfw.PRESS and not self.keeps(name):
+                self._player.press(name)
         elif action == glfw.PRESS and key in _KEYS:
             self.on_event(KeyPressed(_KEYS[key]))
+
+    def _gives_back(self, name: str) -> bool:
+        if name == "escape":
+            self.player = None
+        return name == "escape"
 
     def _button(self, _: Any, button: int, action: int, __: int) -> None:
         if self._player is not None and 0 <= button < len(MOUSE_NAMES):

@@ -54,7 +54,8 @@ def view(
     if ghosts_start_now and not ghosts:
         raise ElysError("--ghost-now says when ghosts begin: name one with --ghost")
     require_recordings(ghosts)
-    seating = Seating(player, FollowedBindings(bindings), plays)
+    followed = FollowedBindings(bindings)
+    seating = Seating(player, followed, plays, followed.keep)
     start_logging()
     endpoint = choose_endpoint(connect)
     probe_display()

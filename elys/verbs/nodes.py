@@ -238,7 +238,8 @@ def view(connect: str | None, *, debug: str, frame_limit: int, plays: bool = Fal
     from elys.render_node.game_input import Seating
     from elys.render_node.view_window import run_view
 
-    seating = Seating(bindings=FollowedBindings(), plays_at_once=plays)
+    bindings = FollowedBindings()
+    seating = Seating(bindings=bindings, plays_at_once=plays, keep=bindings.keep)
 
     async def work() -> None:
         async with joined(connect, kind="viewer", timeout=60.0) as session:

@@ -15,7 +15,7 @@ IN_RACE = (("go_on", "Go on"), ("restart", "Restart"))
 
 
 class Menu(Behaviour):
-    """Rows below a panel: levels, then settings. `move` chooses and changes, `confirm` goes, `pause` opens and closes."""
+    """Rows below a panel: levels, settings, controls. `move` chooses and changes, `confirm` goes, `pause` opens and closes."""
 
     is_open: Annotated[bool, about("Whether it is open at first.")] = False
     levels: Annotated[str, about("A line for each level: name|title|best time|medal.")] = ""
@@ -51,6 +51,7 @@ class Menu(Behaviour):
         y += GAP
         for number, (name, title, _, _) in enumerate(self.choices):
             y = self.row(y, SMALL_ROW, title, self.values[name], ("setting", number))
+        y = self.row(y, SMALL_ROW, "Controls", "keys, gamepad", ("controls", ""))
         self.entity.set(components.Overlay, height=max(HEAD + y + FOOT, 0.5))
         self.chosen = (
             0
@@ -136,6 +137,8 @@ class Menu(Behaviour):
                 self.go_on()
             elif what == "restart":
                 self.want(what="restart")
+            elif what == "controls":  # they are chosen at the player's own machine: its window shows a card
+                self.world.emit("controls_wanted", player=self.player)
             else:
                 self.want(what="level", name=which)
 

@@ -9,6 +9,7 @@ import numpy as np
 from elys.render_node.camera import Region, View
 from elys.render_node.gpu import TEXTURE_UNITS, Framebuffer, Texture
 from elys.render_node.overlay_quads import QUAD_WIDTH, QuadMaker
+from elys.render_node.overlays import Overlays
 from elys.render_node.passes.strips import Strips
 from elys.render_node.picture_plan import PicturePlan
 from elys.render_node.resources import Resources
@@ -32,9 +33,13 @@ class OverlayPass:
 
     def draw(self, plan: PicturePlan, whole: View, region: Region | None, target: Framebuffer) -> None:
         """Draws over `target`, which is the picture of the view `whole` or a region of it."""
+        self._resources.overlay_images.begin(plan.world.assets)
+        self.draw_over(plan.overlays, whole, region, target)
+
+    def draw_over(self, overlays: Overlays, whole: View, region: Region | None, target: Framebuffer) -> None:
+        """Likewise for overlays of no scene."""
         images = self._resources.overlay_images
-        images.begin(plan.world.assets)
-        quads = self._maker.quads(plan.overlays, whole, images.size)
+        quads = self._maker.quads(overlays, whole, images.size)
         if not len(quads.rows):
             return
         self._strips.write(quads.rows.reshape(-1, QUAD_WIDTH // 4, 4).reshape(-1, 4))

@@ -128,7 +128,8 @@ def player(place: Place, number: int, assets: AssetStore, *, side: float = 0.0) 
 
 def controls() -> EntityNode:
     """What players can do, and with which keys."""
-    actions = {**ACTIONS, "confirm": "enter, space, pad_a"}
+    actions = {name: ACTIONS[name] for name in ("jump", "use", "pause", "restart")}
+    actions["confirm"] = "enter, space, pad_a"
     return EntityNode(name="Controls", components={"Transform": {}, "InputMap": {"actions": actions}})
 
 

@@ -170,7 +170,7 @@ def test_it_opens_and_goes_on_by_keyboard_and_gamepad(opens: str, goes: str) -> 
     game.away = {1}
     game.press(opens)
     assert game.menu.visible and game.simulation.is_held
-    assert game.texts() == ["Go on", "Restart", "Meadow", "Quarry", "Ghosts"]
+    assert game.texts() == ["Go on", "Restart", "Meadow", "Quarry", "Ghosts", "Controls"]
     before = game.place()
     game.run(60)
     assert np.array_equal(game.place(), before)
@@ -204,6 +204,18 @@ def test_what_else_can_be_chosen_in_a_race(downs: int, key: str, told: dict[str,
     game.run(2)
     assert game.wanted() == [told]
     assert game.simulation.is_held
+
+
+def test_the_menu_asks_the_players_window_for_its_card_of_controls() -> None:
+    game = Played()
+    game.run(150)
+    game.away = {1}
+    game.press("pad_start")
+    game.press("pad_dpad_up")  # from the first row to the last
+    game.press("pad_a")
+    game.run(2)
+    assert [event.values for event in game.told if event.kind == "controls_wanted"] == [{"player": 1}]
+    assert game.menu.visible and game.simulation.is_held and not game.wanted()
 
 
 def test_a_countdown_waits_as_well() -> None:

@@ -118,3 +118,89 @@ asyncio.run(main())
 @pytest.mark.gl
 def test_keys_and_mouse_are_lent_until_escape() -> None:
     assert in_process(SCRIPT) == "done"
+
+
+CARD = (
+    SCRIPT[: SCRIPT.index("async def main")]
+    + """
+from elys.bus.messages.session import Event, EventBatch
+from elys.common.components import InputMap
+from elys.render_node.overlays import NO_OVERLAYS
+
+async def main():
+    host, session = await open_session()
+    heard, events, kept = [], [], []
+    async def command(request, key):
+        return CommandReply(accepted=True, tick=1)
+    host.serve(topics.COMMAND, command)
+    host.subscribe(topics.INPUT, lambda message, node: heard.append(message))
+    async def until(condition):
+        async with asyncio.timeout(20):
+            while not condition():
+                game.update()
+                await asyncio.sleep(0.001)
+    window = Window("test", (96, 64))
+    window.on_event = events.append
+    play = PlayControl(session)
+    bindings = {"jump": "f3, pad_b"}
+    def keep(player, bound):
+        kept.append((player, dict(bound)))
+        bindings.clear(); bindings.update(bound)
+    async def declared():
+        return InputMap(actions={"jump": "space, pad_a"}, vectors={})
+    seating = Seating(3, lambda player: dict(bindings), keep=keep)
+    game = GameInput(session, window, play, seating=seating, declared=declared)
+    key = lambda number, action=glfw.PRESS: window._key(None, number, 0, action, 0)
+    def tap(number):
+        key(number); key(number, glfw.RELEASE)
+    game.show_controls()
+    host.publish(topics.STATUS, status())
+    await until(lambda: play.status is not None)
+    assert game.card_version == -1  # nobody had said that there is a game
+    game.start()
+    key(glfw.KEY_W)
+    await until(lambda: len(heard) == 2)
+    tap(glfw.KEY_F1)
+    await until(lambda: game.card_version >= 0)
+    assert not game.is_on and game.is_busy and game.over(NO_OVERLAYS).nodes
+    await until(lambda: len(heard) == 3)
+    assert heard[2].lets_go  # nobody plays who binds keys
+    key(glfw.KEY_W, glfw.RELEASE)
+    before = game.card_version
+    tap(glfw.KEY_ENTER)
+    tap(glfw.KEY_ESCAPE)  # takes back the choice, not the keys
+    tap(glfw.KEY_ENTER)
+    tap(glfw.KEY_J)
+    assert game.update() and not game.update() and game.card_version > before
+    assert kept == [(3, {"jump": "j, pad_b"})] and game.is_busy
+    tap(glfw.KEY_ESCAPE)
+    await until(lambda: game.is_on)
+    key(glfw.KEY_J)
+    await until(lambda: len(heard) == 5)
+    assert (heard[3].bindings, heard[4].changes) == ({"jump": "j, pad_b"}, (("j", True),))
+    for player in (2, 3):  # a script asks for it; for another player, and for this one
+        batch = EventBatch(epoch=1, tick=9, events=(Event(kind="controls_wanted", values={"player": player}),))
+        host.publish(topics.EVENTS, batch)
+        await until(lambda: player == 2 or game.card_version >= 0)
+    window._focused(None, 0)  # another window: the card is gone, and nobody plays
+    await until(lambda: game.card_version == -1)
+    assert not game.is_busy and window.player is None
+    tap(glfw.KEY_F1)
+    tap(glfw.KEY_SPACE)
+    assert events == [KeyPressed("f1"), KeyPressed("space")]
+    game.show_controls()  # also while nobody plays: then nobody does afterwards
+    await until(lambda: game.card_version >= 0)
+    tap(glfw.KEY_F1)
+    await until(lambda: game.card_version == -1)
+    assert not game.is_busy and heard[5:] and all(message.lets_go for message in heard[5:])
+    window.close()
+    await session.close(); await host.close()
+    print("done")
+asyncio.run(main())
+"""
+)
+
+
+@pytest.mark.gl
+def test_f1_binds_keys_anew_in_the_middle_of_a_game() -> None:
+    assert in_process(CARD) == "done"
