@@ -11,6 +11,7 @@ from elys.bus import topics
 from elys.bus.messages.session import LogLevel, LogLine
 from elys.bus.session import Session
 
+LONGEST: Final = 10_000  # characters of a line
 _LEVELS: Final[tuple[tuple[int, LogLevel], ...]] = (
     (logging.ERROR, "error"),
     (logging.WARNING, "warning"),
@@ -49,7 +50,7 @@ class SessionLogHandler(logging.Handler):
         line = LogLine(
             node=self._session.node.id,
             level=_level_of(record.levelno),
-            text=record.getMessage(),
+            text=readable(record.getMessage()),
             time=record.created,
         )
         with contextlib.suppress(RuntimeError):  # the loop has ended
@@ -70,10 +71,23 @@ class SessionLogHandler(logging.Handler):
 class _LineFormatter(logging.Formatter):
     def format(self, record: logging.LogRecord) -> str:
         level = "" if record.levelno == logging.INFO else f"{record.levelname.lower()}: "
-        text = f"{level}{record.getMessage()}"
+        text = f"{level}{readable(record.getMessage())}"
         if record.exc_info:
             text = f"{text}\n{self.formatException(record.exc_info)}"
         return text
+
+
+def readable(text: str) -> str:
+    """A text as consoles can show it, whoever wrote it: no control characters, which terminals obey, no half letters, which the
+    bus does not carry, and no more of it than anybody reads.
+    """
+    hidden = len(text) - LONGEST
+    if hidden > 0:
+        text = f"{text[:LONGEST]} ... and {hidden} characters more"
+    if text.isprintable():
+        return text
+    shown = "".join(c if c.isprintable() or c in "\n\t" else c.encode("unicode_escape").decode() for c in text)
+    return shown.encode(errors="backslashreplace").decode()
 
 
 def _level_of(number: int) -> LogLevel:

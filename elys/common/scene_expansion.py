@@ -16,7 +16,7 @@ from elys.common.assets.images import IMAGE_SUFFIXES, read_image
 from elys.common.assets.model_parts import part_of_model
 from elys.common.assets.prefabs import put_prefab
 from elys.common.assets.primitives import PRIMITIVES, is_primitive
-from elys.common.assets.scripts import SELF, read_script
+from elys.common.assets.scripts import SCRIPT_SUFFIX, SELF, read_script
 from elys.common.assets.sounds import SOUND_SUFFIXES, no_sound, read_sound
 from elys.common.assets.store import AssetKind, AssetStore, is_reference
 from elys.common.assets.texture import parse_texture, split_texture
@@ -27,6 +27,7 @@ from elys.common.scene_document import ComponentChanges, ComponentValues, Entity
 from elys.common.scene_files import is_prefab_name, path_of
 from elys.common.scene_naming import Names
 from elys.common.scene_reading import read_scene
+from elys.common.trust import is_trusted
 
 _Scripts = tuple[tuple[Path, str], ...]  # files and behaviours
 _HEIGHT_READERS: Final[Mapping[AssetKind, Callable[[Path, AssetStore], str]]] = {
@@ -337,10 +338,23 @@ def _script(job: _Expansion, value: str, place: _Place) -> str:
     if (path, behaviour) in job.reading:
         _fail(place, f"{path.name} carries a prefab that carries it again; only a script's own prefab may have it")
     try:
+        _require_script(job, path)
         return read_script_file(path, behaviour, job.assets, reading=job.reading)
     except AssetError as error:
         _log.warning("%s", error)
         return value
+
+
+def _require_script(job: _Expansion, path: Path) -> None:
+    """Raises AssetError for a file that a scene has no business with: what it names becomes part of recordings, unasked."""
+    if path.suffix != SCRIPT_SUFFIX:
+        raise AssetError(f"{path} is not read as a script: scripts are files that end with {SCRIPT_SUFFIX}")
+    resolved = path.resolve()
+    if not resolved.is_relative_to(job.directory.resolve().parent) and not is_trusted(str(resolved)):
+        raise AssetError(
+            f"the script {path} is not read, as it lies neither in the scene's folder nor beside that: if you know who wrote the "
+            f"scene, say `elys trust {resolved.parent}` once"
+        )
 
 
 def _file_asset(job: _Expansion, value: str, field_name: str, place: _Place) -> str:

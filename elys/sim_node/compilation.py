@@ -21,6 +21,7 @@ from elys.sim_node.compilation_target import TARGET
 from elys.sim_node.kernel_directory import cache_directory, shipped_directory, source_hash
 
 _log = logging.getLogger(__name__)
+_made = 0
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -74,6 +75,11 @@ def signature_of(*examples: Any) -> tuple[Any, ...]:
     return tuple(typeof(example) for example in examples)
 
 
+def kernels_made() -> int:
+    """How often this process has loaded or compiled a kernel: who asked for it then took long, and will not again."""
+    return _made
+
+
 class _KernelLocator(_CacheLocator):
     """Puts a function's machine code into the folder of its package's present sources."""
 
@@ -120,6 +126,8 @@ class _KernelCache(FunctionCache):
         Numba would first load all that it can type, a third of a second for which machine code has no use; a compilation does it
         by itself.
         """
+        global _made
+        _made += 1
         return self._load_overload(sig, target_context)
 
     def _load_overload(self, sig: Any, target_context: Any) -> Any:

@@ -174,6 +174,7 @@ class Simulation:
             self._tell_where_they_are(stopped)
             self._note_changes()
             self._report_problems()
+        self.scripts.pushes.do_waiting()
         world.transforms.propagate()
 
     def play_animations(self, world: World) -> None:

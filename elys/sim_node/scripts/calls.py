@@ -75,6 +75,7 @@ class Calls:
         """Calls a hook of one."""
         if hook not in one.hooks or not self._scripts.simulation.world.is_alive(one.entity):
             return
+        began = time.thread_time() if self._budget.measures else 0.0
         try:
             with self._scripts.watchdog.inside(who=one):
                 result = getattr(one.itself, hook)(*arguments)
@@ -82,6 +83,8 @@ class Calls:
                     self.begin(one, result)
         except FAILURES as error:
             self._scripts.fail(one, error)
+        if self._budget.measures:
+            one.spent += time.thread_time() - began
 
     def begin(self, one: Running, call: Call) -> None:
         """Begins an async function, which goes as far as it can at once."""

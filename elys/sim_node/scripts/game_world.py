@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import msgspec
 
-from elys.common.components import Component, Transform
+from elys.common.assets.store import is_reference
+from elys.common.components import Component, Script, Transform
 from elys.common.errors import EntityError, ScriptError
 from elys.common.ids import NO_ENTITY
 from elys.common.scene_document import ComponentChanges
@@ -122,14 +123,28 @@ class GameWorld:
         parent: EntityHandle | None = None,
         position: Iterable[float] | None = None,
     ) -> EntityHandle:
-        """A new entity; with a position it has a Transform there."""
+        """A new entity; with a position it has a Transform there. A Script names its file as scenes do, "door.py#Door"."""
         parts = list(components)
         if position is not None and not any(isinstance(part, Transform) for part in parts):
             parts.insert(0, Transform(position=tuple(Vector(position))))  # type: ignore[arg-type]
+        parts = [self._with_known_script(part) if isinstance(part, Script) else part for part in parts]
         above = parent.id if parent is not None else NO_ENTITY
+        self._scripts.make_room(1)
         return EntityHandle(
             self._scripts, self._scripts.simulation.world.spawn(parts, name=checked_name(name), parent=above)
         )
+
+    def _with_known_script(self, component: Script) -> Script:
+        """The component with the content of the script that it names by its file; ScriptError where nothing here has it."""
+        if not component.source or is_reference(component.source):
+            return component
+        source = self._scripts.source_named(component.source)
+        if source is None:
+            raise ScriptError(
+                f"nothing here has the script {component.source}, so its text is not known: let a prefab beside the script "
+                "bring it, with spawn_prefab"
+            )
+        return msgspec.structs.replace(component, source=source)
 
     def spawn_prefab(
         self,
@@ -151,7 +166,8 @@ class GameWorld:
             overrides: the same for those below it, by path of names.
 
         Raises:
-            ScriptError: there is no such prefab here. SceneError, ComponentError: what is laid over it does not fit.
+            ScriptError: there is no such prefab here, or too many entities. SceneError, ComponentError: what is laid over it does
+                not fit.
         """
         laid = dict(components or {})
         placed = {
@@ -163,6 +179,7 @@ class GameWorld:
         above = parent.id if parent is not None else NO_ENTITY
         changes = {**(overrides or {}), "": laid}
         records = self._scripts.library.prefab(prefab, self.source)
+        self._scripts.make_room(len(records))
         return EntityHandle(
             self._scripts,
             spawn_records(self._scripts.simulation.world, records, above, changes, name=checked_name(name)),

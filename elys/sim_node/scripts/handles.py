@@ -14,6 +14,7 @@ from elys.common.ids import MAX_ENTITIES, NO_ENTITY, Entity
 from elys.common.math import poses
 from elys.sim_node.scripts import clip_playing
 from elys.sim_node.scripts.easing import checked
+from elys.sim_node.scripts.pushes import Kind, Push
 from elys.sim_node.scripts.tweening import goal_of
 from elys.sim_node.scripts.vector import Rotation, Vector
 from elys.sim_node.scripts.walking import Legs
@@ -281,19 +282,21 @@ class EntityHandle:
         """Pushes its body [N] at a place [m] in this step; None: at its centre of mass. Nothing is pushed while time is held."""
         if self._scripts.hold.stands:
             return  # or the first step that is none would have the forces of all that were
-        point = None if at is None else [tuple(Vector(at))]
-        self._scripts.simulation.physics.apply_force([self.id], [tuple(Vector(force))], point)
+        self._push("force", force, at)
 
     def apply_impulse(self, impulse: Iterable[float], at: Iterable[float] | None = None) -> None:
-        """Strikes its body [N s]."""
-        point = None if at is None else [tuple(Vector(at))]
-        self._scripts.simulation.physics.apply_impulse([self.id], [tuple(Vector(impulse))], point)
+        """Strikes its body [N s]; one that was spawned in this tick as soon as it has one."""
+        self._push("impulse", impulse, at)
 
     def apply_torque(self, torque: Iterable[float]) -> None:
         """Turns its body [N m], as `apply_force` pushes it."""
         if self._scripts.hold.stands:
             return
-        self._scripts.simulation.physics.apply_torque([self.id], [tuple(Vector(torque))])
+        self._push("torque", torque, None)
+
+    def _push(self, kind: Kind, vector: Iterable[float], at: Iterable[float] | None) -> None:
+        point = None if at is None else tuple(Vector(at))
+        self._scripts.pushes.push(Push(kind, self.id, tuple(Vector(vector)), point))
 
     @property
     def _world(self) -> Any:

@@ -11,7 +11,7 @@ from typing import Any, Final
 import msgspec
 
 from elys.common.assets.prefabs import decode_prefab
-from elys.common.assets.scripts import SELF, decode_script
+from elys.common.assets.scripts import SELF, decode_script, only_class
 from elys.common.assets.store import AssetStore, is_reference
 from elys.common.components.declaration import FieldDeclaration
 from elys.common.errors import AssetError, ScriptError
@@ -54,6 +54,7 @@ class ScriptLibrary:
     def __init__(self, assets: AssetStore) -> None:
         self._assets = assets
         self._loaded: dict[str, LoadedScript | ScriptError] = {}
+        self._called: dict[str, tuple[str, str]] = {}  # file and class by source
         self._prelude = ScriptModules.of_file(_PRELUDE)
 
     def load(self, source: str) -> LoadedScript:
@@ -134,6 +135,17 @@ class ScriptLibrary:
             "must lie beside it, and the name must stand in the script as one text, or be a field's value in the scene"
         )
 
+    def is_called(self, source: str, file: str, behaviour: str) -> bool:
+        """Whether a script is that of a file, and of a class in it if one is named: by its content, the same in each run."""
+        if source not in self._called:
+            try:
+                bundle = decode_script(self._assets.get(source))
+                self._called[source] = bundle.main, bundle.behaviour or only_class(bundle.files[bundle.main])
+            except AssetError:
+                self._called[source] = "", ""
+        main, own = self._called[source]
+        return main == file and behaviour in ("", own)
+
     def place_of(self, source: str) -> str:
         """What tracebacks call the file of a script."""
         path = self._path_of(source)
@@ -158,7 +170,9 @@ class ScriptLibrary:
         if not source:
             raise ScriptError("its component names no script: give file.py#Class")
         if not is_reference(source):
-            raise ScriptError(f"there is no script {source}: it is looked for beside the scene's file")
+            raise ScriptError(
+                f"there is no script {source} that could be read: it is looked for beside the scene's file as that is opened"
+            )
         try:
             bundle = decode_script(self._assets.get(source))
         except AssetError as error:

@@ -226,8 +226,18 @@ class ScriptModules:
 
 def describe(error: BaseException) -> str:
     """An error as a sentence says it: its kind and, if it has one, its text."""
-    text = " ".join(str(error).split())
+    text = " ".join(text_of(error).split())
     return f"{type(error).__name__}: {text[:300]}" if text else type(error).__name__
+
+
+def text_of(error: BaseException) -> str:
+    """What an error says of itself. A script's own may fail at that."""
+    try:
+        return str(error)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as second:  # of whatever kind: what went wrong first is what is to be told
+        return f"its own text cannot be had ({type(second).__name__})"
 
 
 def line_in(place: str, error: BaseException) -> str:

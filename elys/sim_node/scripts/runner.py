@@ -10,15 +10,17 @@ from __future__ import annotations
 import logging
 import random
 import time
+from collections import Counter
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import numpy as np
 
 from elys.bus.messages.session import Event
+from elys.common.assets.store import is_reference
 from elys.common.components import Script
 from elys.common.errors import ScriptError
-from elys.common.ids import Entity
+from elys.common.ids import Entity, index_of
 from elys.sim_node.scripts.behaviour import Behaviour, is_a
 from elys.sim_node.scripts.budget import Budget
 from elys.sim_node.scripts.calls import FAILURES, Calls
@@ -32,6 +34,7 @@ from elys.sim_node.scripts.library import LoadedScript, ScriptLibrary
 from elys.sim_node.scripts.memory_watch import MemoryWatch
 from elys.sim_node.scripts.modules import line_in
 from elys.sim_node.scripts.program import Program
+from elys.sim_node.scripts.pushes import Pushes
 from elys.sim_node.scripts.recollection import Recollection
 from elys.sim_node.scripts.running import Running, failure_text
 from elys.sim_node.scripts.sounds import ScriptSounds
@@ -44,6 +47,9 @@ if TYPE_CHECKING:
     from elys.sim_node.simulation import Simulation
 
 B = TypeVar("B", bound=Behaviour)
+MOST_SAID: Final = 10  # scripts that fail in a tick for the same reason, each with its entity
+MOST_SPAWNED: Final = 10_000  # entities in a tick
+MOST_THERE: Final = 50_000  # entities in the world beyond which scripts spawn none
 LOADING_LIMIT: Final = 20.0  # [s] that a file may take to be run as it is loaded: it may import much
 _log = logging.getLogger(__name__)
 
@@ -64,12 +70,15 @@ class Scripts:
         self._events: list[Event] = []
         self.sounds = ScriptSounds(simulation)
         self.hold = Hold()
+        self.pushes = Pushes(simulation)
         self._recollection = Recollection(self)
         self.watchdog = Watchdog(named=self.named_script)
         self._budget = Budget()
         self._calls = Calls(self, self._budget)
         self._memory = MemoryWatch()
         self._spent = 0.0  # [s] in this tick, before physics
+        self._spawned = 0  # entities in this tick
+        self._failed: Counter[tuple[str, str]] = Counter()  # in this tick, by script and what was the matter
         self._are_new = False  # some have not started yet
         self._listening: dict[str, list[Running]] = {}  # by hook; made anew when anybody comes, goes or changes
 
@@ -86,6 +95,7 @@ class Scripts:
     def run(self, world: World) -> None:
         """Before physics: all but `update`."""
         self.hold.stands = False
+        self._spawned = 0
         if not (self._running or len(self._query)):
             self._events += self.events.take()
             return
@@ -142,6 +152,7 @@ class Scripts:
                 self._calls.one(holder, "update", self.world.dt)
             self._end_doomed()
         spent = self._spent + time.thread_time() - began
+        self._say_how_many_failed()
         self._budget.look(spent, self._running.values(), dt=self.world.dt, named=self.named_script)
         self._look_at_memory()
 
@@ -198,7 +209,10 @@ class Scripts:
                 one.source = one.source if one.itself is not None else ""
             one.is_enabled = is_enabled
             if is_enabled and not one.failure:
+                began = time.thread_time() if self._budget.measures else 0.0
                 self._become(one, component)
+                if self._budget.measures:
+                    one.spent += time.thread_time() - began
         self._running = dict(sorted(self._running.items()))
         self._are_new = True
         self._listening = {}
@@ -279,12 +293,33 @@ class Scripts:
 
     def fail(self, one: Running, error: BaseException) -> None:
         """Switches a script off and says why; nothing else is harmed."""
-        text = failure_text(one, error)
+        with self.watchdog.inside(who=one):  # an error's text is told by code of the script's own
+            text = failure_text(one, error)
         one.failure = text
         one.tasks.clear()
         self._listening = {}
+        self._failed[one.source, text] += 1
+        if self._failed[one.source, text] > MOST_SAID:
+            return
         _log.error("%s is off: %s", self.named_script(one), text)
         self._events.append(Event(kind="script", entity=one.entity, values={"text": text}))
+
+    def _say_how_many_failed(self) -> None:
+        for (_, text), count in self._failed.items():
+            if count > MOST_SAID:
+                _log.error("%d more are off for the same reason: %s", count - MOST_SAID, text)
+        self._failed.clear()
+
+    def make_room(self, count: int) -> None:
+        """A script spawns so many entities. ScriptError where something spawns without end."""
+        there = self.simulation.world.entity_count
+        if self._spawned + count > MOST_SPAWNED:
+            raise ScriptError(f"more than {MOST_SPAWNED} entities were spawned in one tick: spread it over several")
+        if there + count > MOST_THERE:
+            raise ScriptError(
+                f"there are {there} entities, and scripts may spawn no more: something spawns without end, or destroys too little"
+            )
+        self._spawned += count
 
     def named_script(self, one: Running) -> str:
         name = one.script.name if one.script is not None else "the script"
@@ -338,8 +373,19 @@ class Scripts:
 
     def start_task(self, owner: Behaviour, call: Call) -> None:
         """Begins an async function beside what runs."""
-        one = self._running[owner.entity.id]
+        one = self._running.get(owner.entity.id)
+        if one is None:
+            raise ScriptError(f"{type(owner).__name__} is being taken away: nothing more can be begun in it")
         self._calls.begin(one, call)
+
+    def source_named(self, name: str) -> str | None:
+        """The content of the first script of the world that is called so, as "door.py" or "door.py#Door"; None if none is."""
+        file, _, behaviour = name.partition("#")
+        for entity in sorted(self._query.entities.tolist(), key=index_of):
+            source = self.simulation.world.get(Entity(entity), Script).source
+            if is_reference(source) and self.library.is_called(source, file, behaviour):
+                return source
+        return None
 
     def prelude(self, name: str, *arguments: Any) -> Call:
         """A function of prelude.py, to be awaited."""
@@ -365,7 +411,12 @@ class Scripts:
     def saved(self) -> dict[str, Any]:
         """All that scripts remember, for a state."""
         running = self._recollection.kept(self._running)
-        return {"running": running, "queue": tuple(self.events.waiting), "hold": self.hold.saved()}
+        return {
+            "running": running,
+            "queue": tuple(self.events.waiting),
+            "hold": self.hold.saved(),
+            "pushes": self.pushes.saved(),
+        }
 
     def load(self, saved: Mapping[str, Any]) -> None:
         """Puts back what `saved` gave; a script that is not there any more, or other, stays off and says so."""
@@ -375,6 +426,7 @@ class Scripts:
         # A state of before there were scripts has neither.
         self.events.waiting = list(saved["queue"] or ())
         self.hold = Hold.of(saved["hold"])
+        self.pushes.load(saved["pushes"] or ())
         self._running = {}
         for one, error in self._recollection.found(saved["running"] or (), self._running):
             self.fail(one, error)

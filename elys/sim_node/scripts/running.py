@@ -9,7 +9,7 @@ from typing import Any, Final
 from elys.common.errors import ScriptError
 from elys.sim_node.scripts.behaviour import Behaviour
 from elys.sim_node.scripts.library import LoadedScript
-from elys.sim_node.scripts.modules import describe, line_in
+from elys.sim_node.scripts.modules import describe, line_in, text_of
 from elys.sim_node.scripts.task import Task
 from elys.sim_node.scripts.watchdog import reason_of
 
@@ -50,12 +50,10 @@ class Running:
 
 def failure_text(one: Running, error: BaseException) -> str:
     """What went wrong in a script, as it goes over the bus: the line of its files, and what was the matter."""
-    if isinstance(error, ScriptError):
-        text = str(error)
-    else:
-        places = [] if one.script is None else one.script.modules.places
-        where = next((line for place in places if (line := line_in(place, error)) != place), "")
-        where = where or getattr(error, "place", "")  # of an async function that was ended between two of its lines
-        what = reason_of(error) or describe(error)
-        text = f"{where}: {what}" if where else what
+    places = [] if one.script is None else one.script.modules.places
+    where = next((line for place in places if (line := line_in(place, error)) != place), "")
+    where = where or getattr(error, "place", "")  # of an async function that was ended between two of its lines
+    # What the engine refuses is a sentence already, and says itself where it is about a file.
+    what = text_of(error) if isinstance(error, ScriptError) else reason_of(error) or describe(error)
+    text = f"{where}: {what}" if where else what
     return text[:FAILURE_LENGTH].encode(errors="backslashreplace").decode()

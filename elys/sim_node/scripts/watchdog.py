@@ -3,6 +3,9 @@
     looks, every 0.1 s by a thread ─ too long ─▶ a signal to the main thread ─▶ its handler raises the error in the script
            every 0.5 s of processor time by a timer of the system's ────────────▲
 
+A script that catches that error and goes on has it raised once more half a second later, and from the third time on wherever
+Python looks for signals in it, so also between catching and going on: no loop catches that.
+
 Sleeping, waiting for a lock and reading end with the signal. Python's `re` and large numbers let no thread run, but look for
 signals by themselves, which is why the timer is there. Some calls into C do neither (`sum(range(10**10))`): what those hold up
 nothing in this process can end, and not even say; `NativeWatch` does. In other threads than the main one, and on Windows, an
@@ -33,6 +36,7 @@ if TYPE_CHECKING:
 
 LIMIT: Final = 3.0  # [s] that one script may run in a tick
 AGAIN: Final = 0.5  # [s] after which an error that did not end it is raised once more
+PATIENCE: Final = 3  # errors that a call may catch
 NATIVE_LIMIT: Final = 10.0  # [s] without a line of Python run anywhere, after which the process says where it stands
 _LOOKS: Final = 0.1  # [s] between two looks
 _HAS_SIGNALS: Final = hasattr(signal, "pthread_kill") and hasattr(signal, "setitimer")
@@ -89,6 +93,7 @@ class Watchdog:
         self._seen, self._since = 0, 0.0  # a call, and when it was first seen [s]
         self._grown = 0  # a call in which too much memory was taken
         self._raised = (0, 0.0)  # in which call an error was raised, and when last [s]
+        self._caught = 0  # errors that were raised in that call before
         self._asked = (0, 0.0)  # which call the thread wanted to end, and since when [s]
         self._said = 0  # a call that was said to be stuck
         self._thread: threading.Thread | None = None
@@ -206,8 +211,23 @@ class Watchdog:
         now = time.monotonic()
         if call == self.call and now - last < AGAIN:
             return False
+        self._caught = self._caught + 1 if call == self.call else 0
         self._raised = (self.call, now)
         return True
+
+    def is_shaken_off(self) -> bool:
+        """Whether the call has caught all that was raised in it so far, and would go on catching."""
+        return self._raised[0] == self.call and self._caught >= PATIENCE
+
+    def is_in_script(self, frame: FrameType | None) -> bool:
+        """Whether a frame runs a line of the script's own files."""
+        who = self.who
+        return (
+            frame is not None
+            and who is not None
+            and who.script is not None
+            and frame.f_code.co_filename in who.script.modules.places
+        )
 
     def _raise_between_bytecodes(self, error: BaseException) -> None:
         with self._lock:
@@ -256,8 +276,45 @@ def _take_signal() -> bool:
 
 def _on_signal(number: int, frame: FrameType | None) -> None:
     watchdog = _in_main_thread
-    if watchdog is not None and (error := watchdog.due_error()) is not None and watchdog.is_raised_anew():
+    if watchdog is None or (error := watchdog.due_error()) is None:
+        return
+    if watchdog.is_shaken_off():
+        _insist()
+        if watchdog.is_in_script(frame):
+            raise error
+    elif watchdog.is_raised_anew():
+        _let_wakeups_be_lost()
         raise error
+
+
+class _Insistence:
+    """Raises the error wherever Python looks for what is pending while a line of the script runs, and is pending again at once:
+    the next place to look is behind the clause that caught it. Nothing is raised in what lies between the script and us.
+    """
+
+    def __bool__(self) -> bool:
+        watchdog = _in_main_thread
+        if watchdog is None or (error := watchdog.due_error()) is None:
+            return False
+        _insist()
+        if watchdog.is_in_script(sys._getframe(1)):
+            raise error
+        return False
+
+
+_insistence: Final = _Insistence()
+
+
+def _insist() -> None:
+    """Python asks whether the insistence is true as soon as it can: what may be pending is a C function that fails by -1."""
+    function = ctypes.cast(ctypes.pythonapi.PyObject_IsTrue, ctypes.c_void_p)
+    ctypes.pythonapi.Py_AddPendingCall(function, ctypes.py_object(_insistence))
+
+
+def _let_wakeups_be_lost() -> None:
+    """Who waits for signals by a file, as asyncio does, does not read it while a script stands: that it is full is no news."""
+    if (descriptor := signal.set_wakeup_fd(-1)) >= 0:
+        signal.set_wakeup_fd(descriptor, warn_on_full_buffer=False)
 
 
 def _look_on(watchdog: weakref.ref[Watchdog]) -> None:

@@ -154,6 +154,7 @@ def load_scene(simulation: Simulation, command: LoadScene) -> tuple[int, ...]:
     simulation.path = command.path
     simulation.edited.forget()
     simulation.scripts.hold.end()
+    simulation.scripts.pushes.waiting.clear()
     return tuple(new)
 
 

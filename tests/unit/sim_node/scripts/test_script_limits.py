@@ -116,7 +116,9 @@ def test_a_script_that_is_not_there_is_said_with_its_name_and_place(play: Playgr
     )
     play.run()
     thing = play.simulation.world.hierarchy.find("Door")
-    assert play.failure(thing) == ("there is no script doors/front.py#Door: it is looked for beside the scene's file")
+    assert play.failure(thing) == (
+        "there is no script doors/front.py#Door that could be read: it is looked for beside the scene's file as that is opened"
+    )
 
 
 @pytest.mark.parametrize(

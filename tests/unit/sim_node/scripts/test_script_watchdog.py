@@ -73,6 +73,53 @@ def test_an_error_that_a_script_swallows_is_raised_again(play: Playground) -> No
     assert play.simulation.scripts._running[thing].itself.caught == 3  # type: ignore[union-attr]
 
 
+CATCHES = {
+    "a loop in a loop": """
+        while True:
+            try:
+                while True: pass
+            except BaseException: pass""",
+    "a sleep": """
+        while True:
+            try: time.sleep(1e6)
+            except BaseException: continue""",
+    "what is done finally": """
+        while True:
+            try:
+                try: time.sleep(1e6)
+                finally:
+                    try: time.sleep(1e6)
+                    except BaseException: self.never_ending()
+            except BaseException: pass""",
+    "a question to the engine": """
+        while True:
+            try:
+                while True: self.world.find("nobody")
+            except BaseException: pass""",
+}
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="there are no signals to threads")
+@pytest.mark.parametrize("body", CATCHES.values(), ids=CATCHES.keys())
+def test_what_catches_everything_is_ended_all_the_same(play: Playground, body: str) -> None:
+    play.simulation.scripts.watchdog._limit = 0.2
+    text = f"""import time
+class A(Behaviour):
+    def update(self, dt):{body}
+
+    def never_ending(self):
+        while True:
+            try: time.sleep(1e6)
+            except BaseException: pass
+"""
+    thing, other = play.spawn(play.write("a.py", text)), play.spawn(play.write("b.py", COUNTS), "Good")
+    play.run(3)
+    said = play.failure(thing)
+    assert "a.py:" in said and "it did not come back within 0.2 s" in said
+    assert play.on(other).n == 3
+    assert signal.getitimer(signal.ITIMER_VIRTUAL) == (0.0, 0.0)
+
+
 @pytest.mark.parametrize(
     ("body", "line"),
     [

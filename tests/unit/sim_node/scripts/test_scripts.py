@@ -267,7 +267,7 @@ def test_a_file_that_does_not_come_back_as_it_is_loaded_is_ended(
 def test_a_state_of_before_there_were_scripts_can_be_gone_back_to(play: Playground) -> None:
     state = play.simulation.capture()
     values = {path: value for path, value in state.values.items() if not path.startswith("scripts/")}
-    assert len(values) == len(state.values) - 3  # who runs, what was told, and who holds time
+    assert len(values) == len(state.values) - 4  # who runs, what was told, who holds time, and pushes that wait
     play.simulation.restore(replace(state, values=values))
     play.run()
 
