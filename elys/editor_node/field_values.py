@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -59,6 +59,18 @@ class FieldChange:
     stroke: object = None
     entry: Entry | None = None
     keeps_proportions: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class NameOffer:
+    """What a text may name. Without `longer` the text is one of the `names`; else it lists several.
+
+    Attributes:
+        longer: what a text becomes with each name that can be added to it.
+    """
+
+    names: tuple[str, ...]
+    longer: Callable[[str], Mapping[str, str]] | None = None
 
 
 def has_effect(component: Component, field: str) -> bool:

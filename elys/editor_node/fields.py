@@ -13,6 +13,7 @@ from elys.common.assets.texture import split_texture
 from elys.common.components import FieldDeclaration
 from elys.editor_node.curve_editing import CurveView
 from elys.editor_node.expressions import Entry
+from elys.editor_node.field_values import NameOffer
 from elys.editor_node.language import tr
 from elys.editor_node.rotations import Degrees
 from elys.editor_node.scene_mirror import EditorScene
@@ -120,6 +121,7 @@ class FieldContext:
     curves: CurveState
     refuse: Callable[[str], None]  # tells beside the field why what was typed is no value
     angles: Degrees = (0.0, 0.0, 0.0)  # of a rotation, as they stand in its fields
+    offer: NameOffer | None = None  # of a text: what is known that it may name
 
     @property
     def scene(self) -> EditorScene:
@@ -158,7 +160,7 @@ def asset_label(declared: FieldDeclaration, value: str) -> str:
     reference, options = split_texture(value)
     if not is_reference(reference):
         return value
-    what = declared.name if declared.name in ("mesh", "heights") else "image"
+    what = declared.name if declared.name in ("mesh", "heights", "clips") else "image"
     return f"{tr(what)} {reference.removeprefix(PREFIX)[:8]}{options}"
 
 
@@ -171,3 +173,38 @@ def element_width(count: int, *, buttons: int = 0) -> float:
     """Of each of `count` widgets that share the rest of the line with square buttons behind them."""
     taken = buttons * (imgui.get_frame_height() + inner_spacing())
     return (imgui.get_content_region_avail().x - taken - inner_spacing() * (count - 1)) / count
+
+
+def small_button(
+    icon: str, name: str, tooltip: str, context: FieldContext, *, enabled: bool = True, only_looks: bool = False
+) -> bool:
+    """A square button on the same line; one that changes nothing (`only_looks`) can be pressed in a recording too."""
+    is_freed = only_looks and context.ui.model.is_replay  # from what disables all fields of a recording
+    if is_freed:
+        imgui.end_disabled()
+    imgui.same_line(0.0, inner_spacing())
+    imgui.begin_disabled(not enabled)
+    imgui.push_style_var_x(imgui.StyleVar_.frame_padding, 0.0)
+    pressed = imgui.button(f"{icon}###{name}", (imgui.get_frame_height(), 0.0))
+    imgui.pop_style_var()
+    imgui.end_disabled()
+    context.note(name)
+    if imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip):
+        imgui.set_tooltip(tooltip)
+    if is_freed:
+        imgui.begin_disabled(True)
+    return pressed
+
+
+def label_item(text: str, *, color: int | None = None, room: float = 0.0) -> None:
+    """Writes on the last item: a name may hold anything, and in a label ## would hide what follows.
+
+    `room` is left free at its right [pixels]; the colour is that of texts unless another is given.
+    """
+    low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+    left = low.x + imgui.get_style().frame_padding.x
+    top = low.y + (high.y - low.y - imgui.get_text_line_height()) / 2.0
+    draw_list = imgui.get_window_draw_list()
+    draw_list.push_clip_rect(low, (high.x - room, high.y), True)
+    draw_list.add_text((left, top), imgui.get_color_u32(imgui.Col_.text) if color is None else color, text)
+    draw_list.pop_clip_rect()

@@ -33,6 +33,7 @@ from elys.bus.messages.history import HistoryReply, HistoryRequest
 from elys.bus.messages.session import LogLevel, LogLine, SessionStatus
 from elys.bus.session import Session
 from elys.common.errors import BusError, ConnectionLost
+from elys.editor_node.clip_names import ClipNames
 from elys.editor_node.console_log import ConsoleLog
 from elys.editor_node.ghost_list import GhostList
 from elys.editor_node.history import History, Outcome
@@ -86,6 +87,7 @@ class EditorModel:
         self.set_values = SetValues(self.scene.mirror)
         self.prefabs = PrefabValues(self.scene, session, on_change=lambda: self.request_redraw(0.0), clock=clock)
         self.script_forms = ScriptForms(session, on_change=lambda: self.request_redraw(0.0), clock=clock)
+        self.clip_names = ClipNames(self.scene, session, on_change=lambda: self.request_redraw(0.0), clock=clock)
         self.history = History(
             self._ask,
             self._ask_for_history,

@@ -116,6 +116,12 @@ def decode_clips(data: bytes) -> tuple[Clip, ...]:
     return tuple(clips)
 
 
+def clip_names(data: bytes) -> tuple[str, ...]:
+    """The names of the clips in their bytes, in order, for who needs no more; AssetError where the header is not sound."""
+    header, _ = _decode_header(data)
+    return tuple(dict.fromkeys(clip.name for clip in header.clips))
+
+
 def _head(channel: Channel) -> _ChannelHeader:
     return _ChannelHeader(
         channel.target, channel.property, channel.interpolation, len(channel.times), channel.values.shape[-1]

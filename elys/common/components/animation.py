@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from elys.common.components.declaration import Component, Kind, about, component
+from elys.common.components.declaration import Component, Kind, Naming, about, component
 
 
 @component
@@ -12,7 +12,7 @@ class Animation(Component, frozen=True):
     """Plays a clip on the entities below it: what the clip names moves as the clip says, at the time of the simulation."""
 
     clips: Annotated[str, about("The clips there are, as model.glb#clips.", kind=Kind.ASSET)] = ""
-    clip: Annotated[str, about("Name of the clip that is played; empty for the first.")] = ""
+    clip: Annotated[str, about("Name of the clip that is played; empty for the first.", names=Naming.CLIP)] = ""
     playing: Annotated[bool, about("Whether time goes on.")] = True
     time: Annotated[float, about("Where it is in the clip.", unit="s", minimum=0.0, step=0.05, dtype="f8")] = 0.0
     speed: Annotated[float, about("How fast; below 0 backwards.", minimum=-1000.0, maximum=1000.0, step=0.05)] = 1.0
@@ -32,7 +32,7 @@ class Animation(Component, frozen=True):
 class AnimationBlend(Component, frozen=True):
     """Several clips at once, in step, instead of the one of the Animation beside it, while that names none."""
 
-    mix: Annotated[str, about("Clips with numbers, as Idle 0, Walk 1.4, Run 4.")] = ""
+    mix: Annotated[str, about("Clips with numbers, as Idle 0, Walk 1.4, Run 4.", names=Naming.MIX)] = ""
     by: Annotated[
         Literal["weight", "value"],
         about("What the numbers are: how much of each clip there is, or at which value it is all there is."),
@@ -58,7 +58,9 @@ class AnimationLayer(Component, frozen=True):
 class AnimationMarkers(Component, frozen=True):
     """Instants of clips that are told as events when the Animation beside it comes by."""
 
-    markers: Annotated[str, about("By clip names with times in s, as Walk: step 0.1 0.6; Jump: land 0.8.")] = ""
+    markers: Annotated[
+        str, about("By clip names with times in s, as Walk: step 0.1 0.6; Jump: land 0.8.", names=Naming.MARKERS)
+    ] = ""
 
 
 @component

@@ -51,6 +51,42 @@ def mix_text(mix: Mapping[str, float]) -> str:
     return text
 
 
+def mix_with(text: str, name: str, *, by_value: bool) -> str:
+    """The text of a mix with another clip at its end: with the weight 1, or at the next value above those of the others.
+
+    What is wrong with the text stays, to be mended.
+
+    Raises:
+        ComponentError: the mix has the clip already or all it may have, or the name cannot stand in one.
+    """
+    parts = [part.strip().rpartition(" ") for part in text.split(",") if part.strip()]
+    if name in (known.strip() for known, _, _ in parts):
+        raise ComponentError(f"the clip {name!r} stands in the mix already")
+    if name != name.strip():
+        raise ComponentError(f"a clip called {name!r} cannot stand in a mix: its name begins or ends with a space")
+    if len(parts) >= MOST_CLIPS:
+        raise ComponentError(f"a mix has at most {MOST_CLIPS} clips")
+    values = [value for _, _, number in parts if (value := _number(number)) is not None]
+    # Of clips at the same value only the first is heard.
+    number = max(values, default=-1.0) + 1.0 if by_value else 1.0
+    written, added = text.strip().rstrip(", "), mix_text({name: number})
+    return f"{written}, {added}" if written else added
+
+
+def markers_with(text: str, name: str) -> str:
+    """The text of markers with another clip at its end, which has none yet; what is wrong with the text stays.
+
+    Raises:
+        ComponentError: the clip stands there already, or the name cannot stand in markers.
+    """
+    if ";" in name or name != name.strip():
+        raise ComponentError(f"a clip called {name!r} cannot have markers")
+    if name in (part.rpartition(":")[0].strip() for part in text.split(";")):
+        raise ComponentError(f"the clip {name!r} has its markers already")
+    written = text.strip().rstrip("; ")
+    return f"{written}; {name}:" if written else f"{name}:"
+
+
 def markers_of(text: str) -> tuple[Marker, ...]:
     """Instants by clip: `Walk: step 0.1 0.6, breathe 0.3; Jump: land 0.8`. Without a clip they are those of every clip.
 

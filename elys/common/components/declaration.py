@@ -51,6 +51,14 @@ class Kind(enum.Enum):
     VALUES = "values"  # named values that only a script's file declares: a JSON object
 
 
+class Naming(enum.Enum):
+    """How a TEXT names clips, those of the Animation beside it, so that an editor can offer the ones there are."""
+
+    CLIP = "clip"  # it is the name of one
+    MIX = "mix"  # with numbers, see animation_texts.mix_of
+    MARKERS = "markers"  # with instants, see animation_texts.markers_of
+
+
 class Component(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What every component is: immutable values with defaults. Derive and decorate with `@component`."""
 
@@ -68,6 +76,7 @@ class About:
     dtype: str | None
     check: Check | None
     is_memory: bool
+    names: Naming | None
 
 
 def about(
@@ -81,12 +90,14 @@ def about(
     dtype: str | None = None,
     check: Check | None = None,
     is_memory: bool = False,
+    names: Naming | None = None,
 ) -> About:
     """Describes a field: a sentence for the tooltip, SI unit, inclusive range and the step of a drag.
 
     `kind` is only needed where the type does not tell (COLOR, ASSET, ENTITY); `dtype` overrides the storage (`"f4"`); `check`
     refuses values that are of the right kind and wrong all the same. `is_memory` is for what ticks write for themselves and for
-    scripts: it stays in the simulation, where exact states keep it, and is neither told to readers nor shown to people.
+    scripts: it stays in the simulation, where exact states keep it, and is neither told to readers nor shown to people. `names`
+    says what a text names, so that people can choose it from a list.
     """
     return About(
         text=text,
@@ -98,6 +109,7 @@ def about(
         dtype=dtype,
         check=check,
         is_memory=is_memory,
+        names=names,
     )
 
 
@@ -118,6 +130,7 @@ class FieldDeclaration:
     width: int  # numbers that are stored of a value: 1, 3, 4, or those of all keys of a curve
     check: Check | None = None
     is_memory: bool = False
+    names: Naming | None = None
 
     @property
     def elements(self) -> int:
@@ -238,6 +251,7 @@ def declare_field(owner: str, name: str, hint: Any, default: Any) -> FieldDeclar
         width=width,
         check=note.check,
         is_memory=note.is_memory,
+        names=note.names,
     )
 
 

@@ -9,7 +9,14 @@ from typing import Any, Final
 from imgui_bundle import imgui
 
 from elys.common.components import FieldDeclaration, Kind
-from elys.editor_node.field_values import FieldChange, label_of, may_keep_proportions, shown_number, shown_value
+from elys.editor_node.field_values import (
+    FieldChange,
+    NameOffer,
+    label_of,
+    may_keep_proportions,
+    shown_number,
+    shown_value,
+)
 from elys.editor_node.fields import CurveState, FieldContext, NumberTyping, PickState, inner_spacing
 from elys.editor_node.language import tr, tr_label
 from elys.editor_node.panels.plain_fields import edit_field
@@ -40,6 +47,7 @@ class FieldState:
     is_used: bool = True  # what has no effect is dimmed
     written_over: Any = None  # what it was set to, where the simulation has changed it since
     prefab_value: Any = None  # what the prefab says, where it is another
+    offer: NameOffer | None = None  # what a text may name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -160,6 +168,7 @@ class FieldRows:
             self._curves,
             lambda sentence: self.refuse(path, sentence),
             self._angles_of(declared, path, shown),
+            state.offer,
         )
         is_proportional = may_keep_proportions(declared)
         was_typing = (self._typing.place, self._typing.text)

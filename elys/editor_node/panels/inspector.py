@@ -305,6 +305,7 @@ class InspectorPanel:
             is_used=has_effect(now, name),
             written_over=written.get(name),
             prefab_value=overridden.get(name),
+            offer=ui.model.clip_names.offer(declared, now, entities),
         )
         actions = FieldActions(
             reset=lambda: ui.model.edit.set_fields(entities, declaration.name, {name: declared.default}),

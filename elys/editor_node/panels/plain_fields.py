@@ -1,4 +1,4 @@
-"""Switches, choices and texts, and the one place that tells which widget a field gets."""
+"""Switches, choices and named values, and the one place that tells which widget a field gets."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ from elys.common.components import FieldDeclaration, Kind
 from elys.editor_node.fields import MIXED, FieldContext, FieldEdit, element_width
 from elys.editor_node.panels.color_fields import edit_color
 from elys.editor_node.panels.curve_fields import edit_curve
+from elys.editor_node.panels.name_fields import edit_names
 from elys.editor_node.panels.number_fields import edit_integer, edit_numbers, edit_rotation
 from elys.editor_node.panels.reference_fields import edit_asset, edit_entity
+from elys.editor_node.panels.text_fields import edit_text
 
 
 def edit_field(field: FieldDeclaration, value: Any, context: FieldContext, *, buttons: int = 0) -> FieldEdit:
@@ -36,7 +38,7 @@ def edit_field(field: FieldDeclaration, value: Any, context: FieldContext, *, bu
         case Kind.CURVE:
             return edit_curve(field, value, context)
         case Kind.TEXT:
-            return edit_text(value, context)
+            return edit_text(value, context) if context.offer is None else edit_names(value, context.offer, context)
         case Kind.ASSET:
             return edit_asset(field, value, context)
         case Kind.ENTITY:
@@ -79,16 +81,4 @@ def edit_named_values(value: dict[str, Any], context: FieldContext) -> FieldEdit
     if edit.changed:
         with contextlib.suppress(ValueError):
             edit.value = json.loads(edit.value) if edit.value.strip() else {}
-    return edit
-
-
-def edit_text(value: str, context: FieldContext) -> FieldEdit:
-    """Sent when the person presses Enter or goes elsewhere, not at every letter."""
-    edit = FieldEdit()
-    shown = "" if context.mixed[0] else value
-    imgui.set_next_item_width(element_width(1))
-    _, text = imgui.input_text_with_hint("###value", MIXED if context.mixed[0] else "", shown)
-    context.note()
-    if imgui.is_item_deactivated_after_edit() and text != shown:
-        edit.choose(text)
     return edit

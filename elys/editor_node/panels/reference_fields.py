@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Final, TypeVar
+from typing import Final
 
 from imgui_bundle import imgui
 
@@ -19,15 +19,15 @@ from elys.editor_node.fields import (
     asset_label,
     dropped_asset,
     element_width,
-    inner_spacing,
+    label_item,
+    small_button,
 )
 from elys.editor_node.language import tr
+from elys.editor_node.panels.pick_list import draw_list, open_list
 from elys.editor_node.scene_mirror import EditorScene
 from elys.editor_node.theme import icons
 
-T = TypeVar("T")
 LISTED: Final = 500  # of what is found so many are shown: who needs more types another letter
-_VISIBLE_LINES: Final = 12
 
 
 def edit_entity(value: int, context: FieldContext) -> FieldEdit:
@@ -38,7 +38,7 @@ def edit_entity(value: int, context: FieldContext) -> FieldEdit:
     width = element_width(1, buttons=3)
     imgui.button("###value", (width, 0.0))
     context.note()
-    _label_item(f"{icons.ICON_FA_CUBE}  {label}")
+    label_item(f"{icons.ICON_FA_CUBE}  {label}")
     if value and not is_mixed and not scene.exists(value):
         imgui.set_item_tooltip(tr("This entity is not there any more"))
     if imgui.begin_drag_drop_target():
@@ -46,15 +46,15 @@ def edit_entity(value: int, context: FieldContext) -> FieldEdit:
         if payload is not None and scene.exists(payload.data_id):
             edit.choose(payload.data_id)
         imgui.end_drag_drop_target()
-    if _small_button(icons.ICON_FA_CROSSHAIRS, "pick", tr("Pick an entity"), context):
-        _open_list(context.picking)
-    found = _draw_list(context, _entities(scene, context.picking), scene.name_of)
+    if small_button(icons.ICON_FA_CROSSHAIRS, "pick", tr("Pick an entity"), context):
+        open_list(context.picking)
+    found = draw_list(context, _entities(scene, context.picking), scene.name_of)
     if found is not None:
         edit.choose(found)
     has_value = bool(value) or is_mixed
-    if _small_button(icons.ICON_FA_XMARK, "clear", tr("None"), context, enabled=has_value):
+    if small_button(icons.ICON_FA_XMARK, "clear", tr("None"), context, enabled=has_value):
         edit.choose(0)
-    if _small_button(
+    if small_button(
         icons.ICON_FA_ARROW_RIGHT, "follow", tr("Select it"), context, enabled=scene.exists(value), only_looks=True
     ):
         context.ui.model.selection.replace((value,))
@@ -75,19 +75,19 @@ def edit_asset(field: FieldDeclaration, value: str, context: FieldContext) -> Fi
         imgui.set_tooltip(value)
     dropped = dropped_asset(context.ui, expected_kind(field.name))
     if dropped is not None and dropped.choices:
-        _open_list(context.picking)
+        open_list(context.picking)
         context.picking.offered = dict(dropped.choices)
     elif dropped is not None:
         edit.choose(dropped.reference)
-    if _small_button(icons.ICON_FA_CROSSHAIRS, "pick", tr("Pick one that the scene knows"), context):
-        _open_list(context.picking)
-    found = _draw_list(context, _assets(context.scene, field, context.picking), _asset_name(field, context.picking))
+    if small_button(icons.ICON_FA_CROSSHAIRS, "pick", tr("Pick one that the scene knows"), context):
+        open_list(context.picking)
+    found = draw_list(context, _assets(context.scene, field, context.picking), _asset_name(field, context.picking))
     if found is not None:
         edit.choose(found)
     is_empty = value == field.default and not is_mixed
-    if _small_button(icons.ICON_FA_XMARK, "clear", tr("None"), context, enabled=not is_empty):
+    if small_button(icons.ICON_FA_XMARK, "clear", tr("None"), context, enabled=not is_empty):
         edit.choose(field.default)
-    users_wanted = _small_button(
+    users_wanted = small_button(
         icons.ICON_FA_ARROW_RIGHT,
         "follow",
         tr("Select all that use it"),
@@ -172,79 +172,3 @@ def _assets(scene: EditorScene, field: FieldDeclaration, state: PickState) -> Ca
 def _asset_name(field: FieldDeclaration, state: PickState) -> Callable[[str], str]:
     names = {reference: name for name, reference in state.offered.items()}
     return lambda asset: names.get(asset) or asset_label(field, asset)
-
-
-def _open_list(state: PickState) -> None:
-    state.search, state.found_for, state.kept_for, state.offered = "", (), (), {}
-    imgui.open_popup("pick")
-
-
-def _draw_list(context: FieldContext, found: Callable[[], Sequence[T]], label: Callable[[T], str]) -> T | None:
-    """The open list of what can be picked, and what was picked; Enter takes the first."""
-    if not imgui.begin_popup("pick"):
-        return None
-    state = context.picking
-    if imgui.is_window_appearing():
-        imgui.set_keyboard_focus_here()
-    width = imgui.get_font_size() * 18.0
-    imgui.set_next_item_width(width)
-    entered, text = imgui.input_text_with_hint(
-        "###search", tr("Search"), state.search, imgui.InputTextFlags_.enter_returns_true.value
-    )
-    context.note("search")
-    state.search = text
-    offered = found()
-    picked = offered[0] if entered and offered else None
-    line = imgui.get_text_line_height_with_spacing()
-    if imgui.begin_child("###list", (width, line * min(max(len(offered), 1), _VISIBLE_LINES) + line * 0.5)):
-        if not offered:
-            imgui.text_disabled(tr("Nothing is called so"))
-        clipper = imgui.ListClipper()
-        clipper.begin(len(offered))
-        while clipper.step():
-            for place in range(clipper.display_start, clipper.display_end):
-                one = offered[place]
-                imgui.push_id(place)
-                if imgui.selectable("###one", False)[0]:
-                    picked = one
-                imgui.pop_id()
-                context.note(f"pick/{label(one)}")
-                _label_item(label(one))
-        clipper.end()
-    imgui.end_child()
-    if picked is not None:
-        imgui.close_current_popup()
-    imgui.end_popup()
-    return picked
-
-
-def _small_button(
-    icon: str, name: str, tooltip: str, context: FieldContext, *, enabled: bool = True, only_looks: bool = False
-) -> bool:
-    """A square button on the same line; one that changes nothing (`only_looks`) can be pressed in a recording too."""
-    is_freed = only_looks and context.ui.model.is_replay  # from what disables all fields of a recording
-    if is_freed:
-        imgui.end_disabled()
-    imgui.same_line(0.0, inner_spacing())
-    imgui.begin_disabled(not enabled)
-    imgui.push_style_var_x(imgui.StyleVar_.frame_padding, 0.0)
-    pressed = imgui.button(f"{icon}###{name}", (imgui.get_frame_height(), 0.0))
-    imgui.pop_style_var()
-    imgui.end_disabled()
-    context.note(name)
-    if imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip):
-        imgui.set_tooltip(tooltip)
-    if is_freed:
-        imgui.begin_disabled(True)
-    return pressed
-
-
-def _label_item(text: str) -> None:
-    """Writes on the last item: a name may hold anything, and in a label ## would hide what follows."""
-    low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
-    left = low.x + imgui.get_style().frame_padding.x
-    top = low.y + (high.y - low.y - imgui.get_text_line_height()) / 2.0
-    draw_list = imgui.get_window_draw_list()
-    draw_list.push_clip_rect(low, high, True)
-    draw_list.add_text((left, top), imgui.get_color_u32(imgui.Col_.text), text)
-    draw_list.pop_clip_rect()

@@ -128,6 +128,8 @@ def test_words_for_ids_assets_and_fields():
     mesh, texture = declaration_of(MeshRenderer).field("mesh"), declaration_of("Material").field("normal_texture")
     assert asset_label(mesh, reference) == f"mesh {reference[8:16]}"
     assert asset_label(texture, reference) == f"image {reference[8:16]}"
+    clips = declaration_of("Animation").field("clips")
+    assert asset_label(clips, reference) == f"clips {reference[8:16]}"
     assert asset_label(mesh, "box") == "box"
     box, ball = Collider(), Collider(shape="sphere")
     assert [has_effect(c, f) for c in (box, ball) for f in ("size", "radius", "offset")] == [

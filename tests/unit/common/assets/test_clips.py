@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline, interp1d
 from scipy.spatial.transform import Rotation, Slerp
 
-from elys.common.assets.clip import Channel, Clip, decode_clips, encode_clips
+from elys.common.assets.clip import Channel, Clip, clip_names, decode_clips, encode_clips
 from elys.common.assets.clip_sampling import ClipSampler
 from elys.common.errors import AssetError
 
@@ -111,6 +111,13 @@ def test_bytes_give_back_what_was_put_in() -> None:
             assert (a.target, a.property, a.interpolation) == (b.target, b.property, b.interpolation)
             np.testing.assert_array_equal(a.times, b.times)
             np.testing.assert_array_equal(a.values, b.values)
+
+
+def test_names_are_told_without_the_keys() -> None:
+    some = some_clips()
+    assert clip_names(encode_clips([*some, Clip(name="Last", channels=()), *some])) == (*(c.name for c in some), "Last")
+    with pytest.raises(AssetError, match="their header says"):
+        clip_names(encode_clips(some)[:-4])
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from elys.common.assets.clip import Clip
 from elys.common.components import Animation, AnimationBlend, AnimationLayer, Morph, Transform
-from elys.common.components.animation_texts import markers_of, mix_of, mix_text
+from elys.common.components.animation_texts import markers_of, markers_with, mix_of, mix_text, mix_with
 from elys.common.errors import ComponentError
 from tests.unit.sim_node.animation.stage import ARM, HIPS, SPINE, Puppet, constant, track, turn
 
@@ -238,6 +238,33 @@ def test_texts_of_mixes_and_markers() -> None:
     for text in ("Walk: 0.1", "Walk: step", "Walk: step -1", "step x"):
         with pytest.raises(ComponentError, match="markers are a name and its times"):
             markers_of(text)
+
+
+def test_a_clip_is_added_to_the_text_of_a_mix() -> None:
+    assert mix_with("", "Walk", by_value=False) == "Walk 1"
+    assert mix_with("Walk 0.3, ", "Run fast", by_value=False) == "Walk 0.3, Run fast 1"
+    assert mix_with(" ", "Idle", by_value=True) == "Idle 0"
+    assert mix_with("Idle 0, Run 3.45, Back -1", "Sprint", by_value=True) == "Idle 0, Run 3.45, Back -1, Sprint 4.45"
+    assert mix_with("Walk", "Run", by_value=False) == "Walk, Run 1"  # what is wrong stays to be mended
+    full = ", ".join(f"C{number} 1" for number in range(32))
+    for text, name, words in [
+        ("Walk 2", "Walk", "already"),
+        ("", "A,b", "no comma"),
+        ("", "A ", "space"),
+        ("", "", "no comma"),
+        (full, "D", "32"),
+    ]:
+        with pytest.raises(ComponentError, match=words):
+            mix_with(text, name, by_value=False)
+
+
+def test_a_clip_is_added_to_the_text_of_markers() -> None:
+    assert markers_with("", "Walk") == "Walk:" and markers_of("Walk:") == ()
+    assert markers_with("Walk: step 0.1; ", "Jump: high") == "Walk: step 0.1; Jump: high:"
+    assert markers_of("Walk: step 0.1; Jump: high: off 1") == (("Walk", "step", 0.1), ("Jump: high", "off", 1.0))
+    for text, name in [("Walk: step 0.1", "Walk"), ("Walk:", "Walk"), ("", "A;b"), ("", " A"), ("", "")]:
+        with pytest.raises(ComponentError):
+            markers_with(text, name)
 
 
 def test_a_run_that_was_wound_back_goes_on_with_the_same_bits() -> None:
