@@ -25,17 +25,19 @@ import random
 import types
 import typing
 from collections.abc import Callable, Coroutine
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, TypeGuard, TypeVar, get_args, get_origin
 
 from elys.common.components.declaration import (
     About,
+    Component,
+    ComponentDeclaration,
     FieldDeclaration,
     Kind,
-    Quat,
-    Vec3,
     about,
 )
 from elys.common.components.declaration import declare_field as declared
+from elys.common.components.values import check_value
 from elys.common.errors import ComponentError, ScriptError
 
 if TYPE_CHECKING:
@@ -144,6 +146,10 @@ class Behaviour:
         """It ends: its entity, its script or the component is taken away. Not at the end of the run."""
 
 
+# What a field cannot be called: hooks, and all that scripts use of themselves.
+_EVERY: Final = frozenset(name for name in (*dir(Behaviour), *Behaviour.__annotations__) if not name.startswith("_"))
+
+
 def is_a(itself: Behaviour | None, behaviour: type[B]) -> TypeGuard[B]:
     """Whether it is one of a class, or of the same class of the same file as another script has imported it.
 
@@ -153,14 +159,17 @@ def is_a(itself: Behaviour | None, behaviour: type[B]) -> TypeGuard[B]:
     return itself is not None and any((base.__module__, base.__qualname__) == named for base in type(itself).__mro__)
 
 
-def fields_of(behaviour: type[Behaviour], names: dict[str, Any]) -> tuple[FieldDeclaration, ...]:
+def fields_of(
+    behaviour: type[Behaviour], names: dict[str, Any], place_of: Callable[[type[Any], str], str]
+) -> tuple[FieldDeclaration, ...]:
     """The fields that a behaviour declares, its bases' first: annotations with defaults that a scene can hold.
 
     Args:
         names: the script's module, in which annotations are looked up.
+        place_of: the line at which a class declares a field.
 
     Raises:
-        ScriptError: a field has no default, or a type or a default that no field can have.
+        ScriptError: a field has a type or a default that no field can have, or a name that every behaviour has.
     """
     found: dict[str, FieldDeclaration] = {}
     for owner in reversed(behaviour.__mro__):
@@ -169,10 +178,13 @@ def fields_of(behaviour: type[Behaviour], names: dict[str, Any]) -> tuple[FieldD
         for name, hint in inspect.get_annotations(owner).items():
             if name.startswith("_"):
                 continue
-            hint = _evaluated(behaviour, name, hint, names)
-            if get_origin(hint) is ClassVar or name not in owner.__dict__:
-                continue  # a variable with no default is the script's own affair
-            found[name] = _field(behaviour, name, hint, owner.__dict__[name])
+            try:
+                hint = _evaluated(behaviour, name, hint, names)
+                if get_origin(hint) is ClassVar or name not in owner.__dict__:
+                    continue  # a variable with no default is the script's own affair
+                found[name] = _field(behaviour, name, hint, owner.__dict__[name])
+            except ScriptError as error:
+                raise ScriptError(f"{place_of(owner, name)}: {error}") from error
     return tuple(found.values())
 
 
@@ -186,6 +198,8 @@ def _evaluated(behaviour: type[Behaviour], name: str, hint: Any, names: dict[str
 
 
 def _field(behaviour: type[Behaviour], name: str, hint: Any, default: Any) -> FieldDeclaration:
+    if name in _EVERY:
+        raise ScriptError(f"{behaviour.__name__}.{name} is what every behaviour has: give the field another name")
     base, note = hint, about("")
     if get_origin(hint) is Annotated:
         base = get_args(hint)[0]
@@ -194,9 +208,23 @@ def _field(behaviour: type[Behaviour], name: str, hint: Any, default: Any) -> Fi
         base, note = int, _as_entity(note)
         default = 0 if default is None else default
     try:
-        return declared(behaviour.__name__, name, Annotated[base, note], _plain(base, default))
+        field = declared(behaviour.__name__, name, Annotated[base, note], default)
     except ComponentError as error:
         raise ScriptError(f"{error}, or Entity for another entity") from error
+    if not all(isinstance(choice, str) for choice in field.choices):
+        shown = ", ".join(map(repr, field.choices))
+        raise ScriptError(
+            f'{behaviour.__name__}.{name} has the choices {shown}: choices are texts, as Literal["a", "b"]'
+        )
+    if field.kind is Kind.ENTITY and isinstance(default, str):
+        return field  # a path in the scene, which is looked up there
+    owner = ComponentDeclaration(
+        name=f"the default of {behaviour.__name__}", struct=Component, text="", fields=(field,)
+    )
+    try:
+        return replace(field, default=check_value(owner, field, default))
+    except ComponentError as error:
+        raise ScriptError(str(error)) from error
 
 
 def _is_entity(hint: Any) -> bool:
@@ -209,11 +237,3 @@ def _is_entity(hint: Any) -> bool:
 
 def _as_entity(note: About) -> About:
     return about(note.text, unit=note.unit, kind=Kind.ENTITY)
-
-
-def _plain(base: Any, default: Any) -> Any:
-    if base in (Vec3, Quat) and isinstance(default, list | tuple):
-        return tuple(map(float, default))
-    if base is float and isinstance(default, int) and not isinstance(default, bool):
-        return float(default)
-    return default

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,11 +20,15 @@ from elys.common.scene_document import EntityRecord
 from elys.common.scene_files import PIECES_FOLDER
 from elys.common.trust import is_trusted
 from elys.sim_node.scripts.behaviour import HOOKS, Behaviour, fields_of
+from elys.sim_node.scripts.checking import require_hooks
+from elys.sim_node.scripts.doubts import Doubt, doubts_of
 from elys.sim_node.scripts.modules import ScriptModules
 from elys.sim_node.scripts.program import Program
+from elys.sim_node.scripts.script_text import ScriptText
 from elys.sim_node.scripts.typed_events import classes_heard_by, module_names
 
 _PRELUDE: Final = Path(__file__).with_name("prelude.py")
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,6 +61,7 @@ class ScriptLibrary:
         self._loaded: dict[str, LoadedScript | ScriptError] = {}
         self._called: dict[str, tuple[str, str]] = {}  # file and class by source
         self._prelude = ScriptModules.of_file(_PRELUDE)
+        self._doubts: set[Doubt] = set()  # that have been said
 
     def load(self, source: str) -> LoadedScript:
         """The behaviour that a Script component names.
@@ -166,6 +172,13 @@ class ScriptLibrary:
         """The file that a script came from; one without a name if it came from none here."""
         return Path(self._assets.source(source).partition("#")[0])
 
+    def _say_doubts(self, behaviour: type[Behaviour], text: ScriptText) -> None:
+        """Says what is hardly meant, once of each version of a file, however many scripts are made of it."""
+        for doubt in doubts_of(behaviour, text):
+            if doubt not in self._doubts:
+                self._doubts.add(doubt)
+                _log.warning("%s", doubt.sentence)
+
     def _read(self, source: str) -> LoadedScript:
         if not source:
             raise ScriptError("its component names no script: give file.py#Class")
@@ -182,7 +195,10 @@ class ScriptLibrary:
         places = {name: str(path.parent / name) for name in bundle.files} if path.name else {}
         modules = ScriptModules(bundle, places)
         behaviour = modules.behaviour()
-        fields = fields_of(behaviour, modules.names_of(behaviour))
+        text = modules.text()
+        fields = fields_of(behaviour, modules.names_of(behaviour), text.place_of)
+        require_hooks(behaviour, text)
+        self._say_doubts(behaviour, text)
         hooks = frozenset(name for name in HOOKS if getattr(behaviour, name) is not getattr(Behaviour, name))
         return LoadedScript(
             source=source,

@@ -21,6 +21,7 @@ from elys.common.assets.scripts import ScriptBundle
 from elys.common.errors import ScriptError
 from elys.sim_node.scripts.behaviour import Behaviour
 from elys.sim_node.scripts.program import Program, program_of
+from elys.sim_node.scripts.script_text import FileText, ScriptText
 from elys.sim_node.scripts.waiting import Call
 
 
@@ -69,6 +70,19 @@ class ScriptModules:
     def loaded(self) -> tuple[ModuleType, ...]:
         """The modules that have been run."""
         return tuple(self._modules.values())
+
+    def text(self) -> ScriptText:
+        """Where in its files everything stands."""
+        files = {}
+        for file, text in self._bundle.files.items():
+            name, place = _module_name(file), self._place(file)
+            try:
+                tree = ast.parse(text, place)
+            except (SyntaxError, ValueError, RecursionError, MemoryError):
+                continue  # a file that nobody has imported yet; who does is told
+            names = vars(self._modules[name]) if name in self._modules else {}
+            files[name] = FileText(place=place, text=text, tree=tree, names=names)
+        return ScriptText(files)
 
     @property
     def places(self) -> list[str]:
