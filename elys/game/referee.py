@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from elys.common.scene import OpenedScene
     from elys.sim_node.node import SimulationNode
 
-AFTERGLOW: Final = 1.0  # [s] of simulation that a recording goes on after the finish
+AFTERGLOW: Final = 2.0  # [s] of simulation that a recording goes on after the finish
 LONGEST: Final = 1e6  # [s] that a race may take
 # What is believed here, and decides about times, so that scripts alone may tell it.
 HEARD: Final = frozenset(("race_go", "race_gate", "race_finished", "race_wanted", "race_paused", "race_resumed"))

@@ -15,6 +15,7 @@ from elys.bus.ghost_track import GhostTrack
 from elys.bus.messages.state_frame import StateFrame
 from elys.bus.messages.views import Debug, Shows, ViewCamera
 from elys.bus.mirror import SceneMirror
+from elys.common.components import Camera
 from elys.common.errors import ElysError
 from elys.render_node.data_colors import data_pixels, depth_unit_of
 from elys.render_node.debug_drawing import DebugDrawing
@@ -24,7 +25,7 @@ from elys.render_node.ghost_worlds import GhostWorlds, ShownGhost
 from elys.render_node.gpu import Context, offscreen_context
 from elys.render_node.lettering import write_on
 from elys.render_node.marks import LETTERS, NO_MARKS, Marks, stamp_text
-from elys.render_node.overlays import OverlayBoard
+from elys.render_node.overlays import FIRST_PLAYER, OverlayBoard
 from elys.render_node.passes.bloom import Glow
 from elys.render_node.passes.data import DataKind
 from elys.render_node.picture_files import PICTURE_SUFFIXES, holds_numbers, output_kind, save_picture, save_values
@@ -108,6 +109,7 @@ class OfflineRenderer:
         self._reader = SceneReader(mirror)
         self._classes = SceneClasses(mirror)
         self._overlays = OverlayBoard(mirror)
+        self._player = FIRST_PLAYER  # whose picture it is
         self._owns_context = context is None
         self._context = context if context is not None else offscreen_context()
         self._tile_edge = min(tile_edge, self._context.max_size)
@@ -134,8 +136,11 @@ class OfflineRenderer:
             self._context.release()
 
     def look_through(self, entity: int) -> None:
-        """Draws from where a camera of the scene stands from now on, as long as it is there."""
+        """Draws from where a camera of the scene stands from now on, as long as it is there, with what its player is shown."""
         self.world.prefer_camera(entity)
+        found = self.mirror.entities.get(entity)
+        camera = found.components.get("Camera") if found is not None else None
+        self._player = (camera.player if isinstance(camera, Camera) else 0) or FIRST_PLAYER
 
     def place(self, time: float | None = None, *, exact: bool = False) -> RenderWorld:
         """The world as it is in the newest state, or between the newest two at a simulation time [s], all of it ready to draw."""
@@ -242,7 +247,7 @@ class OfflineRenderer:
     def _draw_shaded(self, pixels: NDArray[np.uint8], camera: ViewCamera) -> None:
         renderer, marks = self._renderer(self._quality), self.overlay.marks(self.world, self._ghosts)
         parts, glow = self._parts(renderer, camera, marks)
-        overlays = self._overlays.shown(self.world)
+        overlays = self._overlays.shown(self.world, player=self._player)
         for part in parts:
             target = renderer.draw(
                 self.world,

@@ -7,8 +7,10 @@ from elys.script import Behaviour, Entity, Rotation, Vector, about, components
 
 from .race import Race
 
+LOOSE = 8  # bodies in a row that a camera looks through
 COYOTE = 0.10  # [s] after it has left the ground in which it may still jump
 SLIP = 3.0  # [m/s] by which its skin may be faster than the road
+ROLLS_OUT, BRAKES = 0.35, 2.5  # [1/s] of its speed that it loses where nobody pushes it, and behind the finish
 BUFFER = 0.12  # [s] before it reaches the ground in which a jump is not lost
 
 
@@ -51,6 +53,9 @@ class Ball(Behaviour):
         if is_away:  # others race on, and it rolls by itself
             self.roll(Vector(0, 0, 0))
             return
+        if race is not None and self.player in race.times:  # behind the finish the road ends soon
+            self.roll(Vector(0, 0, 0), slowing=BRAKES)
+            return
         if player.action("jump").was_pressed:
             self.jump_time = self.world.time
         push = self.wanted(player)
@@ -77,12 +82,12 @@ class Ball(Behaviour):
         push += Vector(-math.sin(self.heading), 0, -math.cos(self.heading)) * move.y
         return push / max(push.length, 1.0)
 
-    def roll(self, push):
+    def roll(self, push, slowing=ROLLS_OUT):
         """Brings its speed towards the one wanted: on the ground by turning it, in the air by a little push."""
         now = self.entity.velocity
         level = Vector(now.x, 0, now.z)
         if push.length < 0.05:
-            change = level * -0.35  # lets it roll, and come to rest some day
+            change = level * -slowing
         else:
             change = (push * self.top_speed - level) * self.response
         on_ground = self.world.time - self.ground_time <= self.world.dt
@@ -162,8 +167,21 @@ class ChaseCamera(Behaviour):
         eye = back * self.distance + (0, self.height, 0)
         look_at = self.middle + Vector(0, 0.7, 0)
         reach = eye.length
-        hit = self.world.raycast(look_at, eye.normalized(), reach, exclude=[self.ball.id])
-        eye = look_at + eye.normalized() * (max(hit.distance - 0.3, 0.6) if hit is not None else reach)
+        free = self.free_way(self.ball, look_at, eye.normalized(), reach)
+        eye = look_at + eye.normalized() * (reach if free == reach else max(free - 0.3, 0.6))
         down = math.atan2(eye.y - look_at.y, math.hypot(eye.x - look_at.x, eye.z - look_at.z))
         turn = Rotation.about((0, 1, 0), ball.heading) * Rotation.about((1, 0, 0), -down)
         self.entity.set(components.Transform, position=tuple(eye), rotation=tuple(turn))
+
+    def free_way(self, ball, start, direction, reach):
+        """How far [m] nothing stands in the way but what is loose: bricks that fly about would have it leap to and fro."""
+        passed = [ball.id]
+        for _ in range(LOOSE):
+            hit = self.world.raycast(start, direction, reach, exclude=passed)
+            if hit is None:
+                return reach
+            body = hit.entity.get(components.RigidBody) if hit.entity.has(components.RigidBody) else None
+            if body is None or body.motion != "dynamic":
+                return hit.distance
+            passed.append(hit.entity.id)
+        return reach

@@ -9,6 +9,7 @@ from .ball import Ball
 from .race import Race
 
 SHOWN = 2.2  # [s] that a message stays
+LARGE, SMALL = 0.12, 0.065  # letters, in heights of the picture: what is said on the way does not hide it
 MEDALS = {"gold": (0.9, 0.62, 0.1), "silver": (0.62, 0.66, 0.7), "bronze": (0.55, 0.26, 0.1), "": (0.9, 0.9, 0.9)}
 FASTER, SLOWER, PLAIN = (0.1, 0.7, 0.2), (0.85, 0.16, 0.08), (0.95, 0.95, 0.95)
 
@@ -21,6 +22,7 @@ class Hud(Behaviour):
 
     def start(self):
         self.message_until = -1.0
+        self.is_finished = False
         self.counted = 0
         self.to_beat = [float(part) for part in self.best.split(",") if part]
 
@@ -57,23 +59,25 @@ class Hud(Behaviour):
             self.say_split(event.values["number"], event.values["time"])
             self.world.play_sound("chime", volume=0.7)
         elif event.kind == "race_finished":
+            self.is_finished = True
             medal = event.values["medal"]
             self.say(f"{clock_text(event.values['time'])}  {medal or 'no medal'}", MEDALS[medal], 60.0)
             self.world.play_sound("chime", pitch=0.5)
-        elif event.kind == "ball_fell":
+        elif event.kind == "ball_fell" and not self.is_finished:
             self.say("Fallen", SLOWER, SHOWN)
             self.world.play_sound("hit", volume=0.6)
 
     def say_split(self, number, time):
         """How the time at a gate compares with that of the run to be beaten."""
         if number > len(self.to_beat):
-            self.say(clock_text(time), PLAIN, SHOWN)
+            self.say(clock_text(time), PLAIN, SHOWN, size=SMALL)
             return
-        behind = time - self.to_beat[number - 1]
-        self.say(f"{behind:+.2f}", SLOWER if behind > 0.0 else FASTER, SHOWN)
+        behind = round(time - self.to_beat[number - 1], 2)
+        color = SLOWER if behind > 0.0 else FASTER if behind < 0.0 else PLAIN
+        self.say(f"{behind:+.2f}" if behind else "0.00", color, SHOWN, size=SMALL)
 
-    def say(self, text, color, seconds):
-        self.write("Message", text=text, color=color)
+    def say(self, text, color, seconds, size=LARGE):
+        self.write("Message", text=text, color=color, size=size)
         self.message_until = self.world.time + seconds
 
     def write(self, name, **values):

@@ -122,6 +122,7 @@ class Race(Behaviour):
 
     def light(self):
         """The gates show what the one who is behind most has still to do."""
-        least = min(self.passed.values(), default=0)
+        players = max((menu.players for menu in self.world.behaviours(Menu)), default=1)
+        least = min(self.passed.get(player, 0) for player in range(1, players + 1))
         for place, gate in enumerate(self.gates):
             gate.light(PASSED if place < least else NEXT if place == least else AHEAD)

@@ -119,7 +119,7 @@ def player(place: Place, number: int, assets: AssetStore, *, side: float = 0.0) 
         components={
             "Transform": {"position": eye, "rotation": _upright(place)},
             "RigidBody": {"motion": "kinematic"},
-            "Camera": {"field_of_view": 1.05, "player": number, "far": 900.0},
+            "Camera": {"field_of_view": 1.05, "player": number, "far": 2500.0},
             "Script": script("ball.py#ChaseCamera", ball=name),
         },
     )
@@ -143,7 +143,7 @@ def hud(number: int) -> EntityNode:
             {"anchor": "bottom_left", "x": 0.04, "y": -0.035},
             {"text": "{:.0f} km/h", "size": 0.045, "outline": 0.08},
         ),
-        ("Message", {"anchor": "top", "y": 0.2}, {"text": "", "size": 0.12, "outline": 0.08, "align": "center"}),
+        ("Message", {"anchor": "top", "y": 0.13}, {"text": "", "size": 0.12, "outline": 0.08, "align": "center"}),
     )
     return EntityNode(
         name=f"Display {number}",
@@ -168,7 +168,7 @@ def menu() -> EntityNode:
         name="Menu",
         components={
             "Overlay": {"anchor": "center", "width": 1.0, "height": 0.78, "visible": False},
-            "OverlayPanel": {"color": [0.015, 0.02, 0.03], "opacity": 0.82, "radius": 0.03},
+            "OverlayPanel": {"color": [0.015, 0.02, 0.03], "opacity": 0.95, "radius": 0.03},
             "Script": script("menu.py#Menu"),
         },
         children=[
@@ -297,7 +297,7 @@ def landscape(course: Course, *, seed: int, ground: Any, trees: int = 90) -> Ent
     plain = EntityNode(
         name="Plain",
         components={
-            "Transform": {"position": [0.0, round(depth - 0.5, 3), 0.0], "scale": [1400.0, 1.0, 1400.0]},
+            "Transform": {"position": [0.0, round(depth - 0.5, 3), 0.0], "scale": [4400.0, 1.0, 4400.0]},
             "MeshRenderer": {"mesh": "box", "cast_shadows": False},
             "Material": material(ground, roughness=0.95),
         },

@@ -16,7 +16,7 @@ from elys.common.assets.store import AssetStore
 from elys.common.components import Overlay, OverlayText
 from elys.game.board import Board
 from elys.game.bot import Bot
-from elys.game.referee import Referee
+from elys.game.referee import AFTERGLOW, Referee
 from elys.samples.game.levels import LEVELS
 from elys.sim_node.simulation import Simulation
 from tests.unit.game.hosted_races import STICKS_LET_GO, hosted, raced
@@ -44,9 +44,9 @@ def test_a_race_that_was_paused_is_finished_and_verifies(tmp_path: Path) -> None
         assert len(inside) == round(length * 60.0) + 1
         frames = [recording.frame(place) for place in inside]
         before = recording.frame(inside[0] - 1)
-        # From the countdown to a second after the finish, and what the clock did not count.
+        # From the countdown to two seconds after the finish, and what the clock did not count.
         whole = recording.time[-1] - recording.time[0]
-        assert whole == pytest.approx(1.5 + paused.time + 1.0 + length, abs=0.2)
+        assert whole == pytest.approx(1.5 + paused.time + AFTERGLOW + length, abs=0.2)
     first = frames[0]
     for frame in frames:
         assert np.array_equal(frame.position, first.position)

@@ -123,7 +123,7 @@ class A(Behaviour):
 @pytest.mark.parametrize(
     ("body", "line"),
     [
-        ("while self.is_on:\n            if not self.is_on:\n                await ticks(1)", 6),  # cut into steps
+        ("while self.is_on:\n            if not self.is_on:\n                await ticks(1)", 7),  # cut into steps
         ("n = 0\n        while True:\n            n += 1", 8),  # one block
     ],
 )
