@@ -39,7 +39,7 @@ def test_a_driven_race_is_recorded_proven_and_raced_against(elys, tmp_path, envi
     with Recording(Path(first["recording"])) as recording:
         told = [event.kind for batch in events_of(recording) for event in batch.events]
         assert told.count("race_finished") == 1 and told.count("race_go") == 1
-        assert recording.time[-1] - recording.time[0] == pytest.approx(first["time"] + 1.5 + 1.0, abs=0.2)
+        assert recording.time[-1] - recording.time[0] == pytest.approx(first["time"] + 1.5 + 2.0, abs=0.2)
     check_film(elys, Path(first["recording"]), tmp_path / "race.mp4")
     shown = elys("game", "--times", level)
     assert shown.wait() == 0
