@@ -133,13 +133,15 @@ class _Number:
         typing.text = text[:MAX_LENGTH]
         has_tab = imgui.is_item_active() and imgui.is_key_pressed(imgui.Key.tab)
         if entered or has_tab:
-            if self._commit(edit, initial="" if mixed else self._text) and has_tab:
+            if not self._commit(edit, initial="" if mixed else self._text):
+                typing.starts = True  # it stays to be mended
+            elif has_tab:
                 typing.go_on(self._place, -1 if imgui.get_io().key_shift else 1)
         elif imgui.is_item_deactivated() and not starts:
             if imgui.is_key_pressed(imgui.Key.escape):
                 typing.stop()
                 self._context.refuse("")
-            else:
+            else:  # what is wrong stays as well, but to take the keys back would take away the click on something else
                 self._commit(edit, initial="" if mixed else self._text)
         return True
 
@@ -168,7 +170,6 @@ class _Number:
         except (ExpressionError, KeyError) as error:
             why = str(error) if isinstance(error, ExpressionError) else f"no unit {error} is known here"
             self._context.refuse(tr_sentence(why))
-            typing.starts = True  # it stays to be mended
             return False
         edit.changed = edit.began = edit.ended = True
         edit.axis = self._axis
