@@ -42,7 +42,7 @@ def game(
     from elys.verbs import game as verb
 
     if times:
-        verb.times(level, json=json)
+        verb.times(level, players=players, json=json)
         return
     if fast and not bot:
         raise ElysError("--fast leaves no time to play: give --bot as well")

@@ -57,11 +57,12 @@ def since(began: float, spans: Iterable[Span]) -> tuple[Span, ...]:
 
 
 class Board:
-    """One level's times, fastest first."""
+    """One level's times, fastest first: of who raced alone, or of races of so many players, who can be in each other's way."""
 
-    def __init__(self, level: str, folder: Path | None = None) -> None:
+    def __init__(self, level: str, folder: Path | None = None, *, players: int = 1) -> None:
         """Raises ElysError where the list cannot be read, or is none."""
-        self.folder = (folder or game_folder()) / level
+        name = level if players == 1 else f"{level}-{players}-players"
+        self.folder = (folder or game_folder()) / name
         self.entries: list[Entry] = self._read()
 
     def __len__(self) -> int:

@@ -130,7 +130,8 @@ class Referee:
         self._has_ghosts = has_ghosts
         self.settings = Settings.load(folder)
         self._has_menu = has_menu
-        self.board = Board(level.board, folder)
+        self.board = self._board_of(level)
+        self._result = ""  # of the race before
         self.attempt: Attempt | None = None
         self.races = 0
         self._is_begun = False
@@ -194,7 +195,7 @@ class Referee:
         await self._end_ghosts()
         self.level = self.level.renewed(self._node.simulation.assets)
         self._levels = {**self._levels, self.level.name: self.level}
-        self.board = Board(self.level.board, self._folder)
+        self.board = self._board_of(self.level)
         players = self._players
         opened = self._open_level(self.level, players, self._told(opens_menu=opens_menu))
         path = str(opened.path) if isinstance(self.level, SceneLevel) else ""
@@ -210,17 +211,21 @@ class Referee:
     def _players(self) -> int:
         return min(self._wanted_players, self.level.seats)
 
+    def _board_of(self, level: AnyLevel) -> Board:
+        return Board(level.board, self._folder, players=min(self._wanted_players, level.seats))
+
     def _told(self, *, opens_menu: bool) -> dict[str, dict[str, Any]]:
         """What the level's scripts are told: the menu all best times, the displays the times at gates that are to be beaten."""
         rows = []
         for name, level in self._levels.items():
-            best = self.board.best() if name == self.level.name else Board(level.board, self._folder).best()
+            best = self._board_of(level).best()
             told_best = f"{best.time:.2f} s" if best is not None else ""
             rows.append(f"{name}|{level.title}|{told_best}|{best.medal if best is not None else ''}")
         best = self.board.best(self._person) or self.board.best()
         splits = ",".join(map(str, best.splits)) if best is not None else ""
         menu: dict[str, Any] = {"levels": "\n".join(rows), "level": self.level.name, "is_open": opens_menu}
         menu["players"] = self._players
+        menu["result"] = self._result if opens_menu else ""
         menu["settings"] = lines(self.settings, self._players)
         told: dict[str, dict[str, Any]] = {"Menu": menu}
         for number in range(1, self._players + 1):
@@ -254,6 +259,7 @@ class Referee:
         )
         place = self.board.add(entry)
         _log.info("%s: %s", self.level.title, told(entry, place))
+        self._result = result_of(attempt, place)
         if place:
             self._keep(asyncio.create_task(self._verify(entry, self.board)))
 
@@ -355,6 +361,17 @@ async def _served(server: GhostServer, recording: Recording) -> None:
 
 def told(entry: Entry, place: int) -> str:
     """An entry as a person reads it."""
-    medal = f", {entry.medal} medal" if entry.medal else ""
+    return f"{entry.player} {entry.time:.3f} s{_worth(entry.medal, place)}"
+
+
+def result_of(attempt: Attempt, place: int) -> str:
+    """A race that was finished as the menu tells it: the time of one, or those of all, fastest first."""
+    fastest, *others = sorted(attempt.finished.values(), key=lambda one: one.time)
+    if not others:
+        return f"{fastest.time:.2f} s{_worth(fastest.medal, place)}"
+    return "   ".join(f"player {one.player}: {one.time:.2f} s" for one in (fastest, *others))
+
+
+def _worth(medal: str, place: int) -> str:
     rank = f", place {place}" if place else ", slower than all that are kept"
-    return f"{entry.player} {entry.time:.3f} s{medal}{rank}"
+    return f", {medal} medal{rank}" if medal else rank

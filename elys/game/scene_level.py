@@ -22,7 +22,7 @@ from elys.samples.game.levels import with_values
 NEEDED: Final = {"Race": "clock", "Gate": "gate", "Ball": "ball"}  # behaviours of elys:game
 _TOLD: Final = frozenset({"Menu", "Hud", "Ball"})  # who is told something before a race, and what:
 _TOLD_VALUES: Final = frozenset(
-    {"levels", "level", "settings", "is_open", "players", "best", "look_speed", "is_followed"}
+    {"levels", "level", "settings", "result", "is_open", "players", "best", "look_speed", "is_followed"}
 )
 _log = logging.getLogger(__name__)
 

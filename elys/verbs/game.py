@@ -93,7 +93,7 @@ def host(
         )
     )
     if json:
-        print_json(times_of(chosen))
+        print_json(times_of(chosen, players))
 
 
 async def _host(
@@ -200,11 +200,11 @@ async def proof_of(recording: Path, entry: Entry, *, trusts: bool = True, nicene
     return proof.proof_of(verdict, began=entry.began, ended=entry.ended)
 
 
-def times_of(level: AnyLevel) -> list[dict[str, object]]:
+def times_of(level: AnyLevel, players: int = 1) -> list[dict[str, object]]:
     """The board of a level, for programs."""
     from elys.game.board import Board
 
-    board = Board(level.board)
+    board = Board(level.board, players=players)
     return [
         {
             "place": place,
@@ -219,20 +219,21 @@ def times_of(level: AnyLevel) -> list[dict[str, object]]:
     ]
 
 
-def times(level: str, *, json: bool) -> None:
-    """Prints the best times of one level, or of all."""
+def times(level: str, *, players: int, json: bool) -> None:
+    """Prints the best times of one level, or of all, in races of so many players."""
     from elys.samples.game.levels import LEVELS
 
     chosen = [level_named(level, AssetStore())] if level else list(LEVELS.values())
     if json:
-        print_json({one.name: times_of(one) for one in chosen})
+        print_json({one.name: times_of(one, players) for one in chosen})
         return
     for one in chosen:
         medals = one.medals
-        print(f"{one.title}  gold {medals.gold:g} s, silver {medals.silver:g} s, bronze {medals.bronze:g} s")
+        together = f" for {players} players" if players > 1 else ""
+        print(f"{one.title}{together}  gold {medals.gold:g} s, silver {medals.silver:g} s, bronze {medals.bronze:g} s")
         rows = [
             (str(row["place"]), str(row["player"]), f"{row['time']:.3f} s", str(row["medal"]), str(row["proof"] or "-"))
-            for row in times_of(one)
+            for row in times_of(one, players)
         ]
         if rows:
             print_table(("", "player", "time", "medal", "verified"), rows)

@@ -154,7 +154,7 @@ class ChaseCamera(Behaviour):
     def start(self):
         self.middle = None
 
-    def fixed_update(self, dt):
+    def update(self, dt):  # where the ball is after the step, also in the tick in which it went back to a gate
         if self.ball is None or not self.ball.is_alive:
             return
         ball = self.ball.script(Ball)

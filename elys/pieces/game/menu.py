@@ -10,7 +10,8 @@ from elys.script import Behaviour, Entity, about, components
 
 ROW, SMALL_ROW, GAP = 0.075, 0.058, 0.03  # heights of the picture
 HEAD, FOOT = 0.18, 0.11  # above the rows, and below
-PLAIN, CHOSEN = (0.75, 0.77, 0.8), (1.0, 0.8, 0.25)
+RESULT = 0.055  # more above them, for how the race before ended
+PLAIN, CHOSEN, NEWS = (0.75, 0.77, 0.8), (1.0, 0.8, 0.25), (0.45, 0.75, 1.0)
 IN_RACE = (("go_on", "Go on"), ("restart", "Restart"))
 
 
@@ -21,6 +22,7 @@ class Menu(Behaviour):
     levels: Annotated[str, about("A line for each level: name|title|best time|medal.")] = ""
     level: Annotated[str, about("The name of this one.")] = ""
     settings: Annotated[str, about("A line for each setting: name|title|choice|choices, with commas.")] = ""
+    result: Annotated[str, about("How the race before ended.")] = ""
     players: Annotated[int, about("How many race.", minimum=1, maximum=16)] = 1
 
     def start(self):
@@ -41,6 +43,10 @@ class Menu(Behaviour):
         self.rows: list[Entity] = []
         self.does: list[tuple[str, Any]] = []  # what each row is for, and which
         y = 0.0
+        if self.result and not self.in_race:
+            text = components.OverlayText(text=self.result, size=0.038, color=NEWS)
+            self.world.spawn(components.Overlay(anchor="top", y=-0.01), text, parent=self.entity.child("Rows"))
+            y = RESULT
         if self.in_race:
             for what, title in IN_RACE:
                 y = self.row(y, SMALL_ROW, title, "", (what, ""))

@@ -2,7 +2,7 @@
 
     course = Course(width=6.0)
     course.straight(20.0)
-    course.turn(90.0, radius=14.0, bank=12.0)
+    course.turn(90.0, radius=14.0, bank=12.0).gate()
     course.gap(5.0, drop=1.0)
     course.straight(10.0, climb=2.0)
     meshes = [stretch.mesh() for stretch in course.stretches]
@@ -34,6 +34,7 @@ LEAD: Final = 2.0  # [m] in which a stretch comes up below the one before
 RISE: Final = 0.08  # [m] of a plank over the road's edge, which it must not meet either
 RAMP: Final = 3.0  # [m] in which a plank comes out of the road
 DASH: Final = 2.0  # [m] of one colour along a curb
+WAYSIDE: Final = 0.35  # [m] that a gate's posts stand away from where the deck ends
 Color = tuple[float, float, float]
 Array = NDArray[np.float64]
 
@@ -70,6 +71,18 @@ class Look:
     side: Color = (0.22, 0.24, 0.28)
 
 
+# Boards look like boards from afar: who comes must see that there are two ways.
+WOOD: Final = Look(deck=(0.46, 0.25, 0.09), line=(0.62, 0.38, 0.15), side=(0.20, 0.10, 0.04))
+
+
+@dataclass(frozen=True, slots=True)
+class GatePlace:
+    """Where a gate stands, and how wide [m] its opening is."""
+
+    place: Place
+    width: float
+
+
 @dataclass(slots=True)
 class Stretch:
     """What lies between two gaps."""
@@ -103,6 +116,7 @@ class Course:
         self.stretches: list[Stretch] = []
         self.stations: list[Place] = []  # of all stretches, in order
         self.planks: list[list[Place]] = []  # beside them
+        self.gates: list[GatePlace] = []  # in their order
         self._position = np.array([0.0, height, 0.0])
         self._heading = math.radians(heading)
         self._slope = 0.0
@@ -118,6 +132,11 @@ class Course:
     def station(self) -> int:
         """The number of that place among the stations."""
         return len(self.stations) - 1
+
+    def gate(self) -> Course:
+        """A gate here, as wide as the road."""
+        self.gates.append(GatePlace(self.here, self.width + 2.0 * WAYSIDE))
+        return self
 
     def plank(self, start: Sequence[float], end: Sequence[float], *, width: float) -> Course:
         """A straight board from one point on the road to another: no station of the line.
@@ -138,7 +157,7 @@ class Course:
             rise = -SUNK + (SUNK + RISE) * _eased(min(1.0, length * min(share, 1.0 - share) / RAMP))
             places.append(Place(a + (b - a) * share + rise * up, forward, right, up))
         self.planks.append(places)
-        self.stretches.insert(len(self.stretches) - 1, Stretch(width, 0.0, self.look, places))
+        self.stretches.insert(len(self.stretches) - 1, Stretch(width, 0.0, WOOD, places))
         return self
 
     def way_over(self, plank: int, *, leaves: int, joins: int, lead: float = 10.0) -> tuple[Place, ...]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import random
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -17,12 +16,13 @@ from elys.common.assets.store import AssetStore
 from elys.common.components.input_map import ACTIONS
 from elys.common.scene import EntityNode
 from elys.common.scene_files import PIECES
-from elys.samples.entities import body, group, material, rounded
+from elys.samples.entities import body, group, material, rounded, sun
 from elys.samples.game.course import Course, Place
 
 BALL_DIAMETER: Final = 1.0  # [m]
 BALL_MASS: Final = 8.0  # [kg]
 PLAYER_COLORS: Final = ((0.90, 0.28, 0.05), (0.06, 0.30, 0.75), (0.10, 0.50, 0.15), (0.55, 0.12, 0.45))
+FALL: Final = 5.0  # [m] below the road, and above the ground, at which a ball has fallen
 FERRY_HEIGHT: Final = 0.4  # [m]
 WIDE: Final = 16.0 / 9.0  # heights of the picture
 _GORES: Final = 8
@@ -35,6 +35,30 @@ class Medals:
     gold: float = 30.0
     silver: float = 40.0
     bronze: float = 60.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Daylight:
+    """A sun and the sky around it; colours are linear."""
+
+    direction: tuple[float, float, float] = (-0.5, -0.75, -0.35)  # into which the sun shines
+    sun: float = 3.4  # [lx]
+    sun_color: tuple[float, float, float] = (1.0, 0.93, 0.82)
+    sky: float = 0.42  # radiance of a white level surface in the shade
+    sky_color: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    turbidity: float = 2.2
+
+    def entities(self) -> list[EntityNode]:
+        """What shines."""
+        lamp = sun(self.direction, intensity=self.sun)
+        lamp.components["Light"] = {**(lamp.components["Light"] or {}), "color": list(self.sun_color)}
+        sky = {
+            "kind": "sky",
+            "turbidity": self.turbidity,
+            "intensity": self.sky,
+            "color": list(self.sky_color),
+        }
+        return [lamp, EntityNode(name="Sky", components={"Transform": {}, "Environment": sky})]
 
 
 def script(name: str, **values: Any) -> dict[str, Any]:
@@ -68,7 +92,7 @@ def road(course: Course, assets: AssetStore, *, friction: float = 1.2) -> Entity
 
 def gate(place: Place, number: int, *, width: float, height: float = 5.0) -> EntityNode:
     """A lit arch across the road, that counts when it is gone through the way the road leads."""
-    half = width / 2.0 + 0.35
+    half = width / 2.0
     posts = [
         ("Left", (-half, height / 2.0, 0.0), (0.3, height, 0.3)),
         ("Right", (half, height / 2.0, 0.0), (0.3, height, 0.3)),
@@ -78,7 +102,7 @@ def gate(place: Place, number: int, *, width: float, height: float = 5.0) -> Ent
         name=f"Gate {number}",
         components={
             "Transform": {"position": place.at(), "rotation": _upright(place)},
-            "Script": script("race.py#Gate", number=number, width=width + 0.7, height=height),
+            "Script": script("race.py#Gate", number=number, width=round(width, 4), height=height),
         },
         children=[
             EntityNode(
@@ -181,7 +205,7 @@ def menu() -> EntityNode:
 
 def race(medals: Medals) -> EntityNode:
     """What measures."""
-    values = {"gold": medals.gold, "silver": medals.silver, "bronze": medals.bronze}
+    values = {"gold": medals.gold, "silver": medals.silver, "bronze": medals.bronze, "fall": FALL}
     return EntityNode(name="Race", components={"Transform": {}, "Script": script("race.py#Race", **values)})
 
 
@@ -286,56 +310,6 @@ def boost(name: str, place: Place, *, length: float = 5.0, width: float = 3.0, s
         },
         children=arrows,
     )
-
-
-def landscape(course: Course, *, seed: int, ground: Any, trees: int = 90) -> EntityNode:
-    """A plain below it all, with trees where the road does not lead over them; nothing of it is ever touched."""
-    chance = random.Random(seed)
-    along = np.array([place.position for place in course.stations])
-    low, high = along.min(axis=0) - 45.0, along.max(axis=0) + 45.0
-    depth = float(along[:, 1].min()) - 6.0
-    plain = EntityNode(
-        name="Plain",
-        components={
-            "Transform": {"position": [0.0, round(depth - 0.5, 3), 0.0], "scale": [4400.0, 1.0, 4400.0]},
-            "MeshRenderer": {"mesh": "box", "cast_shadows": False},
-            "Material": material(ground, roughness=0.95),
-        },
-    )
-    grown: list[EntityNode] = []
-    while len(grown) < trees:
-        x, z = chance.uniform(low[0], high[0]), chance.uniform(low[2], high[2])
-        if np.hypot(along[:, 0] - x, along[:, 2] - z).min() < 9.0:
-            continue
-        height = chance.uniform(4.0, 8.5)
-        tint = chance.choice(((0.05, 0.16, 0.05), (0.07, 0.20, 0.05), (0.10, 0.18, 0.04)))
-        grown.append(_tree(f"Tree {len(grown) + 1}", (x, depth, z), height, tint))
-    return group("Landscape", [plain, *grown])
-
-
-def _tree(name: str, foot: Sequence[float], height: float, tint: Any) -> EntityNode:
-    parts = [
-        ("Trunk", "cylinder", 0.18 * height, (0.09, 0.05, 0.03), 0.07),
-        ("Crown", "cone", 0.85 * height, tint, 0.42),
-    ]
-    children = []
-    base = 0.0
-    for part, mesh, tall, color, wide in parts:
-        children.append(
-            EntityNode(
-                name=part,
-                components={
-                    "Transform": {
-                        "position": [0, round(base + tall / 2, 3), 0],
-                        "scale": rounded((wide * height, tall, wide * height)),
-                    },
-                    "MeshRenderer": {"mesh": mesh},
-                    "Material": material(color, roughness=0.9),
-                },
-            )
-        )
-        base += tall
-    return group(name, children, position=rounded(foot))
 
 
 def striped_ball(color: tuple[float, float, float]) -> Mesh:

@@ -13,15 +13,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elys.common.assets.store import AssetStore
-from elys.common.scene import EntityNode, EntityRecord, OpenedScene, SceneDocument, SceneSettings, expand
+from elys.common.errors import SceneError
+from elys.common.made_contents import keep_made_contents
+from elys.common.scene import (
+    EntityNode,
+    EntityRecord,
+    OpenedScene,
+    SceneDocument,
+    SceneSettings,
+    collapse,
+    expand,
+    write_scene,
+)
 from elys.common.scene_files import PIECES_FOLDER
-from elys.samples.entities import sun
-from elys.samples.game import kit
+from elys.samples.game import kit, scenery
 from elys.samples.game.course import Course, Look, Place
-from elys.samples.game.kit import Medals
+from elys.samples.game.kit import Daylight, Medals
 
 STONE: Final = Look(deck=(0.34, 0.30, 0.25), line=(0.62, 0.57, 0.48), curb=(0.60, 0.34, 0.05), side=(0.20, 0.16, 0.13))
 STEEL: Final = Look(deck=(0.16, 0.19, 0.24), line=(0.60, 0.66, 0.74), curb=(0.05, 0.35, 0.55), side=(0.07, 0.08, 0.11))
+GRASS, SAND, ASPHALT = (0.12, 0.22, 0.06), (0.34, 0.24, 0.15), (0.05, 0.06, 0.08)
+MORNING: Final = Daylight(sky_color=(0.85, 1.0, 1.1))
+HAZE: Final = Daylight(direction=(0.55, -0.5, -0.45), sun_color=(1.0, 0.86, 0.66), turbidity=5.0, sky=0.5)
+EVENING: Final = Daylight(direction=(-0.5, -0.22, -0.75), sun_color=(1.0, 0.70, 0.45), turbidity=3.0, sky=0.34)
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +70,7 @@ class Level:
 
     name: str
     title: str
+    about: str  # what is in the way
     medals: Medals
     lay_out: Callable[[AssetStore, Medals, int], Layout]
 
@@ -93,6 +108,19 @@ class Level:
         )
         return opened, layout
 
+    def write(self, path: Path) -> None:
+        """As a scene file, its meshes in a folder beside it; SceneError where one cannot be written."""
+        assets = AssetStore()
+        opened, _ = self.open(assets)
+        if not path.absolute().parent.is_dir():
+            raise SceneError(f"{path} cannot be written: there is no folder {path.parent}")
+        keep_made_contents(opened.records, path, assets)
+        directory = path.absolute().parent
+        write_scene(
+            collapse(opened.records, name=self.title, settings=opened.settings, directory=directory, assets=assets),
+            path,
+        )
+
 
 def with_values(records: list[EntityRecord], values: Mapping[str, Mapping[str, Any]]) -> list[EntityRecord]:
     """Records of which those at the top have other values of their scripts, by their names."""
@@ -115,22 +143,25 @@ def meadow(assets: AssetStore, medals: Medals, players: int) -> Layout:
     course = Course(width=7.0, height=8.0)
     start = course.straight(14.0).here
     course.straight(18.0)
-    gates = [course.turn(90.0, radius=16.0, bank=14.0).here]
+    course.turn(90.0, radius=16.0, bank=14.0).gate()
     course.straight(12.0, climb=2.5).turn(-60.0, radius=18.0, bank=12.0)
-    gates.append(course.straight(10.0).here)
+    course.straight(10.0).gate()
     bricks = course.straight(12.0).here
     course.straight(10.0).turn(-120.0, radius=15.0, climb=-2.0, bank=18.0)
-    gates.append(course.straight(16.0).here)
+    course.straight(16.0).gate()
     course.ramp(9.0, climb=1.6).gap(7.0, drop=1.2)
-    gates.append(course.straight(22.0).here)
+    course.straight(22.0).gate()
     course.turn(90.0, radius=13.0, bank=16.0)
-    gates.append(course.straight(20.0).here)
+    course.straight(20.0).gate()
     course.straight(14.0)
+    site = scenery.Site(course, depth=6.0)
     things = [
         kit.wall_of_boxes(bricks, columns=5, rows=3),
-        kit.landscape(course, seed=1, ground=(0.12, 0.22, 0.06)),
+        scenery.plain(site, GRASS),
+        scenery.hills(site, assets, seed=11, color=GRASS),
+        scenery.forest(site, seed=1, trees=90),
     ]
-    return _laid_out("Meadow", assets, medals, players, course, start, gates, things)
+    return _laid_out("Meadow", assets, medals, players, course, start, things, light=MORNING)
 
 
 def quarry(assets: AssetStore, medals: Medals, players: int) -> Layout:
@@ -138,33 +169,38 @@ def quarry(assets: AssetStore, medals: Medals, players: int) -> Layout:
     course = Course(width=6.0, height=10.0, look=STONE)
     start = course.straight(10.0).here
     course.straight(16.0)
-    gates = [course.turn(-90.0, radius=12.0, bank=14.0).here]
+    course.turn(-90.0, radius=12.0, bank=14.0).gate()
     near = course.straight(14.0).here
     at = course.station
     far = course.gap(18.0).here
     ferry = kit.ferry("Ferry", near, far)
     line = Ferry("Ferry", at, *kit.docks(near, far, length=4.0))
     course.plank(near.at(right=-2.3, forward=-4.0), far.at(right=-2.3, forward=4.0), width=1.2)
-    gates.append(course.straight(12.0).here)
+    course.straight(12.0).gate()
     bars = [kit.bar("Bar 1", course.straight(8.0).here, length=5.2, speed=1.5)]
     bars.append(kit.bar("Bar 2", course.straight(11.0).here, length=5.2, speed=-1.8))
     course.straight(10.0).turn(110.0, radius=13.0, climb=3.0, bank=16.0)
-    gates.append(course.straight(6.0).here)
+    course.straight(6.0).gate()
     bricks = course.straight(12.0).here
     course.straight(8.0).turn(70.0, radius=14.0, bank=14.0)
     wind = kit.boost("Wind", course.straight(8.0).here)
     course.straight(4.0).ramp(9.0, climb=1.8).gap(12.0, drop=2.0)
-    gates.append(course.straight(26.0).here)
+    course.straight(26.0).gate()
     course.turn(-90.0, radius=14.0, bank=16.0)
-    gates.append(course.straight(14.0).here)
+    course.straight(14.0).gate()
     course.straight(14.0)
+    site = scenery.Site(course, depth=6.0)
     things = [
         *(ferry, *bars, wind),
         kit.wall_of_boxes(bricks, columns=4, rows=4),
-        kit.landscape(course, seed=2, ground=(0.34, 0.24, 0.15), trees=40),
+        scenery.plain(site, SAND),
+        scenery.terraces(site, assets, seed=12, color=SAND),
+        scenery.forest(site, seed=2, trees=40),
     ]
     board = course.way_over(0, leaves=at - 8, joins=at + 9)  # 4 m before and after the edges
-    return _laid_out("Quarry", assets, medals, players, course, start, gates, things, ferries=(line,), shortcut=board)
+    return _laid_out(
+        "Quarry", assets, medals, players, course, start, things, light=HAZE, ferries=(line,), shortcut=board
+    )
 
 
 def skyline(assets: AssetStore, medals: Medals, players: int) -> Layout:
@@ -173,7 +209,7 @@ def skyline(assets: AssetStore, medals: Medals, players: int) -> Layout:
     start = course.straight(8.0).here
     course.straight(14.0)
     course.turn(60.0, radius=14.0, bank=12.0)
-    gates = [course.straight(8.0).here]
+    course.straight(8.0).gate()
     course.gap(3.0).straight(16.0)  # a jump at full speed goes 15 m
     # Flat, so that the board lies level with the road where it leaves it and where it comes back.
     fork, leaves = course.here, course.station
@@ -181,21 +217,22 @@ def skyline(assets: AssetStore, medals: Medals, players: int) -> Layout:
     course.plank(fork.at(right=1.4, forward=-3.0), course.here.at(right=1.4, forward=3.0), width=1.8)
     joins = course.station
     course.straight(8.0).turn(-180.0, radius=12.0, climb=-3.0, bank=20.0)
-    gates.append(course.straight(6.0).here)
+    course.straight(6.0).gate()
     course.widen(3.2).straight(14.0, climb=-2.0)
     course.widen(5.0, curb=0.4).turn(150.0, radius=11.0, bank=22.0)
-    gates.append(course.straight(8.0).here)
+    course.straight(8.0).gate()
     bar = kit.bar("Bar", course.straight(9.0).here, length=4.4, speed=1.25)
     wind = kit.boost("Wind", course.straight(12.0).here)
     course.straight(4.0).ramp(10.0, climb=2.2).gap(14.0, drop=3.0)
-    gates.append(course.widen(7.0).straight(28.0).here)
+    course.widen(7.0).straight(28.0).gate()
     course.widen(5.0, curb=0.0).turn(-90.0, radius=13.0, climb=-2.0, bank=16.0).straight(6.0)
     course.gap(3.5, drop=0.4).straight(15.0)
-    gates.append(course.turn(60.0, radius=14.0, bank=10.0).straight(12.0).here)
+    course.turn(60.0, radius=14.0, bank=10.0).straight(12.0).gate()
     course.straight(14.0)
-    things = [bar, wind, kit.landscape(course, seed=3, ground=(0.05, 0.10, 0.16), trees=0)]
+    site = scenery.Site(course, depth=26.0)
+    things = [bar, wind, scenery.plain(site, ASPHALT), scenery.city(site, assets, seed=3)]
     board = course.way_over(0, leaves=leaves - 6, joins=joins + 6)  # 3 m before and after
-    return _laid_out("Skyline", assets, medals, players, course, start, gates, things, shortcut=board)
+    return _laid_out("Skyline", assets, medals, players, course, start, things, light=EVENING, shortcut=board)
 
 
 def _laid_out(
@@ -205,21 +242,18 @@ def _laid_out(
     players: int,
     course: Course,
     start: Place,
-    gates: list[Place],
     things: list[EntityNode],
+    *,
+    light: Daylight,
     ferries: tuple[Ferry, ...] = (),
     shortcut: tuple[Place, ...] = (),
 ) -> Layout:
     entities = [
-        sun((-0.5, -0.75, -0.35), intensity=2.4),
-        EntityNode(
-            name="Sky",
-            components={"Transform": {}, "Environment": {"kind": "sky", "turbidity": 2.6, "intensity": 0.45}},
-        ),
+        *light.entities(),
         kit.race(medals),
         kit.controls(),
         kit.road(course, assets),
-        *(kit.gate(place, number, width=7.0) for number, place in enumerate(gates, 1)),
+        *(kit.gate(one.place, number, width=one.width) for number, one in enumerate(course.gates, 1)),
         *things,
     ]
     for number in range(1, players + 1):
@@ -233,8 +267,26 @@ def _laid_out(
 LEVELS: Final[Mapping[str, Level]] = {
     level.name: level
     for level in (
-        Level(name="meadow", title="Meadow", medals=Medals(gold=20.0, silver=26.0, bronze=45.0), lay_out=meadow),
-        Level(name="quarry", title="Quarry", medals=Medals(gold=30.0, silver=45.0, bronze=75.0), lay_out=quarry),
-        Level(name="skyline", title="Skyline", medals=Medals(gold=29.0, silver=40.0, bronze=70.0), lay_out=skyline),
+        Level(
+            name="meadow",
+            title="Meadow",
+            about="Bends, a wall of bricks, one jump",
+            medals=Medals(gold=20.0, silver=26.0, bronze=45.0),
+            lay_out=meadow,
+        ),
+        Level(
+            name="quarry",
+            title="Quarry",
+            about="A ferry, bars that sweep the road, a wind that throws far",
+            medals=Medals(gold=30.0, silver=45.0, bronze=75.0),
+            lay_out=quarry,
+        ),
+        Level(
+            name="skyline",
+            title="Skyline",
+            about="Narrow roads without curbs, gaps, a board where the road goes round",
+            medals=Medals(gold=29.0, silver=40.0, bronze=70.0),
+            lay_out=skyline,
+        ),
     )
 }

@@ -20,7 +20,7 @@ from elys.common.assets.mesh import Mesh
 from elys.common.scene import EntityNode, SceneDocument, write_scene
 from elys.common.scene_files import PIECES_FOLDER, PREFAB_SUFFIX
 from elys.samples.game import kit
-from elys.samples.game.course import Course
+from elys.samples.game.course import WAYSIDE, Course
 
 WIDTH: Final = 6.0  # [m]
 MESHES: Final = "roads.glb"
@@ -58,7 +58,7 @@ def road_prefab(name: str, number: int) -> EntityNode:
 
 def gate_prefab() -> EntityNode:
     """A gate over such a road: the first, until its number is changed."""
-    gate = kit.gate(Course(width=WIDTH).here, 1, width=WIDTH + 1.0)
+    gate = kit.gate(Course(width=WIDTH).here, 1, width=WIDTH + 2.0 * WAYSIDE)
     script = {**(gate.components["Script"] or {}), "source": "race.py#Gate"}
     return EntityNode(name="Gate", components={**gate.components, "Script": script}, children=gate.children)
 

@@ -79,3 +79,10 @@ def test_a_list_names_nothing_outside_its_folder(tmp_path):
     path = board.folder / "times.json"
     path.write_text(path.read_text().replace("20.000.mcap", "../../secret.mcap"))
     assert Board("meadow", tmp_path).entries == []
+
+
+def test_races_of_several_have_a_board_of_their_own(tmp_path):
+    Board("meadow", tmp_path).add(entry(20.0))
+    Board("meadow", tmp_path, players=2).add(entry(19.0, player="ann 2"))
+    assert [one.time for one in Board("meadow", tmp_path).entries] == [20.0]
+    assert [one.time for one in Board("meadow", tmp_path, players=2).entries] == [19.0]

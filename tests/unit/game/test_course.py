@@ -8,7 +8,10 @@ from collections import Counter
 import numpy as np
 import pytest
 
+from elys.common.assets.store import AssetStore
 from elys.samples.game.course import SUNK, Course
+from elys.samples.game.kit import BALL_DIAMETER, FALL
+from elys.samples.game.levels import LEVELS
 
 
 def test_straights_turns_and_gaps_lead_where_they_should():
@@ -65,6 +68,23 @@ def test_where_a_road_becomes_wider_no_edge_stands_in_the_way_of_a_ball():
     rising = np.diff([place.position[1] for place in second.places if place.position[2] > seam[2] - 1e-9])
     assert (rising > 0.0).all() and rising[-1] < 0.01  # and is level with it there
     assert len(course.stations) == 1 + 40 + 1 + 20  # the line goes on as the road is driven
+
+
+def test_a_gate_stands_beside_the_road_as_wide_as_it_is_there():
+    course = Course(width=5.0).straight(4.0).gate().widen(7.0).straight(4.0).gate()
+    narrow, wide = course.gates
+    assert (narrow.width, wide.width) == pytest.approx((5.7, 7.7))
+    assert narrow.place.position == pytest.approx([0.0, 0.0, -4.0])
+    assert wide.place.position == pytest.approx([0.0, 0.0, -8.0])
+
+
+@pytest.mark.parametrize("name", LEVELS)
+def test_a_ball_that_falls_is_back_before_it_meets_the_ground(name):
+    layout = LEVELS[name].lay_out(AssetStore(), LEVELS[name].medals, 1)
+    (plain,) = (node for top in layout.document.entities for node in (top, *top.children) if node.name == "Plain")
+    ground = plain.components["Transform"]["position"][1] + 0.5
+    lowest = min(place.position[1] for place in layout.line)
+    assert lowest - FALL - BALL_DIAMETER / 2.0 >= ground
 
 
 def test_a_plank_comes_out_of_the_road_and_goes_back_into_it():

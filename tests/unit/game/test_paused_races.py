@@ -47,8 +47,8 @@ def test_a_race_that_was_paused_is_finished_and_verifies(tmp_path: Path) -> None
         # From the countdown to two seconds after the finish, and what the clock did not count.
         whole = recording.time[-1] - recording.time[0]
         assert whole == pytest.approx(1.5 + paused.time + AFTERGLOW + length, abs=0.2)
-    first = frames[0]
-    for frame in frames:
+    first = frames[1]  # what the camera's script did after the last free step is seen with the next one
+    for frame in frames[1:]:
         assert np.array_equal(frame.position, first.position)
         assert np.array_equal(frame.linear_velocity, first.linear_velocity)
     assert np.abs(first.linear_velocity).max() > 5.0

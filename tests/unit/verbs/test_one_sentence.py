@@ -229,7 +229,9 @@ def test_a_sample_is_not_written_over_a_scene_somebody_has_edited(elys, tmp_path
     (tmp_path / "empty.scene.json").write_text("edited")
     assert "is there already: choose another name with -o" in elys("samples", "empty").sentence
     assert (tmp_path / "empty.scene.json").read_text() == "edited"
-    assert "cannot be written" in elys("samples", "empty", "-o", "gone/x.scene.json").sentence
+    for name in ("empty", "meadow"):
+        assert "cannot be written" in elys("samples", name, "-o", "gone/x.scene.json").sentence
+    assert not (tmp_path / "gone").exists()
 
 
 def test_what_is_no_file_is_not_replaced_by_one(elys, tmp_path: Path) -> None:
