@@ -24,7 +24,7 @@ from elys.bus.messages.commands import CommandRequest, LoadScene
 from elys.bus.messages.ghosts import GHOST_COLORS, UNTIL_TOLD, Span
 from elys.bus.recording import Recording
 from elys.common.errors import ElysError
-from elys.game.board import Board, Entry, since
+from elys.game.board import KEPT, Board, Entry, since
 from elys.game.scene_level import SceneLevel
 from elys.game.settings import CHOICES, Settings, lines
 from elys.samples.game.levels import LEVELS, Level
@@ -369,9 +369,9 @@ def result_of(attempt: Attempt, place: int) -> str:
     fastest, *others = sorted(attempt.finished.values(), key=lambda one: one.time)
     if not others:
         return f"{fastest.time:.2f} s{_worth(fastest.medal, place)}"
-    return "   ".join(f"player {one.player}: {one.time:.2f} s" for one in (fastest, *others))
+    return "   ".join(f"P{one.player}  {one.time:.2f} s" for one in (fastest, *others))
 
 
 def _worth(medal: str, place: int) -> str:
-    rank = f", place {place}" if place else ", slower than all that are kept"
+    rank = f", place {place}" if place else f", not among the {KEPT} fastest"
     return f", {medal} medal{rank}" if medal else rank

@@ -72,7 +72,7 @@ class Look:
 
 
 # Boards look like boards from afar: who comes must see that there are two ways.
-WOOD: Final = Look(deck=(0.46, 0.25, 0.09), line=(0.62, 0.38, 0.15), side=(0.20, 0.10, 0.04))
+WOOD: Final = Look(deck=(0.46, 0.25, 0.09), line=(0.62, 0.38, 0.15), dash=(0.62, 0.38, 0.15), side=(0.20, 0.10, 0.04))
 
 
 @dataclass(frozen=True, slots=True)
@@ -276,6 +276,7 @@ def _profile(stretch: Stretch) -> tuple[list[tuple[float, float]], list[str]]:
     deck = [(-x, 0.0) for x in reversed(strips)] + [(x, 0.0) for x in strips]
     kinds = ["deck"] * count + ["line"] + ["deck"] * count
     if not stretch.curb:
+        kinds[0] = kinds[-1] = "edge"  # is seen, also in the shade: nothing holds a ball there
         return [*deck, (half, -THICKNESS), (-half, -THICKNESS)], [*kinds, "side", "side", "side"]
     out = half + CURB_WIDTH
     right = [(half, stretch.curb), (out, stretch.curb), (out, -THICKNESS)]
@@ -348,5 +349,5 @@ def _color(look: Look, kind: str, along: float) -> Array:
     elif kind == "line":
         chosen = look.deck if is_dash else look.line
     else:
-        chosen = look.deck if kind == "deck" else look.side
+        chosen = {"deck": look.deck, "edge": look.dash, "side": look.side}[kind]
     return np.array([*chosen, 1.0])

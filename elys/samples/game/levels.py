@@ -31,11 +31,11 @@ from elys.samples.game.course import Course, Look, Place
 from elys.samples.game.kit import Daylight, Medals
 
 STONE: Final = Look(deck=(0.34, 0.30, 0.25), line=(0.62, 0.57, 0.48), curb=(0.60, 0.34, 0.05), side=(0.20, 0.16, 0.13))
-STEEL: Final = Look(deck=(0.16, 0.19, 0.24), line=(0.60, 0.66, 0.74), curb=(0.05, 0.35, 0.55), side=(0.07, 0.08, 0.11))
+STEEL: Final = Look(deck=(0.20, 0.23, 0.28), line=(0.60, 0.66, 0.74), curb=(0.05, 0.35, 0.55), side=(0.07, 0.08, 0.11))
 GRASS, SAND, ASPHALT = (0.12, 0.22, 0.06), (0.34, 0.24, 0.15), (0.05, 0.06, 0.08)
 MORNING: Final = Daylight(sky_color=(0.85, 1.0, 1.1))
-HAZE: Final = Daylight(direction=(0.55, -0.5, -0.45), sun_color=(1.0, 0.86, 0.66), turbidity=5.0, sky=0.5)
-EVENING: Final = Daylight(direction=(-0.5, -0.22, -0.75), sun_color=(1.0, 0.70, 0.45), turbidity=3.0, sky=0.34)
+HAZE: Final = Daylight(direction=(0.55, -0.5, -0.45), sun_color=(1.0, 0.86, 0.66), turbidity=5.0, sun=4.0, sky=0.55)
+EVENING: Final = Daylight(direction=(-0.5, -0.22, -0.75), sun_color=(1.0, 0.70, 0.45), turbidity=3.0, sky=0.46)
 
 
 @dataclass(frozen=True, slots=True)

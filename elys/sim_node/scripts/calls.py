@@ -5,20 +5,18 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 from elys.bus.messages.session import Event
 from elys.common.ids import NO_ENTITY
 from elys.sim_node.scripts.budget import Budget
+from elys.sim_node.scripts.interruption import is_interruption
 from elys.sim_node.scripts.running import Running
 from elys.sim_node.scripts.task import Hear, Task, hear_nothing
 from elys.sim_node.scripts.waiting import Call
-from elys.sim_node.scripts.watchdog import ScriptGrowth, ScriptTimeout
 
 if TYPE_CHECKING:
     from elys.sim_node.scripts.runner import Scripts
-
-FAILURES: Final = (Exception, SystemExit, ScriptTimeout, ScriptGrowth)  # of a script, which end it alone
 
 
 class Happened:
@@ -65,8 +63,10 @@ class Calls:
                         self.begin(one, result)
                     if measures:
                         one.spent += time.thread_time() - began
-            except FAILURES as error:
+            except BaseException as error:
                 watchdog.is_inside = False
+                if is_interruption(error):
+                    raise
                 self._scripts.fail(listening[place - 1], error)
                 watchdog.is_inside = True
         watchdog.is_inside = False
@@ -81,7 +81,9 @@ class Calls:
                 result = getattr(one.itself, hook)(*arguments)
                 if type(result) is Call:
                     self.begin(one, result)
-        except FAILURES as error:
+        except BaseException as error:
+            if is_interruption(error):
+                raise
             self._scripts.fail(one, error)
         if self._budget.measures:
             one.spent += time.thread_time() - began
@@ -117,8 +119,10 @@ class Calls:
                             one.tasks.remove(task)
                     if measures:
                         one.spent += time.thread_time() - began
-            except FAILURES as error:
+            except BaseException as error:
                 watchdog.is_inside = False
+                if is_interruption(error):
+                    raise
                 self._scripts.fail(waiting[place - 1], error)
                 watchdog.is_inside = True
         watchdog.is_inside = False

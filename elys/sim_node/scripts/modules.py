@@ -20,9 +20,11 @@ from typing import Any
 from elys.common.assets.scripts import ScriptBundle
 from elys.common.errors import ScriptError
 from elys.sim_node.scripts.behaviour import Behaviour
+from elys.sim_node.scripts.interruption import is_interruption
 from elys.sim_node.scripts.program import Program, program_of
 from elys.sim_node.scripts.script_text import FileText, ScriptText
 from elys.sim_node.scripts.waiting import Call
+from elys.sim_node.scripts.watchdog import ScriptGrowth, ScriptTimeout
 
 
 class AsyncFunction:
@@ -166,9 +168,9 @@ class ScriptModules:
             raise ScriptError(_of_syntax(place, error)) from error
         try:
             exec(code, module.__dict__)
-        except ScriptError:
-            raise
-        except (Exception, SystemExit) as error:
+        except BaseException as error:
+            if isinstance(error, (ScriptError, ScriptTimeout, ScriptGrowth)) or is_interruption(error):
+                raise
             raise ScriptError(self._of_running(place, error)) from error
         self._make_programs(module, tree, file)
 
@@ -248,9 +250,9 @@ def text_of(error: BaseException) -> str:
     """What an error says of itself. A script's own may fail at that."""
     try:
         return str(error)
-    except KeyboardInterrupt:
-        raise
     except BaseException as second:  # of whatever kind: what went wrong first is what is to be told
+        if is_interruption(second):
+            raise
         return f"its own text cannot be had ({type(second).__name__})"
 
 

@@ -23,13 +23,14 @@ from elys.common.errors import ScriptError
 from elys.common.ids import Entity, index_of
 from elys.sim_node.scripts.behaviour import Behaviour, is_a
 from elys.sim_node.scripts.budget import Budget
-from elys.sim_node.scripts.calls import FAILURES, Calls
+from elys.sim_node.scripts.calls import Calls
 from elys.sim_node.scripts.event_queue import EventQueue
 from elys.sim_node.scripts.field_values import field_values
 from elys.sim_node.scripts.game_world import GameWorld
 from elys.sim_node.scripts.handles import EntityHandle
 from elys.sim_node.scripts.happenings import contacts_of, visits_of
 from elys.sim_node.scripts.holding import CALLED, MOST_MISSED, Hold
+from elys.sim_node.scripts.interruption import is_interruption
 from elys.sim_node.scripts.library import LoadedScript, ScriptLibrary
 from elys.sim_node.scripts.memory_watch import MemoryWatch
 from elys.sim_node.scripts.modules import line_in
@@ -40,7 +41,7 @@ from elys.sim_node.scripts.running import Running, failure_text
 from elys.sim_node.scripts.sounds import ScriptSounds
 from elys.sim_node.scripts.task import Task
 from elys.sim_node.scripts.waiting import Call
-from elys.sim_node.scripts.watchdog import ScriptTimeout, Watchdog
+from elys.sim_node.scripts.watchdog import ScriptGrowth, ScriptTimeout, Watchdog, reason_of
 
 if TYPE_CHECKING:
     from elys.sim_node.ecs.world import World
@@ -229,12 +230,14 @@ class Scripts:
                     one.values = component.values
                     for name, value in given.items():
                         setattr(one.itself, name, value)
-        except FAILURES as error:
+        except BaseException as error:
+            if is_interruption(error):
+                raise
             one.source = component.source
             self.fail(one, error)
 
     def loaded(self, source: str) -> LoadedScript:
-        """A script's class. Raises ScriptError, also for a file that does not come back."""
+        """A script's class. Raises ScriptError, also for a file that does not come back, or takes all memory."""
         try:
             with self.watchdog.watching(), self.watchdog.inside(LOADING_LIMIT):
                 return self.library.load(source)
@@ -243,6 +246,8 @@ class Scripts:
             raise ScriptError(
                 f"{where}: the file did not come back within {LOADING_LIMIT:g} s as it was loaded"
             ) from error
+        except (ScriptGrowth, MemoryError) as error:
+            raise ScriptError(f"{line_in(self.library.place_of(source), error)}: {reason_of(error)}") from error
 
     def _change_script(self, one: Running, script: LoadedScript) -> None:
         """A new behaviour, or the same one as its file was saved anew, which goes on with what it remembers."""
@@ -275,7 +280,9 @@ class Scripts:
             try:
                 with self.watchdog.inside(who=one):
                     one.itself.on_destroy()
-            except FAILURES as error:
+            except BaseException as error:
+                if is_interruption(error):
+                    raise
                 self.fail(one, error)
         one.has_started = False
 

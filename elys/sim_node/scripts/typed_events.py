@@ -27,8 +27,10 @@ from elys.common.components import Vec3
 from elys.sim_node.scripts.behaviour import Behaviour
 from elys.sim_node.scripts.event_names import event_name, is_event_class
 from elys.sim_node.scripts.handles import EntityHandle
+from elys.sim_node.scripts.interruption import is_interruption
 from elys.sim_node.scripts.modules import describe
 from elys.sim_node.scripts.vector import Vector
+from elys.sim_node.scripts.watchdog import ScriptGrowth, ScriptTimeout
 
 Names = Mapping[str, Any]  # of the module that declares a class
 _PLACE: Final = re.compile(r" - at `\$\.?(.*)`$")
@@ -60,7 +62,9 @@ class EventClasses:
         told = {name: value for name, value in given if value is not msgspec.UNSET}  # of others its class has defaults
         try:
             return kind(**{name: self._full(hints[name], value) for name, value in told.items()})
-        except (Exception, SystemExit) as error:  # out of the class's own code, as a __post_init__
+        except BaseException as error:  # out of the class's own code, as a __post_init__
+            if isinstance(error, (ScriptTimeout, ScriptGrowth)) or is_interruption(error):
+                raise
             raise TypeError(f"{kind.__name__} (event {event.kind!r}) is not made of that: {describe(error)}") from error
 
     def heard(self, happened: Mapping[str, Event], names: tuple[str | type[Any], ...]) -> Any | None:

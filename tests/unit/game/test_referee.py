@@ -16,12 +16,13 @@ from elys.bus.messages.commands import CommandRequest, NoteSaved, Rename, SetCom
 from elys.bus.messages.session import Event
 from elys.bus.session import Session
 from elys.common.assets.store import AssetStore
+from elys.common.components import OverlayText
 from elys.common.scene import open_scene
 from elys.editor_node.asset_placing import AssetPlacing
 from elys.editor_node.model import EditorModel
 from elys.editor_node.piece_list import PIECE_MENUS, piece_file
 from elys.game.board import Board
-from elys.game.referee import HEARD, Referee
+from elys.game.referee import HEARD, Attempt, Finished, Referee, result_of
 from elys.game.scene_level import SceneLevel
 from elys.samples.game.levels import LEVELS
 from tests.unit.game.hosted_races import hosted, raced
@@ -169,5 +170,40 @@ def test_a_level_whose_scripts_tell_nonsense_is_raced_in_all_the_same(tmp_path: 
             referee._wishes.put_nowait(("restart", {}))
             await until(lambda: referee.attempt is not attempt and went(referee))
             assert referee.races == 0
+
+    asyncio.run(scenario())
+
+
+@pytest.mark.parametrize(
+    ("times", "place", "expected"),
+    [
+        ({1: 31.236}, 3, "31.24 s, silver medal, place 3"),
+        ({1: 31.236}, 0, "31.24 s, silver medal, not among the 10 fastest"),
+        ({1: 33.0, 2: 29.5, 3: 40.25}, 1, "P2  29.50 s   P1  33.00 s   P3  40.25 s"),
+    ],
+)
+def test_how_a_race_went_is_a_line_for_the_menu(times: dict[int, float], place: int, expected: str) -> None:
+    attempt = Attempt(recorder=None, players=len(times))  # type: ignore[arg-type]
+    attempt.finished = {player: Finished(player=player, time=time, medal="silver") for player, time in times.items()}
+    assert result_of(attempt, place) == expected
+
+
+@pytest.mark.timeout(300)
+def test_the_menu_after_a_race_says_how_it_went_and_that_of_the_next_race_does_not(tmp_path: Path) -> None:
+    async def scenario() -> None:
+        async with hosted(LEVELS["meadow"], tmp_path, has_menu=True) as referee:
+            await until(lambda: referee.attempt is not None)
+            scripts, world = referee._node.simulation.scripts, referee._node.simulation.world
+
+            def lines() -> list[str]:
+                return [world.get(one, OverlayText).text for one in world.query(OverlayText).entities.tolist()]
+
+            finished = Event(kind="race_finished", values={"player": 1, "time": 31.236, "medal": "bronze"})
+            scripts.hear([finished])
+            await until(lambda: "31.24 s, bronze medal, place 1" in lines())
+            attempt = referee.attempt
+            referee._wishes.put_nowait(("restart", {}))
+            await until(lambda: referee.attempt is not attempt and went(referee))
+            assert not any("31.24 s, bronze" in line for line in lines())
 
     asyncio.run(scenario())

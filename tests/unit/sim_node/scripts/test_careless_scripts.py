@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import logging
+import signal
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from elys.bus.log import LONGEST, readable
-from elys.common import trust
+from elys.common import garbage, trust
 from elys.common.components import Collider, RigidBody, Transform
 from elys.common.scene import open_scene
 from elys.sim_node.scripts import runner
@@ -45,6 +46,47 @@ class A(Behaviour):
     said = play.failure(thing)
     assert "a.py:" in said and "Bad: its own text cannot be had (Worse)" in said
     assert play.on(other).n == 4
+
+
+@pytest.mark.parametrize("error", ["KeyboardInterrupt", "GeneratorExit", "asyncio.CancelledError", "SystemExit", "Own"])
+@pytest.mark.parametrize(
+    "where",
+    [
+        "    raise {}()",
+        "    def start(self):\n        raise {}()",
+        "    def update(self, dt):\n        raise {}('now')",
+        "    async def start(self):\n        await ticks(1)\n        raise {}()",
+    ],
+)
+def test_no_kind_of_error_ends_more_than_its_script(play: Playground, where: str, error: str) -> None:
+    text = f"import asyncio\nclass Own(BaseException): pass\nclass A(Behaviour):\n{where.format(error)}\n"
+    thing, other = play.spawn(play.write("a.py", text)), play.spawn(play.write("b.py", COUNTS), "Good")
+    play.run(4)
+    said = play.failure(thing)
+    assert error.rpartition(".")[2] in said and "a.py:" in said
+    assert play.on(other).n == 4
+
+
+@pytest.mark.parametrize("handler", ["default", "of elys"])
+def test_who_presses_ctrl_c_while_a_script_runs_ends_the_session(play: Playground, handler: str) -> None:
+    before = signal.signal(signal.SIGINT, signal.default_int_handler if handler == "default" else garbage._interrupt)
+    thing = play.spawn(
+        play.write(
+            "a.py",
+            """
+            import signal
+            class A(Behaviour):
+                def update(self, dt):
+                    signal.raise_signal(signal.SIGINT)
+            """,
+        )
+    )
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            play.run(2)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert not play.failure(thing)
 
 
 def test_an_error_whose_text_never_comes_is_ended(play: Playground) -> None:
