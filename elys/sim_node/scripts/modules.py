@@ -24,7 +24,7 @@ from elys.sim_node.scripts.interruption import is_interruption
 from elys.sim_node.scripts.program import Program, program_of
 from elys.sim_node.scripts.script_text import FileText, ScriptText
 from elys.sim_node.scripts.waiting import Call
-from elys.sim_node.scripts.watchdog import ScriptGrowth, ScriptTimeout
+from elys.sim_node.scripts.watchdog import ScriptGrowth, ScriptTimeout, reason_of
 
 
 class AsyncFunction:
@@ -202,7 +202,7 @@ class ScriptModules:
             )
         if isinstance(error, ModuleNotFoundError):
             return f"{where}: there is no module {error.name!r}: put {error.name}.py beside the script, or install it"
-        return f"{where}: {describe(error)}"
+        return f"{where}: {reason_of(error) or describe(error)}"
 
     # --- imports
 

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import math
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final
@@ -23,6 +25,7 @@ from elys.common.scene_files import path_of
 from elys.sim_node.simulation import Simulation
 
 INTERVAL: Final = 0.25  # [s] between two looks at the files
+ABSENCE: Final = 2.0  # [s] after which a file is gone: an editor that saves by renaming has it back sooner
 SCRIPT_FILES: Final = "script files"  # who asks for such an edit
 _log = logging.getLogger(__name__)
 
@@ -33,6 +36,7 @@ class ScriptFiles:
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
         self._seen: dict[Path, tuple[int, int]] = {}
+        self._missed: dict[Path, float] = {}  # when files that were there are said to be gone, by `time.monotonic`
         self._refused: set[str] = set()  # contents that could not be loaded
 
     async def follow(self, put: Callable[[Command], object]) -> None:
@@ -93,8 +97,19 @@ class ScriptFiles:
             try:
                 facts = path.stat()
             except OSError:
-                continue  # an editor that saves by renaming: it will be there at the next look
+                self._miss(path)
+                continue
+            self._missed.pop(path, None)
             stamp = (facts.st_mtime_ns, facts.st_size)
             has_changed |= self._seen.setdefault(path, stamp) != stamp
             self._seen[path] = stamp
         return has_changed
+
+    def _miss(self, path: Path) -> None:
+        """Says once that a file is gone, where it was there before: scripts out of a recording never had one."""
+        if path in self._seen and time.monotonic() >= self._missed.setdefault(path, time.monotonic() + ABSENCE):
+            self._missed[path] = math.inf
+            _log.warning(
+                "%s is gone: its scripts go on as they were loaded. Put it back, or the scene cannot be opened again",
+                path,
+            )

@@ -7,6 +7,7 @@ import logging
 import pytest
 
 from elys.common.errors import ScriptError
+from elys.sim_node.scripts import reloading
 from elys.sim_node.scripts.library import ScriptLibrary
 from elys.sim_node.scripts.reloading import ScriptFiles
 from tests.unit.sim_node.scripts.conftest import Playground
@@ -131,3 +132,27 @@ def test_a_version_that_is_refused_leaves_the_one_before(play: Playground, caplo
     assert play.on(thing).n == 4
     play.write("a.py", text.replace("+= 1", "+= 10"))
     assert files.reloaded(source, [thing]) is not None
+
+
+def test_a_file_that_is_gone_is_said_once(
+    play: Playground, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = play.write("a.py", "class A(Behaviour):\n    n = 0\n    def update(self, dt): self.n += 1\n")
+    thing, files = play.spawn(source), ScriptFiles(play.simulation)
+    path = play.folder / "a.py"
+    now = [100.0]
+    monkeypatch.setattr(reloading.time, "monotonic", lambda: now[0])
+    assert not files._have_changed([path])
+    path.rename(path.with_suffix(".old"))  # as editors save
+    assert not files._have_changed([path])
+    path.with_suffix(".old").rename(path)
+    assert not files._have_changed([path]) and not caplog.messages
+    path.unlink()
+    for _ in range(20):
+        now[0] += reloading.INTERVAL
+        assert not files._have_changed([path, path.with_name("never_there.py")])
+    assert [message for message in caplog.messages if "is gone" in message] == [
+        f"{path} is gone: its scripts go on as they were loaded. Put it back, or the scene cannot be opened again"
+    ]
+    play.run(2)
+    assert play.on(thing).n == 2
