@@ -131,7 +131,12 @@ def start(
     endpoint: str | None,
     extra: dict[str, list[str]] | None = None,
 ) -> int:
-    """Starts one of ELYS's own launch files; `extra` adds words to the commands of processes by name."""
+    """Starts one of ELYS's own launch files; `extra` adds words to the commands of processes by name.
+
+    Raises LaunchError for an endpoint at which nobody can listen: the others would wait for a host that never comes.
+    """
+    if endpoint is not None:
+        require_listenable(endpoint)
     from msgspec import structs
 
     from elys.launch import fill_in, read_launch_file, run_processes
@@ -141,6 +146,26 @@ def start(
     processes = fill_in(described, {**parameters, "endpoint": endpoint or free_endpoint()})
     words = extra or {}
     return run_processes([structs.replace(p, command=(*p.command, *words.get(p.name, ()))) for p in processes])
+
+
+def require_listenable(endpoint: str) -> None:
+    """Raises LaunchError where no address of this machine is meant, or somebody listens there."""
+    import errno
+    import socket
+
+    host, _, port = endpoint.partition("/")[2].rpartition(":")
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(host.strip("[]"), int(port), type=socket.SOCK_STREAM)[0]
+        with socket.socket(family, kind, protocol) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(address)
+            probe.listen()
+    except OSError as error:
+        if error.errno == errno.EADDRINUSE:
+            raise LaunchError(
+                f"{endpoint} is in use, perhaps by another session: stop that one, or choose another port"
+            ) from error
+        raise LaunchError(f"cannot listen on '{endpoint}' ({error.strerror}): give tcp/ADDRESS:PORT") from error
 
 
 def free_endpoint(*, taken: Collection[str] = ()) -> str:
