@@ -1,18 +1,45 @@
-"""Pictures of playing: the card of controls in a viewer's window, as it is worked by keys."""
+"""Pictures of playing: the levels in the middle of races; the card of controls in a viewer's window, as it is worked by keys."""
 
 from __future__ import annotations
 
 import asyncio
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from elys.render_node.game_input import GameInput, Seating
+from elys.samples.game.levels import LEVELS
 from elys.verbs.nodes import joined
+from elys.verbs.render import render
+from tests.unit.game.hosted_races import Hands, raced
 
 BOUND = {"use": "r, pad_x"}  # of this player's own
 KEYS = ("DOWN", "DOWN", "DOWN", "ENTER", "R")  # the jump's
+
+SEEN = {"meadow": 8.6, "quarry": 13.0, "skyline": 5.6}  # [s] of simulation
+
+
+def draw_game(folder: Path) -> None:
+    """Each level, driven by one who has lost half a second, and is behind his ghost."""
+
+    def half_asleep(tick: int) -> tuple[str, ...] | None:
+        return () if 150 <= tick < 180 else None
+
+    for name, time in SEEN.items():
+        with tempfile.TemporaryDirectory() as fast, tempfile.TemporaryDirectory() as slow:
+            ghost, race = (_race(name, Path(place), hands) for place, hands in ((fast, None), (slow, half_asleep)))
+            path = folder / f"game-{name}.png"
+            render(
+                str(race), path, size="1280x720", time=time, duration=0.0, fps=30.0, camera="Camera 1", ghosts=[ghost]
+            )
+
+
+def _race(name: str, folder: Path, hands: Hands | None) -> Path:
+    """The recording of a race driven by a bot."""
+    referee = asyncio.run(raced(LEVELS[name], folder, hands=hands or (lambda tick: None)))
+    return referee.board.path_of(referee.board.entries[0])
 
 
 async def draw_controls(path: Path, endpoint: str) -> None:

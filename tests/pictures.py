@@ -21,7 +21,7 @@ from elys.bus.messages.commands import CommandRequest, StepTicks
 from elys.verbs.nodes import joined
 from tests.benchmarks.processes import environment, running
 from tests.editor_pictures import draw_editor_pictures
-from tests.game_pictures import draw_controls
+from tests.game_pictures import draw_controls, draw_game
 from tests.instrument_pictures import main as draw_instrument_pictures
 from tests.web_pictures import draw_web_pictures
 
@@ -63,6 +63,8 @@ def main() -> None:
         draw_instrument_pictures()
     if "web" in (sys.argv[1:] or ["web"]):
         draw_web_pictures(PICTURES)
+    if "game" in (sys.argv[1:] or ["game"]):
+        draw_game(PICTURES)
     if "controls" in (sys.argv[1:] or ["controls"]):
         level = (*elys, "run", "meadow", "--headless", "--listen", ENDPOINT)
         with environment() as env, running(level, env=env, wait_for="simulating"):

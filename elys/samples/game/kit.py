@@ -231,8 +231,8 @@ def wall_of_boxes(
                     position=place.at(right=right, up=size[1] * (row + 0.5)),
                     rotation=_upright(place),
                     color=colors[(row + column) % len(colors)],
-                    density=6.0,
-                    friction=0.6,
+                    density=3.0,  # light and slippery enough that who comes slowly pushes them away as well
+                    friction=0.3,
                 )
             )
     return group("Bricks", boxes)

@@ -209,8 +209,9 @@ def skyline(assets: AssetStore, medals: Medals, players: int) -> Layout:
     start = course.straight(8.0).here
     course.straight(14.0)
     course.turn(60.0, radius=14.0, bank=12.0)
-    course.straight(8.0).gate()
-    course.gap(3.0).straight(16.0)  # a jump at full speed goes 15 m
+    course.straight(2.0).gate()
+    # Who falls begins again at the gate: there is room for a run. A jump at full speed goes 15 m.
+    course.straight(6.0).gap(3.0).straight(16.0)
     # Flat, so that the board lies level with the road where it leaves it and where it comes back.
     fork, leaves = course.here, course.station
     course.turn(60.0, radius=11.0).turn(-120.0, radius=11.0).turn(60.0, radius=11.0)

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from elys.common.assets.store import AssetStore
-from elys.samples.game.course import SUNK, Course
+from elys.game.driver import GAP
+from elys.samples.game.course import STEP, SUNK, Course
 from elys.samples.game.kit import BALL_DIAMETER, FALL
 from elys.samples.game.levels import LEVELS
 
@@ -85,6 +86,20 @@ def test_a_ball_that_falls_is_back_before_it_meets_the_ground(name):
     ground = plain.components["Transform"]["position"][1] + 0.5
     lowest = min(place.position[1] for place in layout.line)
     assert lowest - FALL - BALL_DIAMETER / 2.0 >= ground
+
+
+@pytest.mark.parametrize("name", LEVELS)
+def test_who_begins_again_at_a_gate_has_room_for_a_run_before_the_next_gap(name):
+    """From rest on level ground a ball has 7 m/s after 4 m, and flies 8 m when it jumps then."""
+    layout = LEVELS[name].lay_out(AssetStore(), LEVELS[name].medals, 1)
+    line = np.array([place.position for place in layout.line])
+    edges = np.flatnonzero(np.linalg.norm(np.diff(line, axis=0), axis=1) > GAP)
+    gates = [node for node in layout.document.entities if node.name.startswith("Gate ")]
+    assert len(gates) == 5 and len(edges)
+    for gate in gates:
+        at = int(np.argmin(np.linalg.norm(line - gate.components["Transform"]["position"], axis=1)))
+        ahead = edges[edges >= at]
+        assert not len(ahead) or (ahead[0] - at) * STEP >= 4.0, gate.name
 
 
 def test_a_plank_comes_out_of_the_road_and_goes_back_into_it():

@@ -161,7 +161,7 @@ def test_a_script_that_is_saved_anew_goes_on_in_the_middle_of_a_race(tmp_path: P
     assert numbers == list(range(1, len(numbers) + 1))  # the ball went on with what it remembered
     anew = [tick for tick, event in run.events if event.kind == "rolled_anew"]
     assert saved[1][0] < anew[0] <= saved[1][0] + 3 and len(anew) > 60
-    assert 19.0 < finished.values["time"] < 30.0  # a little slower for what was saved
+    assert 18.5 < finished.values["time"] < 30.0  # a little slower for what was saved
     check_times(run)
 
 
