@@ -20,6 +20,7 @@ from elys.common.errors import ElysError
 from elys.game.proof import PROVEN
 
 KEPT: Final = 10  # entries of a level; the recordings of slower ones are taken away
+GHOSTS: Final = 3  # that race along
 _LIST: Final = "times.json"
 
 
@@ -76,7 +77,7 @@ class Board:
         """The fastest, of one player or of all."""
         return next((entry for entry in self.entries if player in ("", entry.player)), None)
 
-    def ghosts(self, player: str, *, count: int = 3) -> list[Entry]:
+    def ghosts(self, player: str, *, count: int = GHOSTS) -> list[Entry]:
         """Whom to race: one's own best, and the fastest of others, one each."""
         found: dict[str, Entry] = {}
         for entry in self.entries:

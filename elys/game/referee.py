@@ -24,7 +24,7 @@ from elys.bus.messages.commands import CommandRequest, LoadScene
 from elys.bus.messages.ghosts import GHOST_COLORS, UNTIL_TOLD, Span
 from elys.bus.recording import Recording
 from elys.common.errors import ElysError
-from elys.game.board import KEPT, Board, Entry, since
+from elys.game.board import GHOSTS, KEPT, Board, Entry, since
 from elys.game.scene_level import SceneLevel
 from elys.game.settings import CHOICES, Settings, lines
 from elys.samples.game.levels import LEVELS, Level
@@ -214,6 +214,12 @@ class Referee:
     def _board_of(self, level: AnyLevel) -> Board:
         return Board(level.board, self._folder, players=min(self._wanted_players, level.seats))
 
+    @property
+    def _rivals(self) -> list[Board]:
+        """Whose times are to be beaten: those of races of so many, then of who raced alone."""
+        alone = Board(self.level.board, self._folder)
+        return [self.board, *([alone] if alone.folder != self.board.folder else [])]
+
     def _told(self, *, opens_menu: bool) -> dict[str, dict[str, Any]]:
         """What the level's scripts are told: the menu all best times, the displays the times at gates that are to be beaten."""
         rows = []
@@ -221,7 +227,7 @@ class Referee:
             best = self._board_of(level).best()
             told_best = f"{best.time:.2f} s" if best is not None else ""
             rows.append(f"{name}|{level.title}|{told_best}|{best.medal if best is not None else ''}")
-        best = self.board.best(self._person) or self.board.best()
+        best = next((found for board in self._rivals if (found := board.best(self._person) or board.best())), None)
         splits = ",".join(map(str, best.splits)) if best is not None else ""
         menu: dict[str, Any] = {"levels": "\n".join(rows), "level": self.level.name, "is_open": opens_menu}
         menu["players"] = self._players
@@ -331,9 +337,10 @@ class Referee:
 
     def _send_ghosts(self, attempt: Attempt) -> None:
         """Lets those who were fast run along, from the start that all have in common."""
-        for number, entry in enumerate(self.board.ghosts(self._person)) if self._wants_ghosts else ():
+        former = [(board.path_of(entry), entry) for board in self._rivals for entry in board.ghosts(self._person)]
+        for number, (path, entry) in enumerate(former[:GHOSTS] if self._wants_ghosts else ()):
             try:
-                recording = Recording(self.board.path_of(entry), checked=True)
+                recording = Recording(path, checked=True)
             except ElysError as error:
                 _log.warning("no ghost of %s: %s", entry.player, error)
                 continue
