@@ -15,6 +15,7 @@ from elys.samples.bridge import bridge, check_bridge
 from elys.samples.carillon import carillon
 from elys.samples.dance import FIGURE, check_dance, dance
 from elys.samples.empty import empty
+from elys.samples.game.levels import LEVELS
 from elys.samples.hard_cases import HARD_CASES
 from elys.samples.pieces import check_pieces, pieces
 from elys.samples.pile import pile
@@ -84,7 +85,7 @@ def sample(name: str) -> Sample:
     if name in HARD_CASES:
         case = HARD_CASES[name]
         return Sample(name=name, title=case.title, build=partial(case.build, case.seeds[0]))
-    close = difflib.get_close_matches(name, [*SAMPLES, *HARD_CASES], n=1)
+    close = difflib.get_close_matches(name, [*SAMPLES, *HARD_CASES, *LEVELS], n=1)
     remedy = (
         f"did you mean '{close[0]}'?" if close else f"there are {', '.join(SAMPLES)} and the hard cases (elys samples)"
     )

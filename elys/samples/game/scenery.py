@@ -135,8 +135,8 @@ def _ring(
                 site.ground + 0.02 + up,
                 site.middle[1] + far * math.sin(angle),
             )
-    nxt = np.roll(points, -1, axis=1)
-    quads = np.stack([points[:-1], nxt[:-1], nxt[1:], points[1:]], axis=2).reshape(-1, 4, 3)
+    beside = np.roll(points, -1, axis=1)
+    quads = np.stack([points[:-1], beside[:-1], beside[1:], points[1:]], axis=2).reshape(-1, 4, 3)
     shades = np.array([chance.uniform(0.85, 1.1) for _ in quads])[:, None] * np.asarray(color)
     return _seen(name, _faceted(quads, shades), assets, material((1.0, 1.0, 1.0), roughness=0.95))
 

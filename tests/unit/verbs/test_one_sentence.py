@@ -67,6 +67,7 @@ def test_a_scene_that_is_not_there(elys, tmp_path: Path) -> None:
     assert "samples are yard, stack" in elys("run", "qq", *HEADLESS).sentence
     assert "is a directory" in elys("run", tmp_path, *HEADLESS).sentence
     assert "did you mean 'yard'?" in elys("samples", "yrad").sentence
+    assert "did you mean 'quarry'?" in elys("samples", "qarry").sentence
     (tmp_path / "notes.txt").write_text("hello")
     assert "ELYS opens .scene.json" in elys("run", "notes.txt", *HEADLESS).sentence
 
